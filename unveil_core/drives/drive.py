@@ -1,0 +1,94 @@
+"""A drive in memory: frames with cameras and label files, points, and the local origin.
+
+Every reader (transforms.json, COLMAP, …) returns a :class:`Drive`; importing one into a workspace undistorts and
+recentres it, and the imported copy opens as a :class:`Drive` again, so that all later stages know one type.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+
+__all__ = ["Distortion", "Drive", "Frame", "PointCloud"]
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """OpenCV lens distortion; ``model`` is ``"OPENCV"`` (k1 k2 p1 p2 k3 k4 k5 k6) or ``"OPENCV_FISHEYE"`` (k1 k2 k3 k4)."""
+
+    model: str
+    coefficients: tuple[float, ...]
+
+    @property
+    def is_zero(self) -> bool:
+        """True where the lens is a pinhole and nothing needs undistorting (a fisheye never is)."""
+        return self.model == "OPENCV" and not any(self.coefficients)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One photograph of the drive.
+
+    Attributes:
+        name: the file stem, unique within its camera.
+        camera_name: the track that this frame belongs to ("camera" where the drive has only one).
+        camera: intrinsics and pose; pose relative to the drive's ``offset``.
+        image_path: the photograph.
+        distortion: lens distortion of the file on disk, None once undistorted.
+        semantic_path: 8-bit PNG of Cityscapes trainIds (255 void), or None.
+        instance_path: 16-bit PNG of instance ids (0 none), or None.
+        mask_path: 8-bit PNG, 0 = remove, or None.
+        depth_path: depth file named by the drive, or None.
+        timestamp: seconds, or None.
+    """
+
+    name: str
+    camera_name: str
+    camera: Camera
+    image_path: Path
+    distortion: Distortion | None = None
+    semantic_path: Path | None = None
+    instance_path: Path | None = None
+    mask_path: Path | None = None
+    depth_path: Path | None = None
+    timestamp: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """LiDAR or SfM points: ``positions`` (P, 3) float64 relative to the drive's offset, ``colors`` (P, 3) uint8 or None."""
+
+    positions: NDArray[np.float64]
+    colors: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive: frames in the order of travel, points, and where its local origin lies.
+
+    Attributes:
+        root: folder or file it was read from.
+        frames: frames in order of travel (per camera in time order).
+        points: LiDAR or SfM points.
+        offset: (3,) float64; world position = local position + offset. Zero before recentring.
+        up: (3,) unit vector, the world's up as far as the drive knows it (z, or estimated from the cameras).
+        metric: True where world units are metres.
+        semantic_classes: "cityscapes" or None.
+        boxes: optional instance boxes, as read (see ``semantics.instances``).
+        truth_root: folder of the true empty street, or None.
+    """
+
+    root: Path
+    frames: tuple[Frame, ...]
+    points: PointCloud
+    offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    up: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    metric: bool = True
+    semantic_classes: str | None = None
+    boxes: tuple[dict[str, object], ...] = ()
+    truth_root: Path | None = None

@@ -1,0 +1,44 @@
+"""Errors that a user can mend: each is one clear line, and the command line exits with 2 on them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+__all__ = ["Cancelled", "DriveError", "SelectionError", "SettingsError", "UnveilError", "WorkspaceError"]
+
+
+class UnveilError(Exception):
+    """A problem with what the user gave, in one line.
+
+    Args:
+        problem: what is wrong, a short phrase without a final stop.
+        path: the file or folder concerned, named first in the message.
+        mend: what to do about it, a short phrase.
+    """
+
+    def __init__(self, problem: str, *, path: Path | str | None = None, mend: str | None = None) -> None:
+        self.problem, self.path, self.mend = problem, path, mend
+        line = f"{path}: {problem}" if path is not None else problem
+        if mend:
+            line = f"{line} ({mend})"
+        super().__init__(" ".join(line.split()))
+
+
+class DriveError(UnveilError):
+    """A drive on disk that cannot be read: images, poses, points, labels."""
+
+
+class SelectionError(UnveilError):
+    """A choice of what to remove that selects nothing or names what does not exist."""
+
+
+class SettingsError(UnveilError):
+    """A setting that is out of range or unknown."""
+
+
+class WorkspaceError(UnveilError):
+    """A workspace folder that cannot be used as it is."""
+
+
+class Cancelled(Exception):
+    """The user asked to stop; raised from a progress callback, ends with exit code 130."""

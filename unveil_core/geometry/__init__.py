@@ -1,0 +1,1 @@
+"""Cameras and transforms; numpy and torch only."""

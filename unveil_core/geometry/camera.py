@@ -1,0 +1,89 @@
+"""The pinhole camera that everything after import uses.
+
+Conventions (OpenCV): x right, y down, z forward; pixel centres at integer + 0.5; ``world_to_camera`` maps homogeneous
+world points to camera points. Lens distortion is gone by the time a Camera exists: images are undistorted on import.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Camera"]
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with a pose.
+
+    Attributes:
+        width, height: image size in pixels.
+        fx, fy: focal lengths in pixels.
+        cx, cy: principal point in pixels, counted from the outer edge of the first pixel (its centre is 0.5).
+        world_to_camera: (4, 4) float64 rigid transform.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    world_to_camera: Float64
+
+    @property
+    def camera_to_world(self) -> Float64:
+        """(4, 4) float64 inverse of :attr:`world_to_camera`, exact for a rigid transform."""
+        rotation, translation = self.world_to_camera[:3, :3], self.world_to_camera[:3, 3]
+        inverse = np.eye(4)
+        inverse[:3, :3] = rotation.T
+        inverse[:3, 3] = -rotation.T @ translation
+        return inverse
+
+    @property
+    def centre(self) -> Float64:
+        """(3,) float64 position of the optical centre in the world."""
+        return -self.world_to_camera[:3, :3].T @ self.world_to_camera[:3, 3]
+
+    @property
+    def forward(self) -> Float64:
+        """(3,) float64 unit viewing direction in the world."""
+        return self.world_to_camera[2, :3].copy()
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The same view sampled on another pixel grid."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
+        )
+
+    def project(self, points: Float64) -> tuple[Float64, Float64]:
+        """Project world points.
+
+        Args:
+            points: (N, 3) world positions.
+        Returns:
+            pixels (N, 2) float64, and depth along the optical axis (N,); pixels are meaningless where depth <= 0.
+        """
+        local = points @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
+        depth = local[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = local[:, 0] / depth * self.fx + self.cx
+            y = local[:, 1] / depth * self.fy + self.cy
+        return np.stack([x, y], axis=1), depth
+
+    def rays(self) -> Float64:
+        """(H, W, 3) float64 world directions through the pixel centres with unit component along the optical axis,
+        so that ``centre + depth * ray`` is the point at that depth."""
+        xs = (np.arange(self.width) + 0.5 - self.cx) / self.fx
+        ys = (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        local = np.stack(np.broadcast_arrays(xs[None, :], ys[:, None], np.ones((1, 1))), axis=-1)
+        return local @ self.world_to_camera[:3, :3]
+
+    def unproject(self, depth: NDArray[np.floating]) -> Float64:
+        """World points (H, W, 3) at ``depth`` (H, W) along the optical axis."""
+        return self.centre + self.rays() * np.asarray(depth, dtype=np.float64)[..., None]

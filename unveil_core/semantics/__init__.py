@@ -1,0 +1,1 @@
+"""Classes, label lifting, instances."""

@@ -1,0 +1,93 @@
+"""Cityscapes classes, the groups that the command line knows, and the compact label set of one scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.errors import SelectionError
+
+__all__ = ["CITYSCAPES", "COLORS", "GROUPS", "REMOVABLE", "VOID", "LabelSet", "expand_names"]
+
+CITYSCAPES: tuple[str, ...] = (
+    "road", "sidewalk", "building", "wall", "fence", "pole", "traffic light", "traffic sign", "vegetation", "terrain",
+    "sky", "person", "rider", "car", "truck", "bus", "train", "motorcycle", "bicycle",
+)  # fmt: skip
+"""Cityscapes class names; the position is the trainId."""
+
+COLORS: tuple[tuple[int, int, int], ...] = (
+    (128, 64, 128), (244, 35, 232), (70, 70, 70), (102, 102, 156), (190, 153, 153), (153, 153, 153), (250, 170, 30),
+    (220, 220, 0), (107, 142, 35), (152, 251, 152), (70, 130, 180), (220, 20, 60), (255, 0, 0), (0, 0, 142),
+    (0, 0, 70), (0, 60, 100), (0, 80, 100), (0, 0, 230), (119, 11, 32),
+)  # fmt: skip
+"""The colours that the field draws these classes in (sRGB)."""
+
+VOID = 255
+REMOVABLE: tuple[str, ...] = ("person", "rider", "car", "truck", "bus", "train", "motorcycle", "bicycle")
+GROUPS: dict[str, tuple[str, ...]] = {
+    "vehicle": ("car", "truck", "bus", "train", "motorcycle", "bicycle"),
+    "human": ("person", "rider"),
+    "dynamic": REMOVABLE,
+}
+
+
+def expand_names(names: Iterable[str], known: Iterable[str] = CITYSCAPES) -> tuple[str, ...]:
+    """Expand groups and check names, in the order of ``known``; ``remove`` stands for itself in masks-only scenes.
+
+    Raises:
+        SelectionError: a name is neither a class nor a group.
+    """
+    known = tuple(known)
+    chosen: set[str] = set()
+    for raw in names:
+        name = raw.strip().lower()
+        if name in GROUPS:
+            chosen.update(GROUPS[name])
+        elif name in CITYSCAPES or name in known:
+            chosen.add(name)
+        else:
+            raise SelectionError(
+                f"unknown class {raw!r}", mend=f"use Cityscapes names or the groups {', '.join(GROUPS)}"
+            )
+    return tuple(name for name in dict.fromkeys((*CITYSCAPES, *known)) if name in chosen)
+
+
+@dataclass(frozen=True)
+class LabelSet:
+    """The labels that occur in one scene, compact: surfel label k means ``names[k]``.
+
+    Attributes:
+        names: K names; Cityscapes names, or ("keep", "remove") in a masks-only scene.
+        disk_ids: K values that stand for them in the label images of the workspace (trainIds, or 0 and 1).
+    """
+
+    names: tuple[str, ...]
+    disk_ids: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def index(self, name: str) -> int | None:
+        """The compact label of ``name``, or None where the scene has none."""
+        return self.names.index(name) if name in self.names else None
+
+    def compact(self, image: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Map a label image of disk ids (H, W) to compact labels (H, W) int64, -1 for void or anything else."""
+        table = np.full(256, -1, dtype=np.int64)
+        for k, disk_id in enumerate(self.disk_ids):
+            table[disk_id] = k
+        return table[image]
+
+    @staticmethod
+    def cityscapes(present: Iterable[int]) -> LabelSet:
+        """The label set of the trainIds that occur."""
+        ids = tuple(sorted(int(i) for i in set(present) if 0 <= int(i) < len(CITYSCAPES)))
+        return LabelSet(tuple(CITYSCAPES[i] for i in ids), ids)
+
+    @staticmethod
+    def keep_remove() -> LabelSet:
+        """The two labels of a scene that knows only masks or boxes."""
+        return LabelSet(("keep", "remove"), (0, 1))

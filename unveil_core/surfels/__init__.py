@@ -1,0 +1,1 @@
+"""The scene: semantic 2D Gaussian surfels and the sky."""

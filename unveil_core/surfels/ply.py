@@ -1,0 +1,108 @@
+"""Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them.
+
+A disc has no third scale; viewers want one, so ``scale_2`` is a thin constant. Reading ignores it. ``f_rest`` is stored
+channel-major as the field does: all red coefficients, then green, then blue.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from plyfile import PlyData, PlyElement
+from plyfile import PlyParseError as _PlyParseError
+
+from unveil_core.errors import UnveilError
+from unveil_core.files import write_atomic
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["THIN_LOG_SCALE", "read_surfels", "write_surfels"]
+
+THIN_LOG_SCALE = float(np.log(1e-4))
+"""The third scale that is written for viewers that expect ellipsoids, natural logarithm of metres."""
+
+
+def _names(rest: int) -> list[str]:
+    return [
+        "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *(f"f_rest_{i}" for i in range(rest)),
+        "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    ]  # fmt: skip
+
+
+def normals(quats: torch.Tensor) -> torch.Tensor:
+    """Third column of the rotation of ``quats`` (N, 4) wxyz: the unit disc normals (N, 3)."""
+    w, x, y, z = (quats / quats.norm(dim=1, keepdim=True).clamp_min(1e-12)).unbind(1)
+    return torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1)
+
+
+def write_surfels(
+    surfels: Surfels, path: Path, *, offset: np.ndarray | None = None, comments: tuple[str, ...] = ()
+) -> None:
+    """Write surfels to a binary PLY, atomically.
+
+    Args:
+        surfels: what to write, N surfels.
+        path: the file.
+        offset: (3,) float64 of the drive, noted as a comment; the coordinates stay local, as float32 needs.
+        comments: lines for the header, such as the label names.
+    """
+    s = surfels.detach()
+    count, coefficients = len(s), s.sh.shape[1]
+    rest = 3 * (coefficients - 1)
+    table = np.empty(count, dtype=[*((name, "<f4") for name in _names(rest)), ("label", "<i4")])
+    columns = {
+        ("x", "y", "z"): s.means,
+        ("nx", "ny", "nz"): normals(s.quats),
+        ("f_dc_0", "f_dc_1", "f_dc_2"): s.sh[:, 0],
+        tuple(f"f_rest_{i}" for i in range(rest)): s.sh[:, 1:].transpose(1, 2).reshape(count, rest),
+        ("scale_0", "scale_1"): s.log_scales,
+        ("rot_0", "rot_1", "rot_2", "rot_3"): s.quats,
+    }
+    for names, values in columns.items():
+        array = values.cpu().numpy()
+        for i, name in enumerate(names):
+            table[name] = array[:, i]
+    table["opacity"] = s.opacity_logits.cpu().numpy()
+    table["scale_2"] = THIN_LOG_SCALE
+    table["label"] = s.labels.cpu().numpy()
+    lines = list(comments)
+    if offset is not None:
+        lines.append("offset " + " ".join(repr(float(v)) for v in offset))
+    data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<", comments=lines)
+    write_atomic(path, data.write)
+
+
+def read_surfels(path: Path) -> Surfels:
+    """Read a file of :func:`write_surfels`, or any 3DGS PLY (its third scale is dropped, labels become 0).
+
+    Raises:
+        UnveilError: the file is missing, is not a PLY, or lacks a 3DGS attribute.
+    """
+    try:
+        vertex = PlyData.read(str(path))["vertex"]
+    except (OSError, KeyError, _PlyParseError, ValueError) as error:
+        raise UnveilError(f"not a readable surfel PLY: {error}", path=path) from error
+    present = set(vertex.data.dtype.names or ())
+    rest = sum(name.startswith("f_rest_") for name in present)
+    missing = [n for n in _names(rest) if n not in present and n not in ("nx", "ny", "nz", "scale_2")]
+    if missing:
+        raise UnveilError(f"lacks the attribute {missing[0]}", path=path, mend="export it with 3DGS attribute names")
+
+    def stack(*names: str) -> torch.Tensor:
+        return torch.from_numpy(np.stack([np.asarray(vertex[n], dtype=np.float32) for n in names], axis=1))
+
+    count = len(vertex.data)
+    sh = stack("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
+    if rest:
+        higher = stack(*(f"f_rest_{i}" for i in range(rest))).reshape(count, 3, rest // 3).transpose(1, 2)
+        sh = torch.cat([sh, higher], dim=1)
+    labels = np.asarray(vertex["label"], dtype=np.int64) if "label" in present else np.zeros(count, dtype=np.int64)
+    return Surfels(
+        means=stack("x", "y", "z"),
+        quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),
+        log_scales=stack("scale_0", "scale_1"),
+        opacity_logits=stack("opacity")[:, 0].clone(),
+        sh=sh.contiguous(),
+        labels=torch.from_numpy(labels.copy()),
+    )

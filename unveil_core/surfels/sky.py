@@ -1,0 +1,108 @@
+"""The sky: colour by viewing direction where the surfels leave light through.
+
+A small panorama around the drive's up axis (azimuth by elevation), sampled bilinearly. It is fitted directly to the sky
+pixels first and may be trained with the surfels; no surfel carries the label sky.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import Tensor
+
+from unveil_core.geometry.camera import Camera
+
+__all__ = ["Sky", "fit_sky", "up_frame"]
+
+
+def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rotation whose rows are two horizontal axes and ``up``."""
+    up = up / np.linalg.norm(up)
+    helper = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    east = np.cross(helper, up)
+    east /= np.linalg.norm(east)
+    return np.stack([east, np.cross(up, east), up])
+
+
+@dataclass(frozen=True, eq=False)
+class Sky:
+    """A panorama of the sky.
+
+    Attributes:
+        texture: (3, E, A) float32 sRGB colours, rows from straight down (-90 degrees) to straight up, columns around.
+        axes: (3, 3) float64, rows east, north, up of the panorama in the drive's frame.
+    """
+
+    texture: Tensor
+    axes: NDArray[np.float64]
+
+    def grid(self, camera: Camera) -> Tensor:
+        """(1, H, W, 2) sampling positions of a camera's pixels, for :meth:`sample`; reuse it over iterations."""
+        directions = camera.rays() @ self.axes.T
+        azimuth = np.arctan2(directions[..., 1], directions[..., 0]) / np.pi
+        elevation = np.arctan2(directions[..., 2], np.hypot(directions[..., 0], directions[..., 1])) / (np.pi / 2)
+        # The texture is padded by one column on each side when it is sampled, so that the seam behind is continuous.
+        width = self.texture.shape[2]
+        grid = np.stack([azimuth * width / (width + 2), elevation], axis=-1)
+        return torch.from_numpy(grid[None].astype(np.float32))
+
+    def sample(self, grid: Tensor, texture: Tensor | None = None) -> Tensor:
+        """(H, W, 3) sky colours at ``grid``; differentiable in ``texture`` (default: the stored one)."""
+        texture = self.texture if texture is None else texture
+        wrapped = torch.cat([texture[:, :, -1:], texture, texture[:, :, :1]], dim=2)
+        picture = F.grid_sample(wrapped[None], grid, mode="bilinear", padding_mode="border", align_corners=False)
+        return picture[0].permute(1, 2, 0)
+
+    def render(self, camera: Camera) -> Tensor:
+        """(H, W, 3) sky colours of a whole view."""
+        return self.sample(self.grid(camera))
+
+
+def fit_sky(
+    samples: list[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]],
+    up: NDArray[np.float64],
+    *,
+    height: int = 64,
+) -> Sky:
+    """Average the sky pixels of some views by direction and fill the rest smoothly.
+
+    Args:
+        samples: (camera, image (H, W, 3) uint8, sky mask (H, W)) of views.
+        up: (3,) the drive's up.
+        height: rows of the panorama; it has twice as many columns.
+    Returns:
+        a sky whose unseen directions carry the nearest seen colour, blurred.
+    """
+    axes = up_frame(up)
+    width = 2 * height
+    total = np.zeros((height * width, 3))
+    weight = np.zeros(height * width)
+    for camera, image, mask in samples:
+        directions = camera.rays()[mask] @ axes.T
+        if not len(directions):
+            continue
+        azimuth = np.arctan2(directions[:, 1], directions[:, 0])
+        elevation = np.arctan2(directions[:, 2], np.hypot(directions[:, 0], directions[:, 1]))
+        column = np.clip(((azimuth / np.pi + 1) / 2 * width).astype(int), 0, width - 1)
+        row = np.clip(((elevation / (np.pi / 2) + 1) / 2 * height).astype(int), 0, height - 1)
+        cell = row * width + column
+        colors = image[mask].astype(np.float64) / 255
+        for channel in range(3):
+            total[:, channel] += np.bincount(cell, colors[:, channel], minlength=height * width)
+        weight += np.bincount(cell, minlength=height * width)
+    texture = np.full((height, width, 3), 0.7)
+    if weight.any():
+        from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+        seen = weight.reshape(height, width) > 0
+        mean = total / np.maximum(weight, 1)[:, None]
+        grid = mean.reshape(height, width, 3)
+        nearest = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+        filled = grid[nearest[0], nearest[1]]
+        smooth = gaussian_filter(filled, sigma=(2, 2, 0), mode=("nearest", "wrap", "nearest"))
+        texture = np.where(seen[..., None], grid, smooth)
+    return Sky(torch.from_numpy(texture.transpose(2, 0, 1).astype(np.float32).copy()), axes)

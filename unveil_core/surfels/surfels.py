@@ -1,0 +1,61 @@
+"""Surfels: the parameters of a semantic 2D Gaussian scene.
+
+The representation of *2D Gaussian Splatting* (SIGGRAPH 2024), section 4.1: a disc with two tangent axes, their scales and an
+opacity; colour as spherical harmonics; with one hard label each (*3D StreetUnveiler*, section 3.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+__all__ = ["Surfels", "concatenate"]
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """N surfels; float32 tensors on one device.
+
+    Attributes:
+        means: (N, 3) centres in the drive's local frame.
+        quats: (N, 4) rotations wxyz, not necessarily normalized; columns 0 and 1 of the rotation are the tangent axes,
+            column 2 the normal.
+        log_scales: (N, 2) natural logarithm of the standard deviations along the tangent axes, in world units.
+        opacity_logits: (N,) opacity before the sigmoid.
+        sh: (N, (L+1)^2, 3) spherical-harmonic colour; rgb = clamp(0.5 + sum of basis * sh, 0).
+        labels: (N,) int64 compact labels (see ``semantics.classes.LabelSet``), never trained.
+    """
+
+    means: Tensor
+    quats: Tensor
+    log_scales: Tensor
+    opacity_logits: Tensor
+    sh: Tensor
+    labels: Tensor
+
+    def __len__(self) -> int:
+        return int(self.means.shape[0])
+
+    @property
+    def sh_degree(self) -> int:
+        """L, from the number of coefficients."""
+        return round(self.sh.shape[1] ** 0.5) - 1
+
+    def select(self, index: Tensor) -> Surfels:
+        """The surfels at a boolean mask (N,) or integer index (M,)."""
+        return Surfels(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    def detach(self) -> Surfels:
+        """The same values outside the autograd graph."""
+        return replace(self, **{f.name: getattr(self, f.name).detach() for f in fields(self)})
+
+
+def concatenate(parts: list[Surfels]) -> Surfels:
+    """Join surfels; higher SH degrees are kept and lower ones padded with zeros."""
+    width = max(p.sh.shape[1] for p in parts)
+    padded = [
+        replace(p, sh=torch.cat([p.sh, p.sh.new_zeros(len(p), width - p.sh.shape[1], 3)], dim=1)) for p in parts
+    ]
+    return Surfels(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Surfels)))
