@@ -1,0 +1,78 @@
+"""Trainable surfels: moments follow their surfels, density control changes what it should."""
+
+from __future__ import annotations
+
+import torch
+
+from unveil_core.optimize.density import DensityControl, DensitySettings
+from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
+from unveil_core.surfels.surfels import Surfels
+
+
+def some(count: int, degree: int = 1) -> Surfels:
+    g = torch.Generator().manual_seed(count)
+    return Surfels(
+        torch.randn(count, 3, generator=g), torch.randn(count, 4, generator=g),
+        torch.randn(count, 2, generator=g) * 0.1 - 3, torch.randn(count, generator=g),
+        torch.randn(count, (degree + 1) ** 2, 3, generator=g), torch.arange(count) % 4,
+    )  # fmt: skip
+
+
+def take_step(trainable: TrainableSurfels) -> None:
+    s = trainable.surfels
+    (s.means.square().sum() + s.sh.sum() + s.opacity_logits.sum() + s.quats.sum() + s.log_scales.sum()).backward()
+    trainable.step()
+
+
+def test_values_survive_a_round_trip() -> None:
+    surfels = some(7)
+    current = TrainableSurfels(surfels, LearningRates(means=0.1)).surfels
+    assert torch.equal(current.sh, surfels.sh)
+    assert torch.equal(current.labels, surfels.labels)
+
+
+def test_moments_follow_their_surfels() -> None:
+    trainable = TrainableSurfels(some(10), LearningRates(means=0.1))
+    take_step(trainable)
+    before = trainable.optimizer.state[trainable.leaves["means"]]["exp_avg"].clone()
+    keep = torch.arange(10) % 2 == 0
+    trainable.rebuild(keep, some(3))
+    state = trainable.optimizer.state[trainable.leaves["means"]]
+    assert len(trainable) == 8
+    assert torch.equal(state["exp_avg"][:5], before[keep])
+    assert float(state["exp_avg"][5:].abs().max()) == 0
+    take_step(trainable)
+
+
+def test_density_control_splits_clones_and_drops() -> None:
+    surfels = some(6)
+    surfels.opacity_logits[5] = -8.0  # invisible: goes
+    trainable = TrainableSurfels(surfels, LearningRates(means=0.1))
+    control = DensityControl(DensitySettings(gradient_threshold=1.0, split_scale_px=3.0, min_opacity=0.02), 6, seed=0)
+    gradients = torch.zeros(6, 2)
+    gradients[0, 0] = gradients[1, 0] = 1.0
+    width = torch.tensor([10.0, 1.0, 10.0, 1.0, 1.0, 1.0])
+    control.observe(gradients, torch.ones(6, dtype=torch.bool), half_size_px=10.0, width_px=width)
+    labels = surfels.labels.clone()
+    added, dropped = control.act(trainable)
+    assert (added, dropped) == (3, 2)  # one clone, two halves; the parent of the halves and the invisible one
+    assert len(trainable) == 7
+    assert trainable.labels.tolist() == [*labels[1:5].tolist(), int(labels[1]), int(labels[0]), int(labels[0])]
+    halves = trainable.surfels.detach().log_scales[-2:]
+    assert torch.allclose(halves, surfels.log_scales[0] - torch.log(torch.tensor(1.6)))
+
+
+def test_budget_is_kept() -> None:
+    trainable = TrainableSurfels(some(20), LearningRates(means=0.1))
+    control = DensityControl(DensitySettings(gradient_threshold=0.0, budget=23, min_opacity=0.0), 20, seed=0)
+    control.observe(torch.rand(20, 2), torch.ones(20, dtype=torch.bool), 10.0, torch.zeros(20))
+    control.act(trainable)
+    assert len(trainable) == 23
+
+
+def test_opacity_reset_forgets_momentum() -> None:
+    trainable = TrainableSurfels(some(5), LearningRates(means=0.1))
+    take_step(trainable)
+    trainable.reset_opacity(0.01)
+    assert float(torch.sigmoid(trainable.leaves["opacity_logits"]).max()) <= 0.0101
+    assert float(trainable.optimizer.state[trainable.leaves["opacity_logits"]]["exp_avg"].abs().max()) == 0

@@ -1,0 +1,75 @@
+"""Selection and the ideal mask."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, grow, region_map, unobserved_mask
+from unveil_core.remove.selection import near_removed, select_removed
+from unveil_core.semantics.classes import LabelSet
+from unveil_core.semantics.segment import SceneLabels
+from unveil_core.surfels.surfels import Surfels
+
+
+def row_of_surfels(labels: list[int]) -> Surfels:
+    count = len(labels)
+    means = torch.zeros(count, 3)
+    means[:, 0] = torch.arange(count) * 0.1
+    return Surfels(
+        means, torch.ones(count, 4), torch.zeros(count, 2), torch.zeros(count), torch.zeros(count, 1, 3),
+        torch.tensor(labels),
+    )  # fmt: skip
+
+
+def scene(removed: tuple[str, ...], instances: tuple[int, ...] = ()) -> SceneLabels:
+    return SceneLabels(LabelSet.cityscapes([0, 11, 13]), "semantics", removed, instances, (10, 10, 10))
+
+
+def test_classes_instances_and_what_is_too_close() -> None:
+    surfels = row_of_surfels([0, 0, 2, 2, 0, 1, 0, 0])
+    none = np.zeros(8, dtype=np.int64)
+    assert select_removed(surfels, none, scene(("car",)), too_close=0.0).tolist() == [0, 0, 1, 1, 0, 0, 0, 0]
+    close = select_removed(surfels, none, scene(("car",)), too_close=0.15)
+    assert close.tolist() == [0, 1, 1, 1, 1, 0, 0, 0]
+    ids = np.array([0, 0, 7, 8, 0, 9, 0, 0])
+    assert select_removed(surfels, ids, scene((), (8,)), too_close=0.0).tolist() == [0, 0, 0, 1, 0, 0, 0, 0]
+
+
+def test_near_removed_leaves_out_the_removed() -> None:
+    surfels = row_of_surfels([0, 0, 2, 0, 0])
+    removed = np.array([False, False, True, False, False])
+    assert near_removed(surfels, removed, 0.11).tolist() == [False, True, False, True, False]
+    assert not near_removed(surfels, np.zeros(5, bool), 1.0).any()
+
+
+def test_ideal_mask_spares_sky_and_glass() -> None:
+    full, left = np.ones((20, 40), np.float32), np.ones((20, 40), np.float32)
+    full[:, :10] = left[:, :10] = 0.0  # sky: no surfel before or after
+    full[:, 10:20] = left[:, 10:20] = 0.6  # glass
+    left[:, 20:30] = 0.2  # a hole
+    left[:, 30:] = 0.995  # well covered by other views
+    everywhere = np.ones((20, 40), bool)
+    mask = unobserved_mask(full, left, everywhere)
+    assert mask[:, 20:30].all()
+    assert mask.sum() == 200
+    assert not unobserved_mask(full, left, ~everywhere).any()
+
+
+def test_specks_are_no_holes() -> None:
+    full, left = np.ones((20, 20), np.float32), np.ones((20, 20), np.float32)
+    left[5, 5] = 0
+    assert not unobserved_mask(full, left, np.ones((20, 20), bool)).any()
+
+
+def test_region_map() -> None:
+    own = np.zeros((9, 9), bool)
+    own[3:6, 3:6] = True
+    removed = grow(own, 1)
+    hole = np.zeros((9, 9), bool)
+    hole[4, 4] = True
+    regions = region_map(removed, own, hole)
+    assert regions[0, 0] == NOTHING
+    assert regions[2, 4] == OBSERVED
+    assert regions[3, 3] == SEEN_ELSEWHERE
+    assert regions[4, 4] == UNOBSERVED

@@ -1,0 +1,26 @@
+"""The delivery: the photograph wherever nothing was removed, the empty street where it was, and no visible seam."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["compose_frame"]
+
+
+def compose_frame(
+    image: NDArray[np.uint8], clean: NDArray[np.uint8], changed: NDArray[np.bool_], *, seam_px: float = 2.0
+) -> NDArray[np.uint8]:
+    """Put ``clean`` into ``image`` where ``changed``, with a soft seam inside the changed region.
+
+    Args:
+        image: (H, W, 3) uint8 as photographed; clean: (H, W, 3) uint8 of the empty street.
+        changed: (H, W) bool; outside of it the result is the photograph, bit for bit.
+        seam_px: width of the blend, measured inwards from the border of ``changed``. The mask reaches that far beyond
+            the object, so the blend shows nothing of it.
+    """
+    inward = cv2.distanceTransform(changed.astype(np.uint8), cv2.DIST_L2, 3)
+    share = np.clip(inward / (seam_px + 1.0), 0, 1)[..., None]
+    blended = image * (1 - share) + clean * share
+    return np.where(changed[..., None], np.clip(np.round(blended), 0, 255), image).astype(np.uint8)

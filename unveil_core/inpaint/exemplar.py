@@ -1,0 +1,266 @@
+"""Filling the street chart: lit level per lateral offset, shadows of what went, and texture from farther along the street.
+
+The lateral median continues paint, kerb and walk; texture comes from places with the same lateral offset elsewhere along
+the street, chosen patch by patch so that it meets what is already there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
+from unveil_core.progress import Progress, no_progress
+
+__all__ = ["FillSettings", "fill_chart", "lateral_profile", "object_shadows"]
+
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class FillSettings:
+    """How the chart is filled.
+
+    Attributes:
+        window_m: half length of the stretch whose median stands for a lateral offset, metres.
+        shadow_ratio: a texel darker than this share of its offset's lit level lies in shadow.
+        shadow_reach_m: a removed object's shadow reaches at most so far from it, metres; 0 = shadows stay.
+        texture: how much of the exemplar's detail is taken over, 0 to 1.
+        patch_m: size of a texture patch, metres.
+        search_m: how far along the street a patch may come from, metres.
+    """
+
+    window_m: float = 14.0
+    shadow_ratio: float = 0.82
+    shadow_reach_m: float = 5.0
+    texture: float = 1.0
+    patch_m: float = 0.8
+    search_m: float = 30.0
+
+
+def _luma(color: Float32) -> Float32:
+    return color @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+
+
+def _masked_blur(picture: Float32, mask: NDArray[np.bool_], sigma: float) -> Float32:
+    """Gaussian blur that only looks at ``mask``; pictures are (A, B) or (A, B, C)."""
+    m = mask.astype(np.float32)
+    weight = cv2.GaussianBlur(m, (0, 0), sigma)
+    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), sigma)
+    weight = np.maximum(weight, 1e-6)
+    return value / (weight if picture.ndim == 2 else weight[..., None])
+
+
+def lateral_profile(
+    chart: StreetChart, usable: NDArray[np.bool_], *, window: int, hop: int
+) -> tuple[Float32, Float32]:
+    """Median colour and upper luma level per lateral offset, in a window that slides along the street.
+
+    Args:
+        usable: (A, B) texels that count.
+        window, hop: half window and step, in texels.
+    Returns:
+        median (A, B, 3) and the 70th percentile of luma (A, B), both interpolated along the street.
+    """
+    rows, columns = usable.shape
+    centres = np.arange(0, rows + hop, hop)
+    medians = np.full((len(centres), columns, 3), np.nan, dtype=np.float32)
+    levels = np.full((len(centres), columns), np.nan, dtype=np.float32)
+    luma = _luma(chart.color)
+    everything = np.where(usable[..., None], chart.color, np.nan)
+    all_luma = np.where(usable, luma, np.nan)
+    for k, centre in enumerate(centres):
+        part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
+        enough = usable[part].sum(axis=0) >= 8
+        if enough.any():
+            medians[k, enough] = np.nanmedian(everything[part][:, enough], axis=0)
+            levels[k, enough] = np.nanpercentile(all_luma[part][:, enough], 70, axis=0)
+    # Offsets with nothing in the window take the nearest window that has something, then the nearest offset.
+    index = np.arange(len(centres))
+    for column in range(columns):
+        known = np.isfinite(levels[:, column])
+        if known.any():
+            nearest = index[known][np.abs(index[:, None] - index[known][None]).argmin(axis=1)]
+            medians[:, column], levels[:, column] = medians[nearest, column], levels[nearest, column]
+    known_columns = np.flatnonzero(np.isfinite(levels[0]))
+    if len(known_columns):
+        take = known_columns[np.abs(np.arange(columns)[:, None] - known_columns[None]).argmin(axis=1)]
+        medians, levels = medians[:, take], levels[:, take]
+    else:
+        medians[:], levels[:] = 0.5, 0.5
+    position = np.arange(rows) / hop
+    lower = np.clip(position.astype(int), 0, len(centres) - 2)
+    blend = (position - lower).astype(np.float32)
+    median = medians[lower] * (1 - blend)[:, None, None] + medians[lower + 1] * blend[:, None, None]
+    level = levels[lower] * (1 - blend)[:, None] + levels[lower + 1] * blend[:, None]
+    return median, level
+
+
+def object_shadows(
+    dark: NDArray[np.bool_], footprint: NDArray[np.bool_], *, reach: int, touch: int
+) -> NDArray[np.bool_]:
+    """Dark texels (A, B) that are connected with a removed object's footprint and lie within ``reach`` texels of it."""
+    if not footprint.any():
+        return np.zeros_like(dark)
+    distance = cv2.distanceTransform((~footprint).astype(np.uint8), cv2.DIST_L2, 5)
+    candidate = dark & (distance <= reach)
+    count, component = cv2.connectedComponents((candidate | footprint).astype(np.uint8), connectivity=8)
+    touching = np.zeros(count, dtype=bool)
+    touching[np.unique(component[candidate & (distance <= touch)])] = True
+    touching[0] = False
+    return touching[component] & candidate
+
+
+def fill_chart(
+    chart: StreetChart,
+    footprint: NDArray[np.bool_],
+    settings: FillSettings,
+    *,
+    unit: float,
+    progress: Progress = no_progress,
+) -> StreetChart:
+    """Relight what lay in the shadow of removed objects, and invent what nobody saw.
+
+    Args:
+        chart: as read.
+        footprint: (A, B) texels under or inside removed objects.
+        settings: see there; unit: world units per metre.
+    """
+    per_m = unit / chart.texel
+    seen = chart.source == OBSERVED
+    rows, columns = seen.shape
+    s, l = chart.coordinates()  # noqa: E741
+    inside = chart.ground.inside(np.repeat(s, columns), np.tile(l, rows)).reshape(rows, columns)
+    window, hop = int(settings.window_m * per_m), max(1, int(4 * per_m))
+    _, level = lateral_profile(chart, seen, window=window, hop=hop)
+    smooth = _masked_blur(_luma(chart.color), seen, 0.06 * per_m)
+    dark = seen & (smooth < settings.shadow_ratio * level)
+    lit = seen & ~cv2.dilate(dark.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+    median, _ = lateral_profile(chart, lit, window=window, hop=hop)
+
+    color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
+    hole = inside & ~seen
+    if settings.shadow_reach_m > 0:
+        shadow = object_shadows(
+            dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m)
+        )
+        soft = cv2.GaussianBlur(shadow.astype(np.float32), (0, 0), 0.05 * per_m)
+        local = _masked_blur(color, shadow, 0.25 * per_m)
+        target = _masked_blur(median, shadow, 0.25 * per_m)
+        ratio = np.clip(target / np.maximum(local, 0.02), 1.0, 4.0)
+        gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * np.minimum(1.0, 1.4 * soft)[..., None], 1.0)
+        gain = gain.astype(np.float32)
+        relit = shadow & seen
+        color[relit] = np.clip(color[relit] * gain[relit], 0, 1)
+        source[relit] = RELIT
+    progress(1, 2, "filling the street")
+    detail = np.where(lit[..., None], color - median, 0).astype(np.float32)
+    invented = _quilt(
+        detail, lit, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+    )
+    fill = median + settings.texture * invented
+    color[hole] = np.clip(fill[hole], 0, 1)
+    source[hole] = INVENTED
+    source[~inside & ~seen] = OUTSIDE
+    labels = chart.label.copy()
+    unknown = hole & (labels < 0)
+    if unknown.any():
+        labels[unknown] = _lateral_labels(chart.label, seen)[np.nonzero(unknown)[1]]
+    progress(2, 2, "filling the street")
+    return replace(chart, color=color, source=source, gain=gain, label=labels)
+
+
+def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArray[np.int16]:
+    """The commonest label per lateral offset (B,)."""
+    kinds = [k for k in np.unique(label[seen]) if k >= 0]
+    if not kinds:
+        return np.full(label.shape[1], -1, dtype=np.int16)
+    counts = np.stack([((label == k) & seen).sum(axis=0) for k in kinds])
+    return np.asarray(kinds, dtype=np.int16)[counts.argmax(axis=0)]
+
+
+def _quilt(
+    detail: Float32, valid: NDArray[np.bool_], hole: NDArray[np.bool_], *, patch: int, search: int
+) -> Float32:
+    """Detail for the hole, patch by patch from the same columns of other rows (see :func:`_quilt_patches`)."""
+    if not hole.any():
+        return np.zeros_like(detail)
+    return _quilt_patches(detail, valid, hole, patch, search)
+
+
+@njit(cache=True)
+def _quilt_patches(detail, valid, hole, patch, search):  # type: ignore[no-untyped-def]
+    """Raster order over overlapping patches; for each the shift along the rows whose source is valid and meets best what
+    already lies in the patch's surroundings; overlaps are blended with a tent."""
+    rows, columns = hole.shape
+    out = np.zeros((rows, columns, 3), np.float32)
+    weight = np.zeros((rows, columns), np.float32)
+    known = valid.copy()
+    filled = detail.copy()
+    step = max(1, patch * 2 // 3)
+    stride = 2
+    for r0 in range(0, rows, step):
+        for c0 in range(0, columns, step):
+            r1, c1 = min(rows, r0 + patch), min(columns, c0 + patch)
+            need = 0
+            for r in range(r0, r1):
+                for c in range(c0, c1):
+                    if hole[r, c] and weight[r, c] == 0:
+                        need += 1
+            if need == 0:
+                continue
+            ring = patch // 4
+            best_cost, best_shift = 1e30, 0
+            for shift in range(-search, search + 1, stride):
+                if -patch < shift < patch:
+                    continue
+                if r0 + shift < 0 or r1 + shift > rows:
+                    continue
+                bad = 0
+                total = 0
+                for r in range(r0, r1, stride):
+                    for c in range(c0, c1, stride):
+                        if hole[r, c]:
+                            total += 1
+                            if not valid[r + shift, c]:
+                                bad += 1
+                if total == 0 or bad * 4 > total:
+                    continue
+                cost, count = 0.0, 0
+                for r in range(max(0, r0 - ring), min(rows, r1 + ring), stride):
+                    if r + shift < 0 or r + shift >= rows:
+                        continue
+                    for c in range(max(0, c0 - ring), min(columns, c1 + ring), stride):
+                        if known[r, c] and valid[r + shift, c]:
+                            for k in range(3):
+                                d = filled[r, c, k] - detail[r + shift, c, k]
+                                cost += d * d
+                            count += 1
+                mean = cost / count if count > 0 else 0.01
+                mean = mean + 0.02 * bad / total + 1e-6 * abs(shift)
+                if mean < best_cost:
+                    best_cost, best_shift = mean, shift
+            if best_cost >= 1e30:
+                continue
+            for r in range(r0, r1):
+                for c in range(c0, c1):
+                    if hole[r, c] and valid[r + best_shift, c]:
+                        tr = min(r - r0 + 1, r1 - r) / patch
+                        tc = min(c - c0 + 1, c1 - c) / patch
+                        w = np.float32(max(0.01, min(tr, tc)))
+                        for k in range(3):
+                            out[r, c, k] += w * detail[r + best_shift, c, k]
+                        weight[r, c] += w
+                        for k in range(3):
+                            filled[r, c, k] = out[r, c, k] / weight[r, c]
+                        known[r, c] = True
+    for r in range(rows):
+        for c in range(columns):
+            if weight[r, c] > 0:
+                for k in range(3):
+                    out[r, c, k] /= weight[r, c]
+    return out

@@ -1,0 +1,179 @@
+"""The ground of the empty street for a whole drive: fitted, read from the frames, relit, filled, and looked up per pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.exemplar import FillSettings, fill_chart
+from unveil_core.inpaint.street import Ground, fit_ground, fit_path
+from unveil_core.inpaint.street_chart import StreetChart, blur_levels, read_chart, sample_chart
+from unveil_core.progress import Progress, no_progress
+from unveil_core.semantics.classes import LabelSet
+from unveil_core.surfels.ply import normals
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["GROUND_CLASSES", "GroundLayer", "GroundPixels", "build_ground_layer", "fit_drive_ground", "ground_usable"]
+
+GROUND_CLASSES = ("road", "sidewalk", "terrain")
+Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPixels:
+    """What a view would see of the ground if nothing stood on it; planes (H, W…), nothing outside ``hit``.
+
+    Attributes:
+        hit: (H, W) bool, the ray meets the ground.
+        depth: (H, W) along the optical axis, inf where not hit.
+        color: (H, W, 3) float32; gain: (H, W, 3) float32, see StreetChart.
+        covered: (H, W) bool, the chart has a colour there.
+        shadow: (H, W) bool, ground in the shadow of something removed.
+    """
+
+    hit: NDArray[np.bool_]
+    depth: NDArray[np.float64]
+    color: Float32
+    gain: Float32
+    covered: NDArray[np.bool_]
+    shadow: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundLayer:
+    """A filled chart with its blur levels."""
+
+    chart: StreetChart
+    colors: list[Float32]
+    gains: list[Float32]
+
+    def look(self, camera: Camera) -> GroundPixels:
+        """The ground as ``camera`` would see it."""
+        height, width = camera.height, camera.width
+        rays = camera.rays().reshape(-1, 3)
+        depth, street = self.chart.ground.intersect(camera, rays)
+        hit = np.isfinite(depth)
+        color = np.zeros((height * width, 3), dtype=np.float32)
+        gain = np.ones((height * width, 3), dtype=np.float32)
+        covered = np.zeros(height * width, dtype=bool)
+        if hit.any():
+            z = depth[hit]
+            # A pixel's extent on the ground: z/f across, and stretched by the grazing angle along.
+            direction = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+            grazing = np.maximum(np.abs(direction @ self.chart.ground.path.axes[2]), 0.01)
+            across = z / camera.fx
+            color[hit] = sample_chart(self.colors, self.chart, street[hit], across / grazing, across)
+            gain[hit] = sample_chart(self.gains, self.chart, street[hit], across / grazing, across)
+            row, column, on_chart = self.chart.index_of(street[hit])
+            covered[hit] = on_chart & (self.chart.source[row, column] > 0)
+        shape = (height, width)
+        gain = np.maximum(gain, 1.0)
+        return GroundPixels(
+            hit=hit.reshape(shape),
+            depth=np.where(hit, depth, np.inf).reshape(shape),
+            color=np.clip(color, 0, 1).reshape(*shape, 3),
+            gain=gain.reshape(*shape, 3),
+            covered=covered.reshape(shape),
+            shadow=(gain.max(axis=1) > 1.02).reshape(shape),
+        )
+
+
+def fit_drive_ground(
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *, unit: float
+) -> Ground | None:
+    """The ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
+
+    Args:
+        surfels: the full scene.
+        cameras: of the first track, in order of travel.
+        unit: world units per metre.
+    Returns:
+        the ground, or None where too few surfels lie on any.
+    """
+    path = fit_path(list(cameras), up, unit=unit)
+    means = surfels.means.double().numpy()
+    opaque = surfels.opacity_logits.numpy() > -1.0
+    wanted = [k for k, n in enumerate(labels.names) if n in GROUND_CLASSES]
+    if wanted:
+        chosen = np.isin(surfels.labels.numpy(), wanted) & opaque
+    else:
+        level = np.abs(normals(surfels.quats).double().numpy() @ (up / np.linalg.norm(up))) > 0.8
+        street = path.to_street(means)
+        centres = np.stack([c.centre for c in cameras])
+        track = path.to_street(centres)
+        order = np.argsort(track[:, 0])
+        eye = np.interp(street[:, 0], track[order, 0], track[order, 2])
+        drop = eye - street[:, 2]
+        near = np.abs(street[:, 1]) < 3 * unit
+        keep = near & level & opaque & (drop > 0.5 * unit) & (drop < 3.0 * unit)
+        if keep.sum() < 50:
+            return None
+        typical = float(np.median(drop[keep]))
+        chosen = level & opaque & (np.abs(drop - typical) < 0.35 * unit) & (np.abs(street[:, 1]) < 8 * unit)
+    if chosen.sum() < 50:
+        return None
+    return fit_ground(path, means[chosen], unit=unit)
+
+
+def ground_usable(
+    label: NDArray[np.int64],
+    labels: LabelSet,
+    removed: NDArray[np.bool_],
+    ground_depth: NDArray[np.float64],
+    scene_depth: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """(H, W) pixels that show nothing but ground.
+
+    Args:
+        label: (H, W) compact labels; removed: (H, W) with its borders.
+        ground_depth, scene_depth: (H, W) depth of the fitted ground and of the full scene; they must agree.
+    """
+    agree = np.abs(scene_depth - ground_depth) < 0.08 * ground_depth
+    wanted = [k for k, n in enumerate(labels.names) if n in GROUND_CLASSES]
+    usable = ~removed & np.isfinite(ground_depth)
+    if wanted:
+        on_ground = np.isin(label, wanted)
+        # Labels say it; depth only has to be no contradiction. One pixel of border mixes two things.
+        inner = cv2.erode(on_ground.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        return usable & inner
+    return usable & agree
+
+
+def build_ground_layer(
+    ground: Ground,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    label_images: Sequence[NDArray[np.int64]],
+    usable: Sequence[NDArray[np.bool_]],
+    removed_means: NDArray[np.float64],
+    settings: FillSettings,
+    *,
+    unit: float,
+    texel_m: float = 0.04,
+    progress: Progress = no_progress,
+) -> GroundLayer:
+    """Read the chart, mark where removed objects stood, relight and fill it.
+
+    Args:
+        removed_means: (M, 3) world centres of removed surfels.
+    """
+    chart = read_chart(
+        ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
+    )  # fmt: skip
+    footprint = np.zeros(chart.source.shape, dtype=np.uint8)
+    street = ground.path.to_street(removed_means)
+    if len(street):
+        above = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+        row, column, on_chart = chart.index_of(street)
+        low = on_chart & (above < 2.5 * unit) & (above > -0.5 * unit)
+        footprint[row[low], column[low]] = 1
+        per_m = unit / chart.texel
+        size = max(3, int(0.5 * per_m) | 1)
+        footprint = cv2.morphologyEx(footprint, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
+    filled = fill_chart(chart, footprint.astype(bool), settings, unit=unit, progress=progress)
+    return GroundLayer(filled, blur_levels(filled.color), blur_levels(filled.gain))

@@ -1,0 +1,244 @@
+"""Street coordinates: arc length along the drive, lateral offset, and the height of the ground there.
+
+A street is a surface swept along a path. In these coordinates paint, kerb and walk are nearly constant along the first
+axis, curves and slopes included, which makes what is hidden predictable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
+from scipy.spatial import cKDTree
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.surfels.sky import up_frame
+
+__all__ = ["Ground", "StreetPath", "fit_ground", "fit_path"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StreetPath:
+    """The drive's path on the horizontal plane, extended at both ends.
+
+    Attributes:
+        axes: (3, 3) rows east, north, up.
+        nodes: (S, 2) east/north of the path's nodes, one every ``step``.
+        heading: (S,) radians.
+        start: arc length of the first node; the first camera is at 0.
+        step: world units.
+        tree: over the nodes.
+    """
+
+    axes: Array
+    nodes: Array
+    heading: Array
+    start: float
+    step: float
+    tree: cKDTree
+
+    def to_street(self, points: Array) -> Array:
+        """(N, 3) of arc length, lateral offset (left positive) and height, for world points (N, 3)."""
+        local = points @ self.axes.T
+        index = self.tree.query(local[:, :2])[1]
+        gap = local[:, :2] - self.nodes[index]
+        cos, sin = np.cos(self.heading[index]), np.sin(self.heading[index])
+        along, left = gap[:, 0] * cos + gap[:, 1] * sin, -gap[:, 0] * sin + gap[:, 1] * cos
+        return np.stack([self.start + index * self.step + along, left, local[:, 2]], axis=1)
+
+    def to_world(self, street: Array) -> Array:
+        """Inverse of :meth:`to_street`."""
+        index = np.clip(np.round((street[:, 0] - self.start) / self.step).astype(int), 0, len(self.nodes) - 1)
+        along = street[:, 0] - self.start - index * self.step
+        cos, sin = np.cos(self.heading[index]), np.sin(self.heading[index])
+        east = self.nodes[index, 0] + along * cos - street[:, 1] * sin
+        north = self.nodes[index, 1] + along * sin + street[:, 1] * cos
+        return np.stack([east, north, street[:, 2]], axis=1) @ self.axes
+
+
+def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: float = 60.0) -> StreetPath:
+    """Smooth the camera centres of one track into a path and prolong it with its curvature at the ends.
+
+    Args:
+        cameras: of one track, in order of travel.
+        up: (3,) of the drive; unit: world units per metre; extension_m: how far it is prolonged, metres.
+    """
+    axes = up_frame(up)
+    centres = np.stack([c.centre for c in cameras]) @ axes.T
+    step = 0.25 * unit
+    legs = np.linalg.norm(np.diff(centres[:, :2], axis=0), axis=1) if len(centres) > 1 else np.zeros(0)
+    travelled = np.concatenate([[0.0], np.cumsum(legs)])
+    if travelled[-1] < 2 * unit:  # a standing camera looks along the street
+        forward = axes @ cameras[-1].forward
+        heading0 = float(np.arctan2(forward[1], forward[0]))
+        nodes, heading = centres[:1, :2], np.array([heading0])
+    else:
+        distinct = np.concatenate([[True], legs > 1e-6 * unit])
+        s = np.arange(0.0, travelled[-1], step)
+        sigma = max(1.0, 2.0 * unit / step)
+        raw = [np.interp(s, travelled[distinct], centres[distinct, k]) for k in (0, 1)]
+        slope = np.stack([gaussian_filter1d(np.gradient(r, step), sigma, mode="nearest") for r in raw], axis=1)
+        heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
+        nodes = np.stack([gaussian_filter1d(r, sigma, mode="nearest") for r in raw], axis=1)
+        # Smoothing shortens the ends; walking from the middle along the headings undoes that.
+        middle = len(s) // 2
+        travel = np.stack([np.cos(heading), np.sin(heading)], axis=1) * step
+        walked = np.cumsum(np.vstack([np.zeros((1, 2)), travel[:-1]]), axis=0)
+        nodes = nodes[middle] + walked - walked[middle]
+    count = int(extension_m * unit / step)
+    limit = 1.0 / (40.0 * unit)
+
+    def bend(part: Array) -> float:
+        if len(part) < 8:
+            return 0.0
+        slope = np.polyfit(np.arange(len(part)) * step, part, 1)[0]
+        return float(np.clip(slope, -limit, limit))
+
+    half = max(8, len(heading) // 2)
+    after = heading[-1] + bend(heading[-half:]) * step * np.arange(1, count + 1)
+    before = heading[0] - bend(heading[:half]) * step * np.arange(count, 0, -1)
+    ahead = nodes[-1] + np.cumsum(np.stack([np.cos(after), np.sin(after)], 1) * step, axis=0)
+    behind = nodes[0] - np.cumsum(np.stack([np.cos(before), np.sin(before)], 1)[::-1] * step, axis=0)[::-1]
+    nodes = np.concatenate([behind, nodes, ahead])
+    return StreetPath(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, cKDTree(nodes))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Height of the ground over street coordinates.
+
+    Attributes:
+        path: the street coordinates.
+        s_start, l_start: of the grid's first cell centres; s_cell, l_cell: cell sizes, world units.
+        height: (A, B) heights at cell centres.
+        left, right: (A,) largest and smallest lateral offset that is still ground, per cell of arc length.
+    """
+
+    path: StreetPath
+    s_start: float
+    l_start: float
+    s_cell: float
+    l_cell: float
+    height: Array
+    left: Array
+    right: Array
+
+    def height_at(self, s: Array, l: Array) -> Array:  # noqa: E741
+        """Bilinear height at street coordinates, clamped at the grid's border."""
+        a = np.clip((s - self.s_start) / self.s_cell, 0, self.height.shape[0] - 1.001)
+        b = np.clip((l - self.l_start) / self.l_cell, 0, self.height.shape[1] - 1.001)
+        i, j = a.astype(int), b.astype(int)
+        u, v = a - i, b - j
+        h = self.height
+        return (h[i, j] * (1 - u) + h[i + 1, j] * u) * (1 - v) + (h[i, j + 1] * (1 - u) + h[i + 1, j + 1] * u) * v
+
+    def inside(self, s: Array, l: Array) -> NDArray[np.bool_]:  # noqa: E741
+        """Whether street coordinates lie on ground as far as anyone saw it."""
+        a = np.clip(np.round((s - self.s_start) / self.s_cell).astype(int), 0, len(self.left) - 1)
+        s_end = self.s_start + self.s_cell * (len(self.left) - 1)
+        return (l <= self.left[a]) & (l >= self.right[a]) & (s >= self.s_start) & (s <= s_end)
+
+    def intersect(self, camera: Camera, rays: Array) -> tuple[Array, Array]:
+        """Where rays meet the ground.
+
+        Args:
+            rays: (N, 3) world directions with unit component along the optical axis.
+        Returns:
+            depth (N,), inf where there is no ground; street coordinates (N, 3).
+        """
+        path = self.path
+        centre = camera.centre
+        rise = rays @ path.axes[2]
+        height0 = float(centre @ path.axes[2])
+        here = path.to_street(centre[None])[0]
+        level = float(self.height_at(here[:1], here[1:2])[0])
+        down = rise < -1e-4
+        depth = np.where(down, (level - height0) / np.where(down, rise, -1.0), 1e4)
+        depth = np.clip(depth, 0.0, 1e4)
+        street = np.zeros((len(rays), 3))
+        for _ in range(6):
+            street = path.to_street(centre + depth[:, None] * rays)
+            target = self.height_at(street[:, 0], street[:, 1])
+            change = np.where(down, (target - street[:, 2]) / np.where(down, rise, -1.0), 0.0)
+            depth = np.clip(depth + 0.8 * change, 0.0, 1e4)
+        street = path.to_street(centre + depth[:, None] * rays)
+        miss = np.abs(self.height_at(street[:, 0], street[:, 1]) - street[:, 2])
+        good = down & (miss < 0.05 * np.abs(level - height0)) & self.inside(street[:, 0], street[:, 1])
+        return np.where(good, depth, np.inf), street
+
+
+def fit_ground(path: StreetPath, points: Array, *, unit: float) -> Ground:
+    """Height field and lateral limits from ground points.
+
+    The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
+    cars), plus a smooth remainder where points say so.
+
+    Args:
+        points: (P, 3) world points on the ground.
+        unit: world units per metre.
+    """
+    s_cell, l_cell = 1.0 * unit, 0.1 * unit
+    street = path.to_street(points)
+    reach = min(25.0 * unit, float(np.percentile(np.abs(street[:, 1]), 99.5)) + l_cell)
+    street = street[np.abs(street[:, 1]) <= reach]
+    s_low, s_high = np.percentile(street[:, 0], [0.2, 99.8])
+    rows = max(2, int(np.ceil((s_high - s_low) / s_cell)) + 1)
+    columns = max(3, int(np.ceil(2 * reach / l_cell)) + 1)
+    a = np.clip(np.round((street[:, 0] - s_low) / s_cell).astype(int), 0, rows - 1)
+    b = np.clip(np.round((street[:, 1] + reach) / l_cell).astype(int), 0, columns - 1)
+
+    middle = np.abs(street[:, 1]) < 2.5 * unit
+    base = _running_median(a[middle], street[middle, 2], rows)
+    base = gaussian_filter1d(base, 1.5, mode="nearest")
+    rest = street[:, 2] - base[a]
+    profile = median_filter(_running_median(b, rest, columns), 3, mode="nearest")
+    rest = rest - profile[b]
+    # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
+    coarse = 5
+    cells = -(-columns // coarse)
+    steady = np.abs(rest) < 0.4 * unit
+    total, weight = np.zeros((rows, cells)), np.zeros((rows, cells))
+    np.add.at(total, (a[steady], b[steady] // coarse), rest[steady])
+    np.add.at(weight, (a[steady], b[steady] // coarse), 1.0)
+    smooth = gaussian_filter(total, 1.2) / (gaussian_filter(weight, 1.2) + 0.3)
+    centres = (np.arange(columns) - (coarse - 1) / 2) / coarse
+    remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
+    height = base[:, None] + profile[None, :] + remainder
+
+    left, right = np.full(rows, np.nan), np.full(rows, np.nan)
+    order = np.argsort(a, kind="stable")
+    for row, part in zip(*_groups(a[order], street[order, 1]), strict=True):
+        if len(part) >= 12:
+            right[row], left[row] = np.percentile(part, [1, 99])
+    known = np.isfinite(left)
+    if not known.any():
+        left[:], right[:] = reach, -reach
+    else:
+        index = np.arange(rows)
+        left = np.interp(index, index[known], left[known])
+        right = np.interp(index, index[known], right[known])
+        # Parked rows hide the walk for some metres; the street is as wide there as before and after.
+        left = gaussian_filter1d(minimum_filter1d(maximum_filter1d(left, 9), 5), 1.0)
+        right = gaussian_filter1d(maximum_filter1d(minimum_filter1d(right, 9), 5), 1.0)
+    return Ground(path, float(s_low), -reach, s_cell, l_cell, height, left, right)
+
+
+def _groups(keys: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], list[Array]]:
+    """Split sorted keys into runs."""
+    if not len(keys):
+        return keys, []
+    unique, first = np.unique(keys, return_index=True)
+    return unique, np.split(values, first[1:])
+
+
+def _running_median(index: NDArray[np.int64], values: Array, count: int) -> Array:
+    """Median per bin (count,), gaps interpolated."""
+    order = np.argsort(index, kind="stable")
+    bins, parts = _groups(index[order], values[order])
+    if not len(bins):
+        return np.zeros(count)
+    return np.interp(np.arange(count), bins, [float(np.median(p)) for p in parts])

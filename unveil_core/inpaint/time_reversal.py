@@ -1,0 +1,145 @@
+"""Inpainting in reversed time: the last frame first, each unobserved place invented once, then carried to earlier frames.
+
+*3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time meets it first at
+its best resolution. What is invented becomes surfels on the completed depth; an earlier frame renders them and invents only
+what is still empty. The ground is not invented here: it comes from the street chart, the same for all frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.ground_layer import GroundLayer
+from unveil_core.inpaint.single_image import SingleImageInpainter
+from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
+from unveil_core.progress import Progress, no_progress
+from unveil_core.raster import render
+from unveil_core.remove.regions import grow
+from unveil_core.surfels.sky import Sky
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["FrameTask", "Painted", "paint_in_reversed_time"]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTask:
+    """One frame to clean.
+
+    Attributes:
+        camera: its camera; image: (H, W, 3) uint8 as photographed.
+        removed: (H, W) bool, pixels of removed objects with their borders.
+        unobserved: (H, W) bool, of them those that nobody saw.
+    """
+
+    camera: Camera
+    image: NDArray[np.uint8]
+    removed: NDArray[np.bool_]
+    unobserved: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Painted:
+    """A cleaned frame.
+
+    Attributes:
+        image: (H, W, 3) uint8: the photograph outside, the empty street inside the removed region.
+        ground: (H, W) bool, pixels inside that come from the street chart.
+        invented: (H, W) bool, pixels that this frame invented itself.
+        shadow: (H, W) bool, pixels outside ``removed`` from which a removed object's shadow was taken.
+    """
+
+    image: NDArray[np.uint8]
+    ground: NDArray[np.bool_]
+    invented: NDArray[np.bool_]
+    shadow: NDArray[np.bool_]
+
+
+def paint_in_reversed_time(
+    tasks: Sequence[FrameTask],
+    left: Surfels,
+    sky: Sky,
+    layer: GroundLayer | None,
+    single_image: SingleImageInpainter,
+    *,
+    label_count: int,
+    near: float,
+    far: float,
+    keyframe_px: int = 40,
+    progress: Progress = no_progress,
+) -> tuple[list[Painted], Surfels | None]:
+    """Clean all frames, last to first.
+
+    Args:
+        tasks: frames in order of time.
+        left: the scene without the removed surfels.
+        sky: its sky.
+        layer: the ground, or None where the scene has none.
+        single_image: invents what nobody saw and is not ground.
+        label_count: K; near, far: world units.
+        keyframe_px: a frame that must invent fewer pixels than this does so for itself only, without surfels.
+    Returns:
+        one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
+    """
+    painted: list[Painted | None] = [None] * len(tasks)
+    seeds: list[Surfels] = []
+    scene = left
+    for done, index in enumerate(reversed(range(len(tasks)))):
+        task = tasks[index]
+        out = render_numpy(scene, task.camera, near=near, far=far)
+        background = sky.render(task.camera).numpy()
+        picture = out["rgb"] + (1 - out["alpha"])[..., None] * background
+        fill = picture.copy()
+        ground = np.zeros_like(task.removed)
+        shadow = np.zeros_like(task.removed)
+        gain = np.ones_like(picture)
+        ceiling = np.full(task.removed.shape, np.inf)
+        if layer is not None:
+            look = layer.look(task.camera)
+            ceiling = look.depth
+            in_front = (out["alpha"] > 0.5) & (out["depth"] < 0.9 * look.depth)
+            ground = look.covered & ~in_front & task.removed
+            fill[ground] = look.color[ground]
+            shadow = look.shadow & ~in_front & ~task.removed & _shows_ground(look.depth, out)
+            gain[shadow] = look.gain[shadow]
+        original = task.image.astype(np.float32) / 255
+        image = np.where(task.removed[..., None], fill, np.clip(original * gain, 0, 1))
+        image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
+        # Where surfels carried from a later frame cover the hole, it is no hole any more.
+        empty = task.unobserved & ~ground & (out["alpha"] < 0.5)
+        if empty.any():
+            image8 = single_image(image8, empty)
+            if int(empty.sum()) >= keyframe_px:
+                depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
+                label = _nearest_label(scene, task.camera, empty, label_count, near, far)
+                seeds.append(seed_pixels(task.camera, image8, depth, label, empty, sh_degree=left.sh_degree))
+                scene = concatenate([left, *seeds])
+        painted[index] = Painted(image8, ground, empty, shadow)
+        progress(done + 1, len(tasks), "inpainting, last frame first")
+    return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+
+
+def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.float32]]) -> NDArray[np.bool_]:
+    """Pixels where the scene itself shows the ground: nothing relights a wall behind it."""
+    return np.isfinite(ground_depth) & (np.abs(out["depth"] - ground_depth) < 0.1 * ground_depth)
+
+
+def _nearest_label(
+    scene: Surfels, camera: Camera, mask: NDArray[np.bool_], label_count: int, near: float, far: float
+) -> NDArray[np.int64]:
+    """(H, W) the rendered label, continued into ``mask`` from the nearest pixel outside."""
+    with torch.no_grad():
+        out = render(scene, camera, ("alpha", "semantics"), label_count=label_count, near=near, far=far)
+    assert out.semantics is not None and out.alpha is not None
+    label = out.semantics.argmax(dim=2).numpy()
+    unknown = grow(mask, 1) | (out.alpha.numpy() < 0.5)
+    if unknown.all():
+        return np.zeros(mask.shape, dtype=np.int64)
+    nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    return label[nearest[0], nearest[1]].astype(np.int64)

@@ -1,0 +1,119 @@
+"""Adaptive density control: clone what is too small, split what is too large, drop what does nothing.
+
+*3D Gaussian Splatting*, section 5.2, with hard labels inherited on clone and split (*3D StreetUnveiler*, section 3.1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from unveil_core.optimize.parameters import TrainableSurfels
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["DensityControl", "DensitySettings"]
+
+
+@dataclass(frozen=True)
+class DensitySettings:
+    """How the number of surfels follows the error.
+
+    Attributes:
+        start, stop, every: iterations between which, and how often, it acts.
+        gradient_threshold: mean gradient of the loss by the screen position (in half image sizes) that calls for more.
+        split_scale_px: a surfel wider than this on the screen is split, else cloned.
+        min_opacity: below it a surfel goes.
+        max_scale: world units; a larger surfel goes (0 = no limit).
+        budget: no growth beyond this many surfels.
+    """
+
+    start: int = 150
+    stop: int = 700
+    every: int = 100
+    gradient_threshold: float = 2e-4
+    split_scale_px: float = 4.0
+    min_opacity: float = 0.02
+    max_scale: float = 0.0
+    budget: int = 150_000
+
+
+class DensityControl:
+    """Accumulates screen-space gradients between its turns."""
+
+    def __init__(self, settings: DensitySettings, count: int, seed: int) -> None:
+        self.settings = settings
+        self.generator = torch.Generator().manual_seed(seed)
+        self.clear(count)
+
+    def clear(self, count: int) -> None:
+        """Forget what was observed; ``count`` surfels from now on."""
+        self.gradient = torch.zeros(count)
+        self.seen = torch.zeros(count)
+        self.width_px = torch.zeros(count)
+
+    def observe(self, screen_gradients: Tensor, visible: Tensor, half_size_px: float, width_px: Tensor) -> None:
+        """Note one step.
+
+        Args:
+            screen_gradients: (N, 2) gradient by the projected mean in pixels; visible: (N,) bool.
+            half_size_px: half of the longer image side, which makes gradients independent of resolution.
+            width_px: (N,) standard deviation on the screen.
+        """
+        norm = screen_gradients.norm(dim=1) * half_size_px
+        self.gradient += torch.where(visible, norm, 0.0)
+        self.seen += visible
+        self.width_px = torch.maximum(self.width_px, torch.where(visible, width_px, 0.0))
+
+    def due(self, iteration: int) -> bool:
+        """Whether it acts after this iteration."""
+        s = self.settings
+        return s.start <= iteration < s.stop and (iteration - s.start) % s.every == 0
+
+    def act(self, trainable: TrainableSurfels) -> tuple[int, int]:
+        """Change the set of surfels; returns how many were added and dropped."""
+        s = self.settings
+        surfels = trainable.surfels.detach()
+        mean_gradient = self.gradient / self.seen.clamp_min(1)
+        wanted = mean_gradient > s.gradient_threshold
+        room = max(0, s.budget - len(surfels))
+        if int(wanted.sum()) > room:
+            # The most wanting first; ties by index keep it reproducible.
+            order = torch.argsort(mean_gradient, descending=True, stable=True)[:room]
+            limited = torch.zeros_like(wanted)
+            limited[order] = True
+            wanted &= limited
+        split = wanted & (self.width_px > s.split_scale_px)
+        clone = wanted & ~split
+        opacity = torch.sigmoid(surfels.opacity_logits)
+        drop = opacity < s.min_opacity
+        if s.max_scale > 0:
+            drop |= surfels.log_scales.exp().amax(dim=1) > s.max_scale
+        added = [surfels.select(clone & ~drop), *self._halves(surfels.select(split & ~drop))]
+        keep = ~(drop | split)
+        new = concatenate(added)
+        trainable.rebuild(keep, new if len(new) else None)
+        self.clear(len(trainable))
+        return len(new), int((~keep).sum())
+
+    def _halves(self, parents: Surfels) -> list[Surfels]:
+        """Two children per parent, drawn from its disc, 1.6 times smaller, with its label."""
+        w, x, y, z = torch.nn.functional.normalize(parents.quats, dim=1).unbind(1)
+        axis0 = torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1)
+        axis1 = torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], dim=1)
+        scale = parents.log_scales.exp()
+        children = []
+        for _ in range(2):
+            draw = torch.randn(len(parents), 2, generator=self.generator) * scale
+            children.append(
+                Surfels(
+                    parents.means + draw[:, :1] * axis0 + draw[:, 1:] * axis1,
+                    parents.quats,
+                    parents.log_scales - torch.log(torch.tensor(1.6)),
+                    parents.opacity_logits,
+                    parents.sh,
+                    parents.labels,
+                )
+            )
+        return children

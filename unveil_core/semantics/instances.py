@@ -1,0 +1,111 @@
+"""Single objects among what can be removed: ids for points, boxes to click."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.semantics.lift import vote_labels
+
+__all__ = ["Box", "cluster_points", "fit_box", "vote_instances"]
+
+
+@dataclass(frozen=True)
+class Box:
+    """An upright box: centre (3,), size (length, width, height), yaw in radians of its length axis in the horizontal plane
+    of ``axes`` (see :func:`fit_box`)."""
+
+    centre: tuple[float, float, float]
+    size: tuple[float, float, float]
+    yaw: float
+
+    def to_json(self) -> dict[str, object]:
+        """For instances.json."""
+        return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}
+
+
+def vote_instances(
+    positions: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cameras: Sequence[Camera],
+    instance_image: Callable[[int], NDArray[np.int64] | None],
+    *,
+    near: float,
+) -> NDArray[np.int64]:
+    """The instance id (P,) that most views show at each point, 0 = none.
+
+    Args:
+        positions, spacing: removable points and their neighbourhood, world units.
+        instance_image: gives (H, W) ids of view v (0 = none), or None where it has none.
+    """
+    images = [instance_image(v) for v in range(len(cameras))]
+    ids = sorted({int(i) for image in images if image is not None for i in np.unique(image) if i})
+    if not ids or not len(positions):
+        return np.zeros(len(positions), dtype=np.int64)
+    table = np.full(max(ids) + 1, -1, dtype=np.int64)
+    table[ids] = np.arange(len(ids))
+
+    def compact(v: int) -> NDArray[np.int64]:
+        image = images[v]
+        if image is None:
+            return np.full((cameras[v].height, cameras[v].width), -1, dtype=np.int64)
+        return table[image]
+
+    label, _ = vote_labels(positions, spacing, cameras, compact, len(ids), near=near)
+    voted = np.where(label >= 0, np.asarray(ids)[np.maximum(label, 0)], 0)
+    if (voted > 0).any() and (voted == 0).any():
+        # A point that no view shows within an instance belongs to the nearest one that has one.
+        known = voted > 0
+        nearest = cKDTree(positions[known]).query(positions[~known])[1]
+        voted[~known] = voted[known][nearest]
+    return voted
+
+
+def cluster_points(positions: NDArray[np.float64], radius: float, *, minimum: int = 20) -> NDArray[np.int64]:
+    """Ids (P,) 1, 2, … of connected clusters by size, 0 for crumbs of fewer than ``minimum`` points.
+
+    Args:
+        positions: (P, 3); radius: points nearer than this belong together, world units.
+    """
+    if not len(positions):
+        return np.zeros(0, dtype=np.int64)
+    pairs = cKDTree(positions).query_pairs(radius, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
+    component = connected_components(graph, directed=False)[1]
+    counts = np.bincount(component)
+    order = np.argsort(-counts, kind="stable")
+    ids = np.zeros(len(counts), dtype=np.int64)
+    ids[order] = np.arange(1, len(counts) + 1)
+    ids[counts < minimum] = 0
+    return ids[component]
+
+
+def fit_box(positions: NDArray[np.float64], axes: NDArray[np.float64]) -> Box:
+    """The smallest upright box around the bulk (1st to 99th percentile) of some points.
+
+    Args:
+        positions: (P, 3), P >= 1.
+        axes: (3, 3) rows east, north, up of the drive.
+    """
+    local = positions @ axes.T
+    low, high = np.percentile(local, [1, 99], axis=0)
+    inside = np.all((local >= low) & (local <= high), axis=1) if len(local) > 10 else np.ones(len(local), bool)
+    rectangle = cv2.minAreaRect((local[inside, :2] - local[:, :2].mean(0)).astype(np.float32))
+    (cx, cy), (w, h), angle = rectangle
+    yaw = np.radians(angle)
+    if w < h:
+        w, h, yaw = h, w, yaw + np.pi / 2
+    yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
+    mean = local[:, :2].mean(0)
+    centre = np.array([cx + mean[0], cy + mean[1], (low[2] + high[2]) / 2]) @ axes
+    return Box(
+        (float(centre[0]), float(centre[1]), float(centre[2])), (float(w), float(h), float(high[2] - low[2])), float(yaw)
+    )

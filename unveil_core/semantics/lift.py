@@ -1,0 +1,73 @@
+"""Labels and colours for points: a visibility-checked vote over the views.
+
+*3D StreetUnveiler*, section 3.1, gives each surfel one hard label; here it is the label that most views, weighted by
+nearness, show where the point is really seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.semantics.visibility import points_in_view
+
+__all__ = ["sample_colors", "vote_labels"]
+
+
+def vote_labels(
+    positions: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cameras: Sequence[Camera],
+    label_image: Callable[[int], NDArray[np.int64]],
+    label_count: int,
+    *,
+    near: float,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Label points by the views that see them.
+
+    Args:
+        positions: (P, 3); spacing: (P,), world units.
+        cameras: V views.
+        label_image: gives (H, W) compact labels of view v, negative = no vote.
+        label_count: K.
+        near: nearest depth that counts, world units.
+    Returns:
+        labels (P,), -1 where nobody voted; the share of the winning label among all votes (P,).
+    """
+    votes = np.zeros((len(positions), label_count))
+    for v, camera in enumerate(cameras):
+        seen = points_in_view(positions, spacing, camera, near=near)
+        label = label_image(v)[seen.rows, seen.columns]
+        counts = label >= 0
+        votes[seen.index[counts], label[counts]] += 1.0 / np.maximum(seen.depth[counts], near)
+    total = votes.sum(axis=1)
+    labels = np.where(total > 0, votes.argmax(axis=1), -1)
+    return labels, votes.max(axis=1) / np.maximum(total, 1e-12)
+
+
+def sample_colors(
+    positions: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cameras: Sequence[Camera],
+    image: Callable[[int], NDArray[np.uint8]],
+    *,
+    near: float,
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Colour points from the views that see them, nearer views counting more.
+
+    Returns:
+        colours (P, 3) uint8, and which points (P,) any view saw.
+    """
+    total = np.zeros((len(positions), 3))
+    weight = np.zeros(len(positions))
+    for v, camera in enumerate(cameras):
+        seen = points_in_view(positions, spacing, camera, near=near)
+        w = 1.0 / np.maximum(seen.depth, near) ** 2
+        total[seen.index] += image(v)[seen.rows, seen.columns] * w[:, None]
+        weight[seen.index] += w
+    known = weight > 0
+    mean = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None], 128.0)
+    return np.clip(np.round(mean), 0, 255).astype(np.uint8), known

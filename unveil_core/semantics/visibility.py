@@ -1,0 +1,73 @@
+"""Which points a view really sees: a coarse depth buffer of the points themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+
+__all__ = ["PointsInView", "points_in_view"]
+
+
+@dataclass(frozen=True, eq=False)
+class PointsInView:
+    """The points that one view sees.
+
+    Attributes:
+        index: (M,) which points, ascending.
+        rows, columns: (M,) the pixels they fall on, in the camera's own resolution.
+        depth: (M,) metres along the optical axis.
+    """
+
+    index: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    depth: NDArray[np.float64]
+
+
+@njit(cache=True)
+def _splat_depth(x, y, depth, radius, height, width):  # type: ignore[no-untyped-def]
+    buffer = np.full((height, width), np.inf)
+    for i in range(x.shape[0]):
+        x0, x1 = max(0, int(np.floor(x[i] - radius[i]))), min(width - 1, int(np.floor(x[i] + radius[i])))
+        y0, y1 = max(0, int(np.floor(y[i] - radius[i]))), min(height - 1, int(np.floor(y[i] + radius[i])))
+        for row in range(y0, y1 + 1):
+            for column in range(x0, x1 + 1):
+                if depth[i] < buffer[row, column]:
+                    buffer[row, column] = depth[i]
+    return buffer
+
+
+def points_in_view(
+    positions: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    camera: Camera,
+    *,
+    near: float,
+    tolerance: float = 0.04,
+    max_radius_px: float = 6.0,
+) -> PointsInView:
+    """Project points and keep those that no nearer point hides.
+
+    Each point covers a square as large as its spacing; a point is hidden where it lies behind the nearest by more than
+    ``tolerance`` of its depth plus twice its spacing (so that grazing surfaces do not hide themselves).
+
+    Args:
+        positions: (P, 3) world positions; spacing: (P,) distance to neighbours, world units.
+        camera: the view.
+        near: nearest depth that counts, world units.
+    """
+    pixels, depth = camera.project(positions)
+    inside = (depth > near) & (pixels[:, 0] >= 0) & (pixels[:, 0] < camera.width)
+    inside &= (pixels[:, 1] >= 0) & (pixels[:, 1] < camera.height)
+    index = np.flatnonzero(inside)
+    x, y, z = pixels[index, 0], pixels[index, 1], depth[index]
+    radius = np.clip(0.5 * spacing[index] * camera.fx / z, 0.0, max_radius_px)
+    buffer = _splat_depth(x, y, z, radius, camera.height, camera.width)
+    rows, columns = y.astype(np.int64), x.astype(np.int64)
+    seen = z <= buffer[rows, columns] * (1 + tolerance) + 2 * spacing[index]
+    return PointsInView(index[seen], rows[seen], columns[seen], z[seen])
