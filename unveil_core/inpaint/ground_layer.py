@@ -52,15 +52,29 @@ class GroundLayer:
     colors: list[Float32]
     gains: list[Float32]
 
-    def look(self, camera: Camera) -> GroundPixels:
-        """The ground as ``camera`` would see it."""
-        height, width = camera.height, camera.width
-        rays = camera.rays().reshape(-1, 3)
+    def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
+        """(H, W) pixels that may show relit ground, found by projecting its texels."""
+        mask = np.zeros((camera.height, camera.width), dtype=np.uint8)
+        rows, columns = np.nonzero(self.chart.gain.max(axis=2) > 1.02)
+        if len(rows):
+            pixel, depth = camera.project(self.chart.world(rows, columns))
+            inside = (depth > 0.3 * self.chart.texel / 0.04) & (pixel[:, 0] >= 0) & (pixel[:, 0] < camera.width)
+            inside &= (pixel[:, 1] >= 0) & (pixel[:, 1] < camera.height)
+            mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
+            # Close to the camera texels lie some pixels apart.
+            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+            mask = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+        return mask.astype(bool)
+
+    def look(self, camera: Camera, wanted: NDArray[np.bool_]) -> GroundPixels:
+        """The ground as ``camera`` would see it in the ``wanted`` (H, W) pixels."""
+        shape = wanted.shape
+        rays = camera.rays()[wanted]
         depth, street = self.chart.ground.intersect(camera, rays)
         hit = np.isfinite(depth)
-        color = np.zeros((height * width, 3), dtype=np.float32)
-        gain = np.ones((height * width, 3), dtype=np.float32)
-        covered = np.zeros(height * width, dtype=bool)
+        color = np.zeros((len(rays), 3), dtype=np.float32)
+        gain = np.ones((len(rays), 3), dtype=np.float32)
+        covered = np.zeros(len(rays), dtype=bool)
         if hit.any():
             z = depth[hit]
             # A pixel's extent on the ground: z/f across, and stretched by the grazing angle along.
@@ -71,15 +85,20 @@ class GroundLayer:
             gain[hit] = sample_chart(self.gains, self.chart, street[hit], across / grazing, across)
             row, column, on_chart = self.chart.index_of(street[hit])
             covered[hit] = on_chart & (self.chart.source[row, column] > 0)
-        shape = (height, width)
+
+        def spread(values: NDArray[np.generic], default: float | bool) -> NDArray[np.generic]:
+            plane = np.full((*shape, *values.shape[1:]), default, dtype=values.dtype)
+            plane[wanted] = values
+            return plane
+
         gain = np.maximum(gain, 1.0)
         return GroundPixels(
-            hit=hit.reshape(shape),
-            depth=np.where(hit, depth, np.inf).reshape(shape),
-            color=np.clip(color, 0, 1).reshape(*shape, 3),
-            gain=gain.reshape(*shape, 3),
-            covered=covered.reshape(shape),
-            shadow=(gain.max(axis=1) > 1.02).reshape(shape),
+            hit=spread(hit, False),
+            depth=spread(np.where(hit, depth, np.inf), np.inf),
+            color=spread(np.clip(color, 0, 1), 0.0),
+            gain=spread(gain, 1.0),
+            covered=spread(covered, False),
+            shadow=spread(gain.max(axis=1) > 1.02, False),
         )
 
 

@@ -31,7 +31,8 @@ class StreetPath:
         heading: (S,) radians.
         start: arc length of the first node; the first camera is at 0.
         step: world units.
-        tree: over the nodes.
+        corner: (2,) east/north of the look-up's first cell centre; cell: its cell size.
+        nearest: (P, Q) index of the node nearest to each cell's centre.
     """
 
     axes: Array
@@ -39,12 +40,27 @@ class StreetPath:
     heading: Array
     start: float
     step: float
-    tree: cKDTree
+    corner: Array
+    cell: float
+    nearest: NDArray[np.int64]
+
+    def node_of(self, horizontal: Array) -> NDArray[np.int64]:
+        """Index (N,) of the node nearest to points (N, 2): the cell's node, walked along the path to the point's foot."""
+        grid = np.round((horizontal - self.corner) / self.cell).astype(np.int64)
+        index = self.nearest[
+            np.clip(grid[:, 0], 0, self.nearest.shape[0] - 1), np.clip(grid[:, 1], 0, self.nearest.shape[1] - 1)
+        ]
+        last = len(self.nodes) - 1
+        for _ in range(3):
+            gap = horizontal - self.nodes[index]
+            along = gap[:, 0] * np.cos(self.heading[index]) + gap[:, 1] * np.sin(self.heading[index])
+            index = np.clip(index + np.round(along / self.step).astype(np.int64), 0, last)
+        return index
 
     def to_street(self, points: Array) -> Array:
         """(N, 3) of arc length, lateral offset (left positive) and height, for world points (N, 3)."""
         local = points @ self.axes.T
-        index = self.tree.query(local[:, :2])[1]
+        index = self.node_of(local[:, :2])
         gap = local[:, :2] - self.nodes[index]
         cos, sin = np.cos(self.heading[index]), np.sin(self.heading[index])
         along, left = gap[:, 0] * cos + gap[:, 1] * sin, -gap[:, 0] * sin + gap[:, 1] * cos
@@ -104,7 +120,14 @@ def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: floa
     ahead = nodes[-1] + np.cumsum(np.stack([np.cos(after), np.sin(after)], 1) * step, axis=0)
     behind = nodes[0] - np.cumsum(np.stack([np.cos(before), np.sin(before)], 1)[::-1] * step, axis=0)[::-1]
     nodes = np.concatenate([behind, nodes, ahead])
-    return StreetPath(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, cKDTree(nodes))
+    cell, margin = 1.0 * unit, 30.0 * unit
+    corner = nodes.min(axis=0) - margin
+    extent = np.ceil((nodes.max(axis=0) + margin - corner) / cell).astype(int) + 1
+    centres = np.stack(np.meshgrid(*(np.arange(n) * cell for n in extent), indexing="ij"), axis=-1) + corner
+    nearest = cKDTree(nodes).query(centres.reshape(-1, 2))[1].reshape(extent)
+    return StreetPath(
+        axes, nodes, np.concatenate([before, heading, after]), -count * step, step, corner, cell, nearest
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,7 @@ def paint_in_reversed_time(
         gain = np.ones_like(picture)
         ceiling = np.full(task.removed.shape, np.inf)
         if layer is not None:
-            look = layer.look(task.camera)
+            look = layer.look(task.camera, task.removed | layer.shadow_pixels(task.camera))
             ceiling = look.depth
             in_front = (out["alpha"] > 0.5) & (out["depth"] < 0.9 * look.depth)
             ground = look.covered & ~in_front & task.removed

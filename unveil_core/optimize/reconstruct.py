@@ -27,7 +27,7 @@ from unveil_core.semantics.segment import SceneLabels, frame_labels
 from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
 from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.surfels.triangulate import triangulate_flow
+from unveil_core.surfels.sweep import SweepSettings, sweep_points
 
 __all__ = ["PRESETS", "ReconstructSettings", "SceneRange", "reconstruct", "scene_range", "start_scene"]
 
@@ -96,7 +96,7 @@ def start_scene(
     *,
     progress: Progress = no_progress,
 ) -> Surfels:
-    """Surfels from the drive's points and from triangulated ones, labelled by the views.
+    """Surfels from the drive's points and from swept ones, labelled by the views.
 
     Raises:
         DriveError: no point is seen by any frame.
@@ -110,14 +110,14 @@ def start_scene(
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
     for track in tracks(drive):
         usable = [(labels[i] != sky) if sky is not None else np.ones(labels[i].shape, bool) for i in track]
-        found, footprint = triangulate_flow(
-            [cameras[i] for i in track], lambda k, t=track: images[t[k]], lambda k, u=usable: u[k],
-            near=limits.near, far=limits.far, progress=progress,
+        found, footprint = sweep_points(
+            [cameras[i] for i in track], lambda k, t=track: images[t[k]], lambda k, u=usable: u[k], SweepSettings(),
+            near=10 * limits.near, far=limits.far, progress=progress,
         )  # fmt: skip
         if len(found):
             positions.append(found)
             sizes.append(footprint)
-    # The drive's own points come first, so that thinning keeps them where both exist; triangulated ones only where
+    # The drive's own points come first, so that thinning keeps them where both exist; swept ones only where
     # the nearest measured point is farther away than a few pixels.
     if len(positions) > 1:
         measured = cKDTree(positions[0])

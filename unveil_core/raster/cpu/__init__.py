@@ -1,1 +1,1 @@
-"""cpu."""
+"""The numba backend."""

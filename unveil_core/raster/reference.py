@@ -1,0 +1,127 @@
+"""The dense reference: every surfel against every pixel, in float64 torch, gradients by autograd. For tests only.
+
+The intersection is the textbook cross product of two homogeneous planes (2DGS, equations 8 to 10), not the re-centred form of
+the fast backends, so that the two can check each other. Memory is pixels x surfels: keep scenes small.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN, LOW_PASS, TRANSMITTANCE_MIN
+from unveil_core.raster.spherical_harmonics import evaluate
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["render_reference"]
+
+
+def _rotation(quats: Tensor) -> Tensor:
+    norm = quats.norm(dim=1, keepdim=True)
+    # A zero quaternion means no rotation, and has no gradient.
+    identity = quats.new_tensor([1.0, 0.0, 0.0, 0.0]).expand_as(quats)
+    unit = torch.where(norm > 1e-12, quats / norm.clamp_min(1e-12), identity)
+    w, x, y, z = unit.unbind(-1)
+    rows = [
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    ]  # fmt: skip
+    return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
+
+
+def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
+    """(P,) sum over pairs in front of one another of w_i w_j (m_i - m_j)^2, for (P, N) weights."""
+    before = [torch.cumsum(v, dim=1) - v for v in (weight, weight * mapped, weight * mapped * mapped)]
+    return (weight * (mapped * mapped * before[0] + before[2] - 2 * mapped * before[1])).sum(dim=1)
+
+
+def render_reference(
+    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float
+) -> dict[str, Tensor]:
+    """All planes in float64.
+
+    Args:
+        surfels: N surfels of any float type; gradients flow back to them.
+        label_count: K.
+    Returns:
+        plane name to (H, W) or (H, W, C) float64; "visible" (N,) bool; "undecided" (H, W) bool, pixels where a decision
+        (contribution counted, light used up, which of the two filters) hangs on less than a ten-thousandth, so that float32 may
+        rightly decide otherwise.
+    """
+    dtype = torch.float64
+    width, height = camera.width, camera.height
+    pose = torch.from_numpy(camera.world_to_camera).to(dtype)
+    means, log_scales = surfels.means.to(dtype), surfels.log_scales.to(dtype)
+    opacity = torch.sigmoid(surfels.opacity_logits.to(dtype))
+    centre = torch.from_numpy(camera.centre).to(dtype)
+    rgb = evaluate(surfels.sh.to(dtype), F.normalize(means - centre, dim=1))
+    local = means @ pose[:3, :3].T + pose[:3, 3]
+    axes = pose[:3, :3] @ _rotation(surfels.quats.to(dtype))
+    scale = log_scales.exp()
+    normal = axes[..., 2]
+    normal = normal * torch.where((normal * local).sum(1, keepdim=True) > 0, -1.0, 1.0)
+    intrinsics = torch.tensor([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], dtype=dtype)
+    plane = intrinsics @ torch.stack([axes[..., 0] * scale[:, :1], axes[..., 1] * scale[:, 1:], local], dim=-1)
+
+    order = torch.argsort(local[:, 2].detach().float(), stable=True)
+    order = order[local[order, 2].detach().float() > near]
+    z, plane, opacity, label = local[order, 2], plane[order], opacity[order], surfels.labels[order]
+    projected = plane[:, :2, 2] / plane[:, 2:, 2]
+    ys, xs = torch.meshgrid(
+        torch.arange(height, dtype=dtype) + 0.5, torch.arange(width, dtype=dtype) + 0.5, indexing="ij"
+    )
+    px, py = xs.reshape(-1, 1), ys.reshape(-1, 1)
+    cross = torch.linalg.cross(
+        px[..., None] * plane[None, :, 2] - plane[None, :, 0], py[..., None] * plane[None, :, 2] - plane[None, :, 1]
+    )
+    w = torch.where(cross[..., 2].abs() < 1e-300, torch.full_like(cross[..., 2], 1e-300), cross[..., 2])
+    u, v = cross[..., 0] / w, cross[..., 1] / w
+    exact = u * u + v * v
+    screen = LOW_PASS * ((px - projected[:, 0]) ** 2 + (py - projected[:, 1]) ** 2)
+    is_exact = exact <= screen
+    depth = torch.where(is_exact, u * plane[:, 2, 0] + v * plane[:, 2, 1] + plane[:, 2, 2], z.expand_as(exact))
+    in_front = depth >= near
+    depth = torch.where(in_front, depth, torch.ones_like(depth))
+    raw = opacity * torch.exp(-0.5 * torch.where(is_exact, exact, screen))
+    alpha = raw.clamp_max(ALPHA_MAX)
+    alpha = torch.where((alpha >= ALPHA_MIN) & in_front, alpha, torch.zeros_like(alpha))
+    through = torch.cumprod(1 - alpha, dim=1)
+    counted = alpha > 0
+    undecided = ((raw / ALPHA_MIN - 1).abs() < 1e-4) | ((raw / ALPHA_MAX - 1).abs() < 1e-4)
+    undecided |= counted & ((exact - screen).abs() < 1e-4 * screen)
+    undecided |= counted & (((through / TRANSMITTANCE_MIN - 1).abs() < 1e-3) | ((2 * through - 1).abs() < 1e-4))
+    finished = torch.cummax((through < TRANSMITTANCE_MIN).to(torch.int8), dim=1).values > 0 if len(z) else through > 2
+    alpha = torch.where(finished, torch.zeros_like(alpha), alpha)
+
+    def before(a: Tensor) -> Tensor:
+        product = torch.cumprod(1 - a, dim=1)
+        return torch.cat([torch.ones_like(product[:, :1]), product[:, :-1]], dim=1) if a.shape[1] else product
+
+    light = before(alpha)
+    weight = alpha * light
+    mapped = far / (far - near) - far * near / (far - near) / depth
+    one_hot = F.one_hot(label, label_count).to(dtype)
+    index = torch.where((light > 0.5) & (alpha > 0), torch.arange(len(z)), -1)
+    last = index.max(dim=1).values if len(z) else torch.full((height * width,), -1)
+    median = depth.gather(1, last.clamp_min(0)[:, None])[:, 0] if len(z) else torch.zeros(height * width, dtype=dtype)
+    per_label = torch.zeros(height * width, dtype=dtype)
+    for k in range(label_count):
+        own = alpha * one_hot[:, k]
+        per_label = per_label + _pair_distortion(own * before(own), mapped)
+    visible = torch.zeros(len(surfels), dtype=torch.bool)
+    visible[order] = (alpha > 0).any(dim=0)
+    planes = {
+        "rgb": weight @ rgb[order],
+        "alpha": weight.sum(dim=1),
+        "semantics": weight @ one_hot,
+        "depth": (weight * depth).sum(dim=1),
+        "median_depth": torch.where(last >= 0, median, torch.zeros_like(median)),
+        "normal": weight @ normal[order],
+        "distortion": _pair_distortion(weight, mapped),
+        "label_distortion": per_label,
+    }
+    shaped = {k: p.reshape(height, width, *p.shape[1:]) for k, p in planes.items()}
+    return {**shaped, "visible": visible, "undecided": undecided.any(dim=1).reshape(height, width)}

@@ -1,0 +1,417 @@
+"""What each stage reads, computes and writes. The computing lives in the modules below; the order in ``stages``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.drives import open_drive
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.importing import import_drive
+from unveil_core.drives.imported import read_imported
+from unveil_core.evaluate import run_evaluation, write_metrics
+from unveil_core.files import read_image, read_label_image, write_atomic, write_image_atomic, write_json_atomic
+from unveil_core.inpaint.compose import compose_frame
+from unveil_core.inpaint.exemplar import FillSettings
+from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
+from unveil_core.inpaint.single_image import inpainter
+from unveil_core.inpaint.time_reversal import FrameTask, paint_in_reversed_time
+from unveil_core.inpaint.transfer import render_numpy, seed_ground
+from unveil_core.mesh import DepthView, fuse, write_glb, write_ply
+from unveil_core.optimize.reconstruct import PRESETS, reconstruct, scene_range, tracks
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.raster import render
+from unveil_core.remove.regions import grow, region_map, unobserved_mask
+from unveil_core.remove.selection import near_removed, select_removed
+from unveil_core.report import write_report
+from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
+from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_instances, frame_labels
+from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.sky import Sky, up_frame
+from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.stages import Stage, StageContext
+from unveil_core.workspace import Workspace
+
+MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
+"""Edge of a voxel of the fused meshes, metres."""
+
+
+def load_sky(path: Path) -> Sky:
+    """The sky of a workspace."""
+    data = np.load(path, allow_pickle=False)
+    return Sky(torch.from_numpy(data["texture"]), data["axes"])
+
+
+def save_sky(sky: Sky, path: Path) -> None:
+    """Write the sky as a plain npz."""
+    write_atomic(path, lambda stream: np.savez(stream, texture=sky.texture.numpy(), axes=sky.axes))
+
+
+def load_labels(workspace: Workspace) -> SceneLabels:
+    """The labels that the segment stage chose."""
+    return SceneLabels.from_json(json.loads(workspace.labels_json.read_text()))
+
+
+def load_mask(path: Path) -> NDArray[np.bool_]:
+    """A mask image of the workspace."""
+    return read_label_image(path) > 127
+
+
+def save_mask(mask: NDArray[np.bool_], path: Path) -> None:
+    """Write a mask as an 8-bit PNG, 255 where True."""
+    write_image_atomic(path, np.where(mask, 255, 0).astype(np.uint8))
+
+
+def save_array(array: NDArray[np.generic], path: Path) -> None:
+    """Write one array as npy."""
+    write_atomic(path, lambda stream: np.save(stream, array, allow_pickle=False))
+
+
+def load_array(path: Path) -> NDArray[np.int64]:
+    """Read one array of :func:`save_array`."""
+    array: NDArray[np.int64] = np.load(path, allow_pickle=False)
+    return array
+
+
+def frame_file(folder: Path, frame: Frame) -> Path:
+    """Where a frame's picture lies in one of the per-frame folders."""
+    return folder / frame.camera_name / f"{frame.name}.png"
+
+
+# ---------------------------------------------------------------------------------------------------------------- import
+
+
+def import_body(context: StageContext) -> None:
+    """drive/: undistorted, recentred."""
+    import_drive(
+        open_drive(context.drive), context.output("drive"), max_side=context.settings.max_side,
+        progress=context.progress,
+    )  # fmt: skip
+
+
+def segment_body(context: StageContext) -> None:
+    """labels.json: which labels occur and which of them go."""
+    drive = read_imported(context.workspace.drive_dir)
+    settings = context.settings
+    write_json_atomic(
+        context.output("labels.json"), choose_labels(drive, settings.remove, settings.instances).to_json()
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------- reconstruct
+
+
+def reconstruct_body(context: StageContext) -> None:
+    """surfels/full.ply and surfels/sky.npz."""
+    drive = read_imported(context.workspace.drive_dir)
+    scene = load_labels(context.workspace)
+    settings = PRESETS[context.settings.quality]
+    surfels, sky = reconstruct(drive, scene, settings, seed=context.settings.seed, progress=context.progress)
+    comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
+    write_surfels(surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
+    save_sky(sky, context.output("surfels/sky.npz"))
+
+
+def instances_body(context: StageContext) -> None:
+    """instances.json and surfels/instances.npy: single objects among what can be removed."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    limits = scene_range(drive)
+    removable = np.isin(surfels.labels.numpy(), scene.removable_labels)
+    means = surfels.means.double().numpy()[removable]
+    spacing = surfels.log_scales.exp().amax(dim=1).double().numpy()[removable] * 1.5
+    images = [frame_instances(f) for f in drive.frames]
+    if any(image is not None for image in images):
+        ids = vote_instances(means, spacing, [f.camera for f in drive.frames], lambda v: images[v], near=limits.near)
+    else:
+        ids = cluster_points(means, 0.4 * limits.unit)
+    of_surfel = np.zeros(len(surfels), dtype=np.int64)
+    of_surfel[removable] = ids
+    save_array(of_surfel, context.output("surfels/instances.npy"))
+
+    axes = up_frame(drive.up)
+    labels = surfels.labels.numpy()
+    entries: list[dict[str, object]] = []
+    chosen = [int(i) for i in np.unique(ids) if i]
+    for done, instance in enumerate(chosen):
+        mask = of_surfel == instance
+        label = int(np.bincount(labels[mask]).argmax())
+        box = fit_box(surfels.means.double().numpy()[mask], axes)
+        seen = _frames_that_see(drive, surfels.means.double().numpy()[mask], images, instance)
+        thumbnail = None
+        if seen:
+            best, rectangle = seen[0]
+            thumbnail = f"instances/{instance:04d}.png"
+            write_image_atomic(context.output(thumbnail), _thumbnail(read_image(drive.frames[best].image_path), rectangle))
+        order = sorted(v for v, _ in seen)
+        entries.append({
+            "id": instance, "class": scene.labels.names[label], "box": box.to_json(), "surfels": int(mask.sum()),
+            "first_frame": drive.frames[order[0]].name if order else None,
+            "last_frame": drive.frames[order[-1]].name if order else None,
+            "thumbnail": thumbnail,
+            "removed": label in scene.removed_labels or instance in scene.instances,
+        })  # fmt: skip
+        context.progress(done + 1, len(chosen), "naming objects")
+    context.output("instances").mkdir(parents=True, exist_ok=True)
+    write_json_atomic(context.output("instances.json"), entries)
+
+
+def _frames_that_see(
+    drive: Drive, means: NDArray[np.float64], images: Sequence[NDArray[np.int64] | None], instance: int
+) -> list[tuple[int, tuple[int, int, int, int]]]:
+    """Frames that show an object with its rectangle (x0, y0, x1, y1), the one that shows it largest first."""
+    found = []
+    for v, frame in enumerate(drive.frames):
+        camera = frame.camera
+        image = images[v]
+        if image is not None:
+            rows, columns = np.nonzero(image == instance)
+            whole = len(rows)
+        else:
+            pixels, depth = camera.project(means)
+            ok = (depth > 0) & (pixels >= 0).all(axis=1)
+            ok &= (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
+            columns, rows = pixels[ok, 0].astype(int), pixels[ok, 1].astype(int)
+            whole = int(ok.sum()) if ok.mean() > 0.3 else 0
+        if whole < 12:
+            continue
+        rectangle = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+        inner = rectangle[0] > 1 and rectangle[2] < camera.width - 1 and rectangle[3] < camera.height - 1
+        area = (rectangle[2] - rectangle[0]) * (rectangle[3] - rectangle[1])
+        found.append((area * (2 if inner else 1), v, rectangle))
+    found.sort(key=lambda f: (-f[0], f[1]))
+    return [(v, rectangle) for _, v, rectangle in found]
+
+
+def _thumbnail(image: NDArray[np.uint8], rectangle: tuple[int, int, int, int], side: int = 96) -> NDArray[np.uint8]:
+    x0, y0, x1, y1 = rectangle
+    half = max(x1 - x0, y1 - y0) * 0.6
+    cx, cy = (x0 + x1) / 2, (y0 + y1) / 2
+    matrix = np.array([[2 * half / side, 0, cx - half], [0, 2 * half / side, cy - half]])
+    picture = cv2.warpAffine(
+        image, matrix, (side, side), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
+    )
+    return picture.astype(np.uint8)
+
+
+# ---------------------------------------------------------------------------------------------------------------- remove
+
+
+def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) pixels in which this frame shows something that goes.
+
+    From the frame's own labels or instances where it has them, else from the rendered share of the removed surfels: so
+    masks on some frames are carried to the others through the scene.
+    """
+    label = frame_labels(frame, scene)
+    known = label >= 0
+    mask = np.isin(label, scene.removed_labels)
+    instances = frame_instances(frame)
+    if scene.instances and instances is not None:
+        mask |= np.isin(instances, scene.instances)
+    elif scene.instances:
+        mask |= rendered > 0.5
+    return mask | (~known & (rendered > 0.5))
+
+
+def remove_body(context: StageContext) -> None:
+    """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    limits = scene_range(drive)
+    of_surfel = load_array(workspace.root / "surfels/instances.npy")
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.05 * limits.unit)
+    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
+    keep = torch.from_numpy(~gone)
+    left = surfels.select(keep)
+    marked = Surfels(
+        surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, (~keep).long()
+    )
+    for done, frame in enumerate(drive.frames):
+        with torch.no_grad():
+            full = render(
+                marked, frame.camera, ("alpha", "semantics"), label_count=2, near=limits.near, far=limits.far
+            )
+            empty = render(left, frame.camera, ("alpha",), near=limits.near, far=limits.far)
+        assert full.alpha is not None and full.semantics is not None and empty.alpha is not None
+        own = object_mask(frame, scene, full.semantics[..., 1].numpy())
+        # Antialiased borders carry the object's colour one or two pixels beyond its label.
+        removed = grow(own, max(2, round(frame.camera.width / 400)))
+        unobserved = unobserved_mask(full.alpha.numpy(), empty.alpha.numpy(), removed)
+        save_mask(removed, frame_file(context.output("masks/removed"), frame))
+        save_mask(unobserved, frame_file(context.output("masks/unobserved"), frame))
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, own, unobserved))
+        context.progress(done + 1, len(drive.frames), "finding what nobody saw")
+
+
+# --------------------------------------------------------------------------------------------------------------- inpaint
+
+
+def drive_ground_layer(
+    context: StageContext, drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_],
+    images: Sequence[NDArray[np.uint8]], removed: Sequence[NDArray[np.bool_]],
+) -> GroundLayer | None:  # fmt: skip
+    """The ground of the empty street, or None where the scene has none."""
+    limits = scene_range(drive)
+    track = max(tracks(drive), key=len)
+    ground = fit_drive_ground(
+        surfels.select(torch.from_numpy(~gone)), scene.labels, [drive.frames[i].camera for i in track], drive.up,
+        unit=limits.unit,
+    )  # fmt: skip
+    if ground is None:
+        return None
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    usable = []
+    for i, frame in enumerate(drive.frames):
+        camera = frame.camera
+        depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
+        full = render_numpy(surfels, camera, near=limits.near, far=limits.far)
+        usable.append(
+            ground_usable(
+                labels[i], scene.labels, grow(removed[i], 2), depth.reshape(camera.height, camera.width), full["depth"]
+            )
+        )
+    fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
+    return build_ground_layer(
+        ground, [f.camera for f in drive.frames], images, labels, usable, surfels.means.double().numpy()[gone], fill,
+        unit=limits.unit, progress=context.progress,
+    )  # fmt: skip
+
+
+def inpaint_body(context: StageContext) -> None:
+    """inpainted/, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    sky = load_sky(workspace.root / "surfels/sky.npz")
+    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    limits = scene_range(drive)
+    images = [read_image(f.image_path) for f in drive.frames]
+    removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
+    unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
+    layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
+    left = surfels.select(torch.from_numpy(~gone))
+    tasks = [
+        FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)
+    ]
+    painted, seeds = paint_in_reversed_time(
+        tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
+        near=limits.near, far=limits.far, progress=context.progress,
+    )  # fmt: skip
+    for frame, result in zip(drive.frames, painted, strict=True):
+        write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
+        save_mask(result.shadow, frame_file(context.output("masks/shadows"), frame))
+    parts = [] if seeds is None else [seeds]
+    relit = np.zeros(len(left), dtype=np.uint8)
+    if layer is not None:
+        preset = REOPTIMIZE_PRESETS[context.settings.quality]
+        chart = layer.chart
+        means = surfels.means.double().numpy()
+        row, column, inside = chart.index_of(chart.ground.path.to_street(means[gone]))
+        near = np.zeros(chart.source.shape, dtype=np.uint8)
+        near[row[inside], column[inside]] = 1
+        reach = max(3, int(1.5 * limits.unit / chart.texel) | 1)
+        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
+        default = scene.labels.index("road")
+        parts.append(
+            seed_ground(
+                chart, near.astype(bool), spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                sh_degree=left.sh_degree, default_label=0 if default is None else default,
+            )
+        )  # fmt: skip
+        street = chart.ground.path.to_street(means[~gone])
+        row, column, inside = chart.index_of(street)
+        low = np.abs(street[:, 2] - chart.ground.height_at(street[:, 0], street[:, 1])) < 0.15 * limits.unit
+        relit = (inside & low & (chart.gain[row, column].max(axis=1) > 1.02)).astype(np.uint8)
+    seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
+    write_surfels(seeds, context.output("surfels/seeds.ply"), offset=drive.offset)
+    save_array(relit, context.output("surfels/relit.npy"))
+
+
+# ------------------------------------------------------------------------------------------------------------ reoptimize
+
+
+def reoptimize_body(context: StageContext) -> None:
+    """surfels/empty.ply, renders/, frames/."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    full = read_surfels(workspace.surfels_full)
+    sky = load_sky(workspace.root / "surfels/sky.npz")
+    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
+    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
+    limits = scene_range(drive)
+    preset = REOPTIMIZE_PRESETS[context.settings.quality]
+    near = near_removed(full, gone, preset.near_m * limits.unit)[~gone]
+    surfels = concatenate([full.select(torch.from_numpy(~gone)), seeds])
+    movable = np.concatenate([near | relit, np.ones(len(seeds), dtype=bool)])
+    clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
+    empty = reoptimize(
+        surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
+        unit=limits.unit, near=limits.near, far=limits.far, label_count=len(scene.labels),
+        seed=context.settings.seed, progress=context.progress,
+    )  # fmt: skip
+    write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
+    for i, frame in enumerate(drive.frames):
+        out = render_numpy(empty, frame.camera, near=limits.near, far=limits.far)
+        picture = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(frame.camera).numpy()
+        picture8 = np.clip(np.round(picture * 255), 0, 255).astype(np.uint8)
+        write_image_atomic(frame_file(context.output("renders"), frame), picture8)
+        removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
+        removed |= load_mask(frame_file(workspace.root / "masks/shadows", frame))
+        photograph = read_image(frame.image_path)
+        write_image_atomic(
+            frame_file(context.output("frames"), frame), compose_frame(photograph, clean[i], removed)
+        )
+
+
+# ---------------------------------------------------------------------------------------------------------- mesh, report
+
+
+def mesh_body(context: StageContext) -> None:
+    """meshes/full.ply, meshes/empty.ply, meshes/empty.glb."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    limits = scene_range(drive)
+    voxel = MESH_VOXEL_M[context.settings.quality] * limits.unit
+    for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
+        surfels = read_surfels(path)
+        mesh = fuse(
+            _depth_views(drive, surfels, limits.near, limits.far), voxel_size=voxel, max_depth=30 * limits.unit,
+            progress=context.progress,
+        )  # fmt: skip
+        write_ply(mesh, context.output(f"meshes/{state}.ply"), offset=drive.offset)
+        if state == "empty":
+            write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset)
+
+
+def _depth_views(drive: Drive, surfels: Surfels, near: float, far: float) -> list[DepthView]:
+    views = []
+    for frame in drive.frames:
+        with torch.no_grad():
+            out = render(surfels, frame.camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
+        assert out.rgb is not None and out.alpha is not None and out.median_depth is not None
+        alpha = out.alpha.numpy()
+        solid = alpha > 0.7
+        rgb = np.clip(out.rgb.numpy() / np.maximum(alpha, 1e-3)[..., None], 0, 1)
+        views.append(DepthView(frame.camera, np.where(solid, out.median_depth.numpy(), 0).astype(np.float32), rgb))
+    return views
+
+
+def report_body(context: StageContext) -> None:
+    """metrics.json and report/."""
+    metrics = run_evaluation(context.workspace.root, None, context.progress)
+    write_metrics(metrics, context.output("metrics.json"))
+    write_report(context.workspace.root, context.output("report"), metrics, context.progress)
