@@ -1,0 +1,54 @@
+"""An imported drive opens as a Drive again: everything after import knows one layout."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.points import read_points
+from unveil_core.errors import DriveError
+from unveil_core.geometry.camera import Camera
+
+__all__ = ["read_imported"]
+
+
+def read_imported(folder: Path) -> Drive:
+    """Open the ``drive/`` folder of a workspace.
+
+    Raises:
+        DriveError: it is not there or was not written by an import.
+    """
+    path = folder / "cameras.json"
+    try:
+        data = json.loads(path.read_text())
+        frames = tuple(
+            Frame(
+                name=e["name"],
+                camera_name=e["camera"],
+                camera=Camera(
+                    int(e["width"]), int(e["height"]), float(e["fx"]), float(e["fy"]), float(e["cx"]), float(e["cy"]),
+                    np.array(e["world_to_camera"], dtype=np.float64),
+                ),
+                image_path=folder / e["image"],
+                semantic_path=folder / e["semantics"] if "semantics" in e else None,
+                instance_path=folder / e["instances"] if "instances" in e else None,
+                mask_path=folder / e["mask"] if "mask" in e else None,
+                timestamp=e.get("timestamp"),
+            )
+            for e in data["frames"]
+        )  # fmt: skip
+        return Drive(
+            root=folder,
+            frames=frames,
+            points=read_points(folder / "points.ply"),
+            offset=np.array(data["offset"], dtype=np.float64),
+            up=np.array(data["up"], dtype=np.float64),
+            metric=bool(data["metric"]),
+            semantic_classes=data["semantic_classes"],
+            truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
+        )
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error

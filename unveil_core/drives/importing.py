@@ -1,0 +1,154 @@
+"""Importing a drive into a workspace: undistorted, recentred, in one known layout.
+
+    images/<camera>/<frame>.(png|jpg)  semantics/  instances/  masks/   points.ply   cameras.json
+
+Recentring shifts, and only shifts, in float64; the offset is kept. Undistorting and resizing happen where needed, otherwise
+the original files are linked.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.check import check_drive
+from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.points import write_points
+from unveil_core.files import (
+    link_or_copy,
+    read_image,
+    read_instance_image,
+    read_label_image,
+    write_image_atomic,
+    write_json_atomic,
+)
+from unveil_core.geometry.camera import Camera
+from unveil_core.progress import Progress, no_progress
+
+__all__ = ["import_drive", "recentred"]
+
+
+def recentred(drive: Drive) -> Drive:
+    """The drive shifted so that its local origin lies amid the cameras, at whole units.
+
+    World position = local position + offset. Subtraction happens in float64 between numbers of like size, so nothing is
+    lost beyond the coordinates' own rounding.
+    """
+    shift = np.round(np.mean([f.camera.centre for f in drive.frames], axis=0))
+    frames = []
+    for frame in drive.frames:
+        pose = frame.camera.world_to_camera.copy()
+        # R (x_local + shift) + t = R x_local + (R shift + t); through the centre it cancels least.
+        pose[:3, 3] = -pose[:3, :3] @ (frame.camera.centre - shift)
+        frames.append(replace(frame, camera=replace(frame.camera, world_to_camera=pose)))
+    points = PointCloud(drive.points.positions - shift, drive.points.colors)
+    return replace(drive, frames=tuple(frames), points=points, offset=drive.offset + shift)
+
+
+def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """cv2.remap look-ups from the undistorted, possibly smaller picture to the file on disk."""
+    source, distortion = frame.camera, frame.distortion
+    assert distortion is not None
+    # OpenCV counts from the centre of the first pixel, we from its edge.
+    k_source = np.array([[source.fx, 0, source.cx - 0.5], [0, source.fy, source.cy - 0.5], [0, 0, 1]])
+    k_target = np.array([[target.fx, 0, target.cx - 0.5], [0, target.fy, target.cy - 0.5], [0, 0, 1]])
+    coefficients = np.array(distortion.coefficients, dtype=np.float64)
+    size = (target.width, target.height)
+    if distortion.model == "OPENCV_FISHEYE":
+        return cv2.fisheye.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
+    return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
+
+
+def _warp(picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[np.generic]:
+    """A picture of the frame as the target camera sees it."""
+    if frame.distortion is None:
+        mode = cv2.INTER_NEAREST if label else cv2.INTER_AREA
+        return cv2.resize(picture, (target.width, target.height), interpolation=mode)
+    # Shrinking through remap would alias; undistort at full size first, then shrink.
+    full = frame.camera
+    mode = cv2.INTER_NEAREST if label else cv2.INTER_CUBIC
+    flat = cv2.remap(picture, *_maps(frame, full), mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,) * 3)
+    if (target.width, target.height) == (full.width, full.height):
+        return flat
+    return cv2.resize(
+        flat, (target.width, target.height), interpolation=cv2.INTER_NEAREST if label else cv2.INTER_AREA
+    )
+
+
+def import_drive(
+    drive: Drive, destination: Path, *, max_side: int | None = None, progress: Progress = no_progress
+) -> Drive:
+    """Check a drive and write it to ``destination``, which appears whole or not at all.
+
+    Args:
+        drive: as read from disk.
+        destination: the folder to make; it must not exist or is replaced.
+        max_side: longer image side that larger images are reduced to, pixels; None keeps them.
+    Returns:
+        the imported drive, as :func:`read_imported` gives it.
+    Raises:
+        DriveError: see :func:`check_drive`.
+    """
+    check_drive(drive, progress)
+    drive = recentred(drive)
+    partial = destination.with_name(f".{destination.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        partial.mkdir(parents=True)
+        entries = []
+        for done, frame in enumerate(drive.frames):
+            entries.append(_import_frame(frame, partial, max_side))
+            progress(done + 1, len(drive.frames), "importing")
+        write_points(drive.points, partial / "points.ply")
+        write_json_atomic(partial / "cameras.json", {
+            "source": str(drive.root), "offset": drive.offset.tolist(), "up": drive.up.tolist(),
+            "metric": drive.metric, "semantic_classes": drive.semantic_classes,
+            "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()), "frames": entries,
+        })  # fmt: skip
+        shutil.rmtree(destination, ignore_errors=True)
+        partial.rename(destination)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
+    return read_imported(destination)
+
+
+def _import_frame(frame: Frame, folder: Path, max_side: int | None) -> dict[str, object]:
+    camera = frame.camera
+    factor = 1.0 if max_side is None else min(1.0, max_side / max(camera.width, camera.height))
+    size = (max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+    target = camera if factor == 1.0 else camera.resized(*size)
+    changed = frame.distortion is not None or factor != 1.0
+    suffix = frame.image_path.suffix.lower()
+    if changed or suffix not in (".png", ".jpg", ".jpeg"):
+        suffix = ".png"
+    entry: dict[str, object] = {
+        "name": frame.name, "camera": frame.camera_name, "width": target.width, "height": target.height,
+        "fx": target.fx, "fy": target.fy, "cx": target.cx, "cy": target.cy,
+        "world_to_camera": target.world_to_camera.tolist(), "timestamp": frame.timestamp,
+    }  # fmt: skip
+    kinds = (
+        ("image", "images", frame.image_path, suffix, read_image, False, 0),
+        ("semantics", "semantics", frame.semantic_path, ".png", read_label_image, True, 255),
+        ("instances", "instances", frame.instance_path, ".png", read_instance_image, True, 0),
+        ("mask", "masks", frame.mask_path, ".png", read_label_image, True, 255),
+    )
+    for key, place, path, ending, read, label, border in kinds:
+        if path is None:
+            continue
+        relative = f"{place}/{frame.camera_name}/{frame.name}{ending}"
+        if changed or (label and path.suffix.lower() != ".png"):
+            picture = read(path)  # type: ignore[operator]
+            warped = _warp(picture, frame, target, label=label, border=border) if changed else picture
+            write_image_atomic(folder / relative, warped)
+        else:
+            link_or_copy(path, folder / relative)
+        entry[key] = relative
+    return entry
+

@@ -1,0 +1,62 @@
+"""Rotations, axis conventions, and which way is up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["estimate_up", "nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rotation_to_quat"]
+
+Float64 = NDArray[np.float64]
+
+
+def quat_to_rotation(quat: Sequence[float] | Float64) -> Float64:
+    """(3, 3) rotation of a quaternion wxyz of any length but zero."""
+    w, x, y, z = np.asarray(quat, dtype=np.float64) / np.linalg.norm(quat)
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def rotation_to_quat(rotation: Float64) -> Float64:
+    """(4,) quaternion wxyz with w >= 0 of a rotation (3, 3)."""
+    r = rotation
+    # The symmetric matrix whose largest eigenvector is the quaternion (Bar-Itzhack 2000): no branches, no bad cases.
+    k = np.array([
+        [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], r[0, 0] - r[1, 1] - r[2, 2], r[1, 0] + r[0, 1], r[2, 0] + r[0, 2]],
+        [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], r[2, 1] + r[1, 2]],
+        [r[1, 0] - r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1]],
+    ])  # fmt: skip
+    quat: Float64 = np.linalg.eigh(k)[1][:, -1]
+    return quat if quat[0] >= 0 else -quat
+
+
+def nearest_rotation(matrix: Float64) -> tuple[Float64, float]:
+    """The rotation nearest to a (3, 3) matrix, and the largest entry of their difference."""
+    u, _, vt = np.linalg.svd(matrix)
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return rotation, float(np.abs(rotation - matrix).max())
+
+
+def opengl_to_opencv(camera_to_world: Float64) -> Float64:
+    """Camera-to-world (4, 4) with OpenGL axes (x right, y up, z back) to the same with OpenCV axes (y down, z forward)."""
+    return camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def estimate_up(world_to_cameras: Sequence[Float64]) -> Float64:
+    """(3,) the world's up for a drive that does not say: against the mean of the cameras' y axes, made perpendicular to
+    their x axes, which stay level when a camera is pitched."""
+    down = np.mean([m[1, :3] for m in world_to_cameras], axis=0)
+    right = np.stack([m[0, :3] for m in world_to_cameras])
+    if len(right) >= 3:
+        _, values, vt = np.linalg.svd(right)
+        # The direction in which the x axes have the least extent, where they are spread enough to tell.
+        if values[1] > 0.1 * values[0] and abs(vt[2] @ down) > 0.8 * np.linalg.norm(down):
+            down = vt[2] * np.sign(vt[2] @ down)
+    up: Float64 = -down / np.linalg.norm(down)
+    return up
