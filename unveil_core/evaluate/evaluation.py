@@ -1,0 +1,326 @@
+"""A workspace measured: against the true empty street where there is one, and against itself where there is none.
+
+Measured on the true removed region (``truth/removed``, or the workspace's own mask where the truth has none), split by
+what some frame saw (``truth/unseen``, or the workspace's ``masks/unobserved``), and on cast shadows (``truth/shadow``).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.drive import Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.errors import WorkspaceError
+from unveil_core.evaluate.baselines import BASELINES
+from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
+from unveil_core.files import read_image, read_label_image, write_json_atomic
+from unveil_core.progress import Progress, no_progress
+from unveil_core.remove.regions import grow
+
+__all__ = ["METHODS", "run_evaluation", "write_metrics"]
+
+Picture = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+METHODS: dict[str, str] = {
+    "ours": "Unveil", "render": "Unveil, rendered", "input": "input, untouched", "telea": "Telea",
+    "shift_map": "shift-map",
+}  # fmt: skip
+"""Keys of the measured methods and how people call them."""
+
+UNTOUCHED_MARGIN_PX = 2
+WORKERS = 2
+
+
+@dataclass
+class _Score:
+    """Sums of one method over one region of one frame."""
+
+    squared: float
+    similarity: float
+    pixels: int
+
+
+@dataclass
+class _FrameResult:
+    """What one frame contributes."""
+
+    name: str
+    camera_name: str
+    pixels: int
+    removed: int = 0
+    unobserved: int = 0
+    untouched_max: int = 0
+    untouched_sum: float = 0.0
+    untouched_values: int = 0
+    scores: dict[tuple[str, str], _Score] = field(default_factory=dict)
+    overlaps: dict[str, tuple[int, int]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def run_evaluation(
+    workspace_root: Path, truth_root: Path | None = None, progress: Progress = no_progress
+) -> dict[str, Any]:
+    """Measure the delivery of a workspace; nothing is written.
+
+    Args:
+        workspace_root: a workspace whose ``frames/`` are there.
+        truth_root: folder with ``images/<frame>.png|jpg`` of the empty street and, each optional, ``removed/``,
+            ``unseen/`` and ``shadow/`` masks (255). By default the truth that the drive itself names. Truth of another
+            size than the imported images is resized by area.
+        progress: called once per frame.
+    Returns:
+        a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
+        ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
+        with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and their means over frames. Floats are
+        rounded to 4 digits; what is infinite or undefined is None.
+    Raises:
+        WorkspaceError: a delivered frame is missing, or the truth folder shows none of the frames.
+    """
+    workspace_root = Path(workspace_root)
+    drive = read_imported(workspace_root / "drive")
+    truth = Path(truth_root) if truth_root is not None else drive.truth_root
+    if truth_root is not None and not (Path(truth_root) / "images").is_dir():
+        raise WorkspaceError(
+            "no true images here", path=Path(truth_root) / "images", mend="give a folder that contains images/"
+        )
+    results: list[_FrameResult | None] = [None] * len(drive.frames)
+    with ThreadPoolExecutor(WORKERS) as pool:
+        jobs = {pool.submit(_measure_frame, workspace_root, truth, f): i for i, f in enumerate(drive.frames)}
+        try:
+            for done, job in enumerate(as_completed(jobs)):
+                results[jobs[job]] = job.result()
+                progress(done + 1, len(drive.frames), "measuring")
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    measured = [r for r in results if r is not None]
+    if truth_root is not None and not any(r.scores for r in measured):
+        raise WorkspaceError(
+            "none of the drive's frames has a true image here", path=Path(truth_root) / "images",
+            mend="name the true images like the drive's frames",
+        )  # fmt: skip
+    metrics: dict[str, Any] = _rounded(_summary(measured))
+    return metrics
+
+
+def write_metrics(metrics: dict[str, Any], path: Path) -> None:
+    """Write what :func:`run_evaluation` returned as JSON, atomically."""
+    write_json_atomic(path, metrics)
+
+
+# ------------------------------------------------------------------------------------------------------------ one frame
+
+
+def _measure_frame(root: Path, truth: Path | None, frame: Frame) -> _FrameResult:
+    photograph = read_image(frame.image_path)
+    delivered_path = _frame_file(root / "frames", frame)
+    if not delivered_path.is_file():
+        raise WorkspaceError("this frame was not delivered yet", path=delivered_path, mend="run `unveil reoptimize`")
+    delivered = read_image(delivered_path)
+    shape = photograph.shape[:2]
+    if delivered.shape != photograph.shape:
+        raise WorkspaceError(
+            f"the delivered frame is {delivered.shape[1]}x{delivered.shape[0]}, the image {shape[1]}x{shape[0]}",
+            path=delivered_path, mend="run `unveil reoptimize` again",
+        )  # fmt: skip
+    empty = np.zeros(shape, dtype=bool)
+    removed = _own_mask(root / "masks/removed", frame, shape)
+    shadows = _own_mask(root / "masks/shadows", frame, shape)
+    unobserved = _own_mask(root / "masks/unobserved", frame, shape)
+    result = _FrameResult(frame.name, frame.camera_name, int(np.prod(shape)))
+    own_removed = empty if removed is None else removed
+    result.removed = int(np.count_nonzero(own_removed))
+    result.unobserved = 0 if unobserved is None else int(np.count_nonzero(unobserved))
+    untouched = ~grow(own_removed if shadows is None else own_removed | shadows, UNTOUCHED_MARGIN_PX)
+    change = np.abs(delivered[untouched].astype(np.int16) - photograph[untouched])
+    if change.size:
+        result.untouched_max = int(change.max())
+        result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
+    if truth is not None and (true_image := _truth_file(truth / "images", frame)) is not None:
+        _measure_against_truth(result, root, truth, frame, photograph, delivered, true_image, removed, unobserved)
+    return result
+
+
+def _measure_against_truth(
+    result: _FrameResult, root: Path, truth: Path, frame: Frame, photograph: Picture, delivered: Picture,
+    true_image: Path, removed: Mask | None, unobserved: Mask | None,
+) -> None:  # fmt: skip
+    shape = photograph.shape[:2]
+    street = _fitted(read_image(true_image), shape)
+    true_removed = _truth_mask(truth / "removed", frame, shape)
+    true_unseen = _truth_mask(truth / "unseen", frame, shape)
+    shadow = _truth_mask(truth / "shadow", frame, shape)
+    region = true_removed if true_removed is not None else removed
+    split = true_unseen if true_unseen is not None else unobserved
+    regions: dict[str, Mask] = {"whole": np.ones(shape, dtype=bool)}
+    if region is not None:
+        regions["removed"] = region
+        if split is not None:
+            regions["unseen"], regions["seen_elsewhere"] = region & split, region & ~split
+        if shadow is not None:
+            regions["cast_shadow"] = shadow & ~region
+    pictures = {"ours": delivered, "input": photograph}
+    render_path = _frame_file(root / "renders", frame)
+    if render_path.is_file():
+        pictures["render"] = _fitted(read_image(render_path), shape)
+    if region is not None and region.any():
+        for name, fill in BASELINES.items():
+            started = time.perf_counter()
+            pictures[name] = fill(photograph, region)
+            result.seconds[name] = time.perf_counter() - started
+    elif region is not None:
+        pictures.update(dict.fromkeys(BASELINES, photograph))
+    for method, picture in pictures.items():
+        error = squared_error(picture, street)
+        similar = ssim_map(picture, street) if min(shape) >= SSIM_WINDOW else np.full(shape, np.nan)
+        for name, mask in regions.items():
+            count = int(np.count_nonzero(mask))
+            if count:
+                score = _Score(float(error[mask].sum()), float(similar[mask].sum()), count)
+                result.scores[name, method] = score
+    for name, own, true in (("unobserved", unobserved, true_unseen), ("removed", removed, true_removed)):
+        if own is not None and true is not None:
+            result.overlaps[name] = (int(np.count_nonzero(own & true)), int(np.count_nonzero(own | true)))
+
+
+def _frame_file(folder: Path, frame: Frame) -> Path:
+    return folder / frame.camera_name / f"{frame.name}.png"
+
+
+def _own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
+    path = _frame_file(folder, frame)
+    return _fitted_mask(read_label_image(path), shape) if path.is_file() else None
+
+
+def _truth_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
+    path = _truth_file(folder, frame)
+    return None if path is None else _fitted_mask(read_label_image(path), shape)
+
+
+def _truth_file(folder: Path, frame: Frame) -> Path | None:
+    """``<folder>/<camera>/<frame>.*`` before ``<folder>/<frame>.*``: drives of several cameras repeat frame names."""
+    for parent in (folder / frame.camera_name, folder):
+        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
+            path = parent / f"{frame.name}{suffix}"
+            if path.is_file():
+                return path
+    return None
+
+
+def _fitted(image: Picture, shape: tuple[int, ...]) -> Picture:
+    if image.shape[:2] == tuple(shape[:2]):
+        return image
+    return cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def _fitted_mask(labels: NDArray[np.integer], shape: tuple[int, ...]) -> Mask:
+    mask: Mask = labels > 127
+    if mask.shape != tuple(shape[:2]):
+        covered = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+        mask = np.asarray(covered >= 0.5)
+    return mask
+
+
+# -------------------------------------------------------------------------------------------------------------- pooling
+
+
+def _summary(results: list[_FrameResult]) -> dict[str, Any]:
+    pixels = sum(r.pixels for r in results)
+    removed = sum(r.removed for r in results)
+    unobserved = sum(r.unobserved for r in results)
+    values = sum(r.untouched_values for r in results)
+    metrics: dict[str, Any] = {
+        "frames": len(results),
+        "coverage": {
+            "removed": removed / max(pixels, 1),
+            "unobserved_of_removed": unobserved / removed if removed else None,
+            "seen_elsewhere_of_removed": 1 - unobserved / removed if removed else None,
+        },
+        "untouched": {
+            "max": max((r.untouched_max for r in results), default=0),
+            "mean": sum(r.untouched_sum for r in results) / max(values, 1),
+            "pixels": values // 3,
+        },
+    }
+    with_truth = [r for r in results if r.scores]
+    if with_truth:
+        metrics["truth"] = _truth_summary(with_truth)
+    metrics["per_frame"] = [_frame_summary(r) for r in results]
+    return metrics
+
+
+def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
+    grouped: dict[str, dict[str, list[_Score]]] = defaultdict(lambda: defaultdict(list))
+    for result in results:
+        for (region, method), score in result.scores.items():
+            grouped[region][method].append(score)
+    regions: dict[str, Any] = {}
+    for region in ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole"):
+        if region not in grouped:
+            continue
+        by_method = grouped[region]
+        regions[region] = {
+            "pixels": sum(s.pixels for s in by_method["input"]),
+            "frames": len(by_method["input"]),
+            "methods": {m: _pooled(by_method[m]) for m in METHODS if m in by_method},
+        }
+    summary: dict[str, Any] = {"frames": len(results), "regions": regions}
+    for name in ("unobserved", "removed"):
+        overlaps = [r.overlaps[name] for r in results if name in r.overlaps]
+        union = sum(o[1] for o in overlaps)
+        if union:
+            summary[f"{name}_mask_iou"] = sum(o[0] for o in overlaps) / union
+    timed = {name: [r.seconds[name] for r in results if name in r.seconds] for name in BASELINES}
+    summary["baseline_seconds_per_frame"] = {n: sum(s) / len(s) for n, s in timed.items() if s}
+    return summary
+
+
+def _pooled(scores: list[_Score]) -> dict[str, float]:
+    pixels = sum(s.pixels for s in scores)
+    return {
+        "psnr": psnr_of_mse(sum(s.squared for s in scores) / pixels),
+        "psnr_frame_mean": _finite_mean(psnr_of_mse(s.squared / s.pixels) for s in scores),
+        "ssim": sum(s.similarity for s in scores) / pixels,
+        "ssim_frame_mean": _finite_mean(s.similarity / s.pixels for s in scores),
+    }
+
+
+def _frame_summary(result: _FrameResult) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "frame": result.name, "camera": result.camera_name, "removed_pixels": result.removed,
+        "unobserved_pixels": result.unobserved, "untouched_max": result.untouched_max,
+    }  # fmt: skip
+    scored = {m: result.scores["removed", m] for m in METHODS if ("removed", m) in result.scores}
+    if scored:
+        entry["psnr"] = {m: psnr_of_mse(s.squared / s.pixels) for m, s in scored.items()}
+        entry["ssim"] = {m: s.similarity / s.pixels for m, s in scored.items()}
+    return entry
+
+
+def _finite_mean(values: Iterable[float]) -> float:
+    """Frames that agree exactly have infinite decibels and would hide all others: the mean is over the finite ones."""
+    everything = list(values)
+    finite = [v for v in everything if math.isfinite(v)]
+    return sum(finite) / len(finite) if finite else (everything[0] if everything else float("nan"))
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _rounded(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_rounded(v) for v in value]
+    if isinstance(value, float):
+        return round(value, 4) if math.isfinite(value) else None
+    return value
