@@ -1,2 +1,34 @@
-"""Unveil: the empty street from a drive."""
+"""Unveil: the empty street from a drive.
+
+The public face, loaded when first used so that the command line starts at once:
+
+    open_drive, Drive, Camera, Surfels, render, Workspace, run
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import Any
+
+# On a busy machine spinning OpenMP threads double the time of a training step. It has to be set before torch is imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
 __version__ = "0.1.0"
+__all__ = ["Camera", "Drive", "Surfels", "Workspace", "open_drive", "render", "run"]
+
+_HOMES = {
+    "open_drive": "drives",
+    "Drive": "drives.drive",
+    "Camera": "geometry.camera",
+    "Surfels": "surfels.surfels",
+    "render": "raster",
+    "Workspace": "workspace",
+    "run": "pipeline",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(f"unveil_core.{_HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

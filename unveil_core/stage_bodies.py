@@ -40,6 +40,8 @@ from unveil_core.workspace import Workspace
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 """Edge of a voxel of the fused meshes, metres."""
+MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
+"""Longer image side that larger images are reduced to, pixels."""
 
 
 def load_sky(path: Path) -> Sky:
@@ -89,10 +91,8 @@ def frame_file(folder: Path, frame: Frame) -> Path:
 
 def import_body(context: StageContext) -> None:
     """drive/: undistorted, recentred."""
-    import_drive(
-        open_drive(context.drive), context.output("drive"), max_side=context.settings.max_side,
-        progress=context.progress,
-    )  # fmt: skip
+    side = context.settings.max_side or MAX_SIDE[context.settings.quality]
+    import_drive(open_drive(context.drive), context.output("drive"), max_side=side, progress=context.progress)
 
 
 def segment_body(context: StageContext) -> None:
@@ -415,3 +415,45 @@ def report_body(context: StageContext) -> None:
     metrics = run_evaluation(context.workspace.root, None, context.progress)
     write_metrics(metrics, context.output("metrics.json"))
     write_report(context.workspace.root, context.output("report"), metrics, context.progress)
+
+
+STAGES: tuple[Stage, ...] = (
+    Stage("import", import_body, (), ("drive",), ("max_side", "quality"), drive_digest=True),
+    Stage("segment", segment_body, ("drive",), ("labels.json",), ("remove", "instances")),
+    Stage(
+        "reconstruct", reconstruct_body, ("drive", "labels.json"), ("surfels/full.ply", "surfels/sky.npz"),
+        ("quality", "seed"),
+    ),
+    Stage(
+        "instances", instances_body, ("drive", "labels.json", "surfels/full.ply"),
+        ("instances.json", "instances", "surfels/instances.npy"),
+    ),
+    Stage(
+        "remove", remove_body, ("drive", "labels.json", "surfels/full.ply", "surfels/instances.npy"),
+        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
+    ),
+    Stage(
+        "inpaint", inpaint_body,
+        ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "masks/removed",
+         "masks/unobserved"),
+        ("inpainted", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
+        ("quality", "shadows", "inpainter"),
+    ),
+    Stage(
+        "reoptimize", reoptimize_body,
+        ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/seeds.ply",
+         "surfels/relit.npy", "inpainted", "masks/removed", "masks/shadows"),
+        ("surfels/empty.ply", "renders", "frames"),
+        ("quality", "seed"),
+    ),
+    Stage(
+        "mesh", mesh_body, ("drive", "surfels/full.ply", "surfels/empty.ply"),
+        ("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"), ("quality",),
+    ),
+    Stage(
+        "report", report_body,
+        ("drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes"),
+        ("metrics.json", "report"),
+    ),
+)  # fmt: skip
+"""All stages in the order of their dependence."""

@@ -56,7 +56,7 @@ def estimate_up(world_to_cameras: Sequence[Float64]) -> Float64:
     if len(right) >= 3:
         _, values, vt = np.linalg.svd(right)
         # The direction in which the x axes have the least extent, where they are spread enough to tell.
-        if values[1] > 0.1 * values[0] and abs(vt[2] @ down) > 0.8 * np.linalg.norm(down):
+        if values[1] > 0.3 * values[0] and abs(vt[2] @ down) > 0.8 * np.linalg.norm(down):
             down = vt[2] * np.sign(vt[2] @ down)
     up: Float64 = -down / np.linalg.norm(down)
     return up

@@ -1,0 +1,5 @@
+"""``python -m unveil_core`` is the ``unveil`` command."""
+
+from unveil_core.cli import main
+
+raise SystemExit(main())

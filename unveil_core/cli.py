@@ -1,0 +1,185 @@
+"""The ``unveil`` command: parses, calls stages, prints. Exit 0 done, 1 failed, 2 bad input or usage, 130 cancelled."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from unveil_core import __version__
+from unveil_core.errors import Cancelled, DriveError, UnveilError
+
+__all__ = ["main"]
+
+_VERBS = {
+    "segment": "find the labels that occur and what of them goes",
+    "reconstruct": "fit the semantic surfel scene with everything in it",
+    "instances": "name the single objects that can be removed",
+    "remove": "take the chosen objects out and find what nobody ever saw",
+    "inpaint": "fill frames in reversed time, the ground in street coordinates",
+    "reoptimize": "teach the scene its empty state, write renders/ and frames/",
+    "mesh": "fuse meshes before and after",
+    "report": "measure and write the report page",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """Usage errors are one line and exit 2."""
+
+    def error(self, message: str) -> Any:
+        print(f"unveil: error: {message} (see {self.prog} --help)", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def _ids(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in _names(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="unveil", description="The empty street from a drive.")
+    parser.add_argument("--version", action="version", version=f"unveil {__version__}")
+    verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
+
+    def common(p: argparse.ArgumentParser) -> None:
+        p.add_argument("--json", action="store_true", help="JSON lines on standard output")
+        p.add_argument("--debug", action="store_true", help="show tracebacks")
+
+    def choices(p: argparse.ArgumentParser) -> None:
+        p.add_argument("--remove", type=_names, default=(), metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
+        p.add_argument("--instances", type=_ids, default=(), metavar="IDS", help="single objects, as 3,7")
+        p.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
+        p.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
+        p.add_argument("--seed", type=int, default=0)
+        p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
+        p.add_argument("--shadows", default="auto", choices=("auto", "off"), help="take shadows of what goes along")
+        p.add_argument("--inpainter", default="shift-map", choices=("telea", "navier-stokes", "shift-map"),
+                       help="for what is neither ground nor seen from anywhere")  # fmt: skip
+
+    p = verbs.add_parser("demo", help="unveil the sample street")
+    p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
+    choices(p)
+    common(p)
+    p = verbs.add_parser("run", help="from a drive to clean frames, meshes and a report")
+    p.add_argument("drive", type=Path)
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+    choices(p)
+    common(p)
+    p = verbs.add_parser("import", help="bring a drive into a workspace")
+    p.add_argument("drive", type=Path)
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+    choices(p)
+    common(p)
+    for name, text in _VERBS.items():
+        p = verbs.add_parser(name, help=text)
+        p.add_argument("workspace", type=Path)
+        if name == "segment":
+            p.add_argument("--remove", type=_names, default=None, metavar="CLASSES")
+            p.add_argument("--instances", type=_ids, default=None, metavar="IDS")
+        common(p)
+    p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street")
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--truth", type=Path, default=None, metavar="DIR")
+    common(p)
+    p = verbs.add_parser("doctor", help="what this machine has")
+    common(p)
+    return parser
+
+
+def _settings(arguments: argparse.Namespace) -> Any:
+    from unveil_core.settings import RunSettings
+
+    names = ("remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter")
+    return RunSettings(**{n: getattr(arguments, n) for n in names})
+
+
+def _sample_drive() -> Path:
+    folder = Path(__file__).resolve().parent.parent / "sample_scenes" / "parked_street"
+    if not (folder / "transforms.json").is_file():
+        raise DriveError("the sample street is not there", path=folder, mend="run the demo from a source checkout")
+    return folder
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    verb = arguments.verb
+    if verb == "doctor":
+        from unveil_core.doctor import examine
+
+        found = examine()
+        if arguments.json:
+            print(json.dumps(found))
+        else:
+            for key, value in found.items():
+                print(f"{key:<32} {value}")
+        return 0 if found["ok"] else 1
+    from unveil_core.console import reporting
+    from unveil_core.pipeline import run, run_verb
+
+    if verb in ("demo", "run", "import"):
+        drive = _sample_drive() if verb == "demo" else arguments.drive
+        settings = _settings(arguments)
+        with reporting(arguments.json) as reporter:
+            workspace = run(
+                drive, arguments.output, settings, until="import" if verb == "import" else None, reporter=reporter
+            )
+        if verb != "import":
+            from unveil_core.report.summary import print_summary
+
+            print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
+        return 0
+    if verb == "evaluate":
+        from unveil_core.evaluate import run_evaluation
+        from unveil_core.workspace import Workspace
+
+        print(json.dumps(run_evaluation(Workspace.open(arguments.workspace).root, arguments.truth), indent=1))
+        return 0
+    settings = None
+    if verb == "segment" and (arguments.remove is not None or arguments.instances is not None):
+        from dataclasses import replace
+
+        from unveil_core.settings import RunSettings
+        from unveil_core.workspace import Workspace
+
+        recorded = RunSettings.from_json(Workspace.open(arguments.workspace).state().get("settings", {}))
+        settings = replace(
+            recorded,
+            remove=recorded.remove if arguments.remove is None else arguments.remove,
+            instances=recorded.instances if arguments.instances is None else arguments.instances,
+        )
+    with reporting(arguments.json) as reporter:
+        run_verb(verb, arguments.workspace, settings, reporter=reporter)
+    return 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as stop:
+        return int(stop.code or 0) if isinstance(stop.code, int | None) else 2
+    try:
+        return _run(arguments)
+    except UnveilError as error:
+        print(f"unveil: error: {error}", file=sys.stderr)
+        return 2
+    except (Cancelled, KeyboardInterrupt):
+        print("unveil: cancelled; run the same command again to go on", file=sys.stderr)
+        return 130
+    except Exception as error:
+        if arguments.debug:
+            raise
+        where = "the traceback is in the workspace's events.jsonl; --debug shows it"
+        print(f"unveil: failed: {type(error).__name__}: {error} ({where})", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

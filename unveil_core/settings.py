@@ -1,0 +1,63 @@
+"""What the user decides about a run. Numeric presets per quality live with the modules they drive."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from unveil_core.errors import SettingsError
+from unveil_core.inpaint.single_image import INPAINTERS
+
+__all__ = ["QUALITIES", "RunSettings"]
+
+QUALITIES = ("draft", "standard", "high")
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Settings of a run, recorded in workspace.json.
+
+    Attributes:
+        remove: class names and groups to remove; empty = everything removable that occurs.
+        instances: ids of single objects to remove.
+        quality: "draft", "standard" or "high".
+        device: "auto", "cpu" or "cuda".
+        seed: of everything random.
+        max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
+        shadows: "auto" takes the shadows of what was removed along, "off" leaves them.
+        inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
+    """
+
+    remove: tuple[str, ...] = ()
+    instances: tuple[int, ...] = ()
+    quality: str = "standard"
+    device: str = "auto"
+    seed: int = 0
+    max_side: int | None = None
+    shadows: str = "auto"
+    inpainter: str = "shift-map"
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("quality", self.quality, QUALITIES),
+            ("device", self.device, ("auto", "cpu", "cuda")),
+            ("shadows", self.shadows, ("auto", "off")),
+            ("inpainter", self.inpainter, tuple(INPAINTERS)),
+        ):
+            if value not in known:
+                raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")
+        if self.max_side is not None and self.max_side < 32:
+            raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
+        if self.seed < 0:
+            raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
+        if self.device == "cuda":
+            raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
+
+    def to_json(self) -> dict[str, object]:
+        """A JSON-able dict."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+
+    @staticmethod
+    def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
+        """Inverse of :meth:`to_json`."""
+        known = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return RunSettings(**known)

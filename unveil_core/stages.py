@@ -1,0 +1,296 @@
+"""The stage graph and its runner: skip what is up to date, redo what changed, survive a kill at any moment.
+
+A stage writes into a folder of its own; when it has finished, its outputs are renamed into place under a journal, so that after
+``kill -9`` the workspace holds either the old or the new result of a stage, and the next run goes on from there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import resource
+import shutil
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from unveil_core.errors import Cancelled, UnveilError, WorkspaceError
+from unveil_core.files import write_json_atomic
+from unveil_core.progress import Progress
+from unveil_core.settings import RunSettings
+from unveil_core.workspace import Workspace
+
+__all__ = ["Reporter", "Stage", "StageContext", "run_stages", "silent"]
+
+Reporter = Callable[[dict[str, object]], None]
+"""Receives each event as it is logged."""
+
+
+def silent(event: dict[str, object]) -> None:
+    """Report nothing."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step from files to files.
+
+    Attributes:
+        name: the verb on the command line.
+        body: does the work.
+        inputs: files and folders read, relative to the workspace.
+        outputs: files and folders written, relative to the workspace.
+        settings: names of the RunSettings that influence the result.
+        version: raised when the body's result changes.
+        drive_digest: whether the drive outside the workspace is an input (the import).
+    """
+
+    name: str
+    body: Callable[[StageContext], None]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    settings: tuple[str, ...] = ()
+    version: int = 1
+    drive_digest: bool = False
+
+
+@dataclass(frozen=True)
+class StageContext:
+    """What a stage's body gets.
+
+    Attributes:
+        workspace: to read from.
+        settings: of the run.
+        progress: to call after each unit of work.
+        drive: path of the drive as the user gave it.
+        partial: where outputs are written, see :meth:`output`.
+    """
+
+    workspace: Workspace
+    settings: RunSettings
+    progress: Progress
+    drive: Path
+    partial: Path
+
+    def output(self, relative: str) -> Path:
+        """The path to write an output to; it moves to the same place in the workspace when the stage has finished."""
+        path = self.partial / relative
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+
+# ----------------------------------------------------------------------------------------------------------------- digests
+
+
+class _Digests:
+    """Content digests of files, remembered by size and time of change."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self.path = workspace.root / ".digests.json"
+        self.known: dict[str, list] = {}  # type: ignore[type-arg]
+        with suppress(OSError, ValueError):
+            self.known = json.loads(self.path.read_text())
+
+    def of_file(self, path: Path) -> str:
+        stat = path.stat()
+        key = str(path)
+        held = self.known.get(key)
+        if held and held[0] == stat.st_size and held[1] == stat.st_mtime_ns:
+            return str(held[2])
+        digest = hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+        self.known[key] = [stat.st_size, stat.st_mtime_ns, digest]
+        return digest
+
+    def of(self, path: Path) -> list[tuple[str, str]]:
+        """(relative name, digest) of a file or of all files in a folder."""
+        if path.is_dir():
+            return [
+                (str(p.relative_to(path)), self.of_file(p)) for p in sorted(path.rglob("*")) if p.is_file()
+            ]
+        return [("", self.of_file(path))] if path.is_file() else [("", "absent")]
+
+    def save(self) -> None:
+        write_json_atomic(self.path, self.known)
+
+
+def _input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: _Digests) -> str:
+    values = settings.to_json()
+    parts: list[object] = [stage.name, stage.version, {k: values[k] for k in stage.settings}]
+    parts += [(name, digests.of(workspace.root / name)) for name in stage.inputs]
+    if stage.drive_digest:
+        from unveil_core.drives import open_drive
+
+        opened = open_drive(drive)
+        files = [opened.root] if opened.root.is_file() else []
+        for f in opened.frames:
+            files += [p for p in (f.image_path, f.semantic_path, f.instance_path, f.mask_path) if p is not None]
+        parts += [(str(p), digests.of(p)) for p in files]
+        parts += [hashlib.blake2b(opened.points.positions.tobytes(), digest_size=16).hexdigest()]
+        parts += [[f.camera.world_to_camera.tolist() for f in opened.frames]]
+    return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
+
+
+# ------------------------------------------------------------------------------------------------------------------ runner
+
+
+def _move_into_place(workspace: Workspace, stage: Stage, partial: Path) -> None:
+    """Rename a finished stage's outputs over the old ones. The journal makes an interrupted move finish at the next start."""
+    journal = workspace.root / ".journal.json"
+    write_json_atomic(journal, {"stage": stage.name, "partial": partial.name, "outputs": list(stage.outputs)})
+    for name in stage.outputs:
+        source, target = partial / name, workspace.root / name
+        if source.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_dir():
+                shutil.rmtree(target)
+            elif target.exists():
+                target.unlink()
+            source.rename(target)
+    shutil.rmtree(partial, ignore_errors=True)
+    journal.unlink()
+
+
+def recover(workspace: Workspace) -> None:
+    """Finish an interrupted move, and throw away what an interrupted stage left."""
+    journal = workspace.root / ".journal.json"
+    if journal.is_file():
+        data = json.loads(journal.read_text())
+        partial = workspace.root / data["partial"]
+        stage = Stage(data["stage"], lambda _: None, (), tuple(data["outputs"]))
+        if partial.is_dir():
+            _move_into_place(workspace, stage, partial)
+        else:
+            journal.unlink()
+    for left in workspace.root.glob(".partial-*"):
+        shutil.rmtree(left, ignore_errors=True)
+    for left in workspace.root.rglob(".*.partial"):
+        if left.is_file():
+            left.unlink()
+
+
+@contextmanager
+def _signals(flag: threading.Event) -> Iterator[None]:
+    """SIGINT and SIGTERM raise the flag; the next progress call ends the work."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = {s: signal.signal(s, lambda *_: flag.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+
+def peak_memory_mb() -> float:
+    """Largest resident size of this process so far, MB."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(used / (1e6 if platform.system() == "Darwin" else 1024), 1)
+
+
+def run_stages(
+    workspace: Workspace,
+    stages: Sequence[Stage],
+    settings: RunSettings,
+    drive: Path,
+    *,
+    force: bool = False,
+    reporter: Reporter = silent,
+) -> list[str]:
+    """Run stages in order, each only if something that it depends on has changed.
+
+    Args:
+        workspace: where.
+        stages: in the order of their dependence.
+        settings: recorded in workspace.json.
+        drive: the drive as the user gave it.
+        force: run them even if they are up to date.
+        reporter: receives each event.
+    Returns:
+        names of the stages that ran.
+    Raises:
+        Cancelled: SIGINT or SIGTERM came; the workspace resumes.
+        UnveilError: bad input; the stage's partial output is gone.
+    """
+    ran: list[str] = []
+    stop = threading.Event()
+    with workspace.lock(), _signals(stop):
+        recover(workspace)
+        digests = _Digests(workspace)
+        workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
+        for stage in stages:
+            missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
+            if missing:
+                raise WorkspaceError(
+                    f"has no {missing[0]}, which {stage.name} needs", path=workspace.root,
+                    mend="run the stages before it, or `unveil run`",
+                )  # fmt: skip
+            wanted = _input_hash(stage, workspace, settings, drive, digests)
+            recorded = workspace.state().get("stages", {}).get(stage.name, {})
+            there = all((workspace.root / n).exists() for n in stage.outputs)
+            if not force and there and recorded.get("status") == "done" and recorded.get("input_hash") == wanted:
+                reporter(workspace.log(stage.name, "up to date", done=1, total=1))
+                continue
+            _run_one(workspace, stage, settings, drive, wanted, stop, reporter)
+            ran.append(stage.name)
+            digests.save()
+    return ran
+
+
+def _run_one(
+    workspace: Workspace, stage: Stage, settings: RunSettings, drive: Path, wanted: str, stop: threading.Event,
+    reporter: Reporter,
+) -> None:  # fmt: skip
+    partial = workspace.root / f".partial-{stage.name}"
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
+    logged = [0.0]
+
+    def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+        if stop.is_set():
+            raise Cancelled(stage.name)
+        now = time.monotonic()
+        if done >= total or now - logged[0] > 0.2:  # a log of every step would be larger than the result
+            logged[0] = now
+            rounded = {k: round(v, 5) for k, v in metrics.items()}
+            reporter(workspace.log(stage.name, message, done=done, total=total, **rounded))
+
+    started = time.monotonic()
+    workspace.update_stage(stage.name, status="running")
+    reporter(workspace.log(stage.name, "started"))
+    try:
+        stage.body(StageContext(workspace, settings, progress, drive, partial))
+        if stop.is_set():
+            raise Cancelled(stage.name)
+    except BaseException as error:
+        shutil.rmtree(partial, ignore_errors=True)
+        status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
+        workspace.update_stage(stage.name, status=status)
+        detail = {} if isinstance(error, UnveilError | Cancelled) else {"traceback": traceback.format_exc()}
+        reporter(workspace.log(stage.name, str(error), level="error", **detail))
+        if isinstance(error, KeyboardInterrupt):
+            raise Cancelled(stage.name) from error
+        raise
+    _move_into_place(workspace, stage, partial)
+    seconds = round(time.monotonic() - started, 2)
+    workspace.update_stage(
+        stage.name, status="done", seconds=seconds, peak_memory_mb=peak_memory_mb(), input_hash=wanted
+    )
+    reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    from unveil_core import __version__
+
+    found = {"unveil": __version__, "python": platform.python_version()}
+    for name in ("torch", "numpy", "numba", "opencv-contrib-python-headless"):
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
