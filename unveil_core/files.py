@@ -78,16 +78,16 @@ def _decode(path: Path, flags: int) -> NDArray[np.generic]:
         raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    suffix = Path(path).suffix.lower()
+    known = content[:4].tobytes() == b"\x89PNG" or content[:2].tobytes() == b"\xff\xd8"
+    truncated = (suffix == ".png" and content[-8:].tobytes() != b"IEND\xaeB`\x82") or (
+        suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in content[-64:].tobytes()
+    )
+    if known and truncated:
+        raise DriveError("is cut short", path=path, mend="copy it again from its source")
     image = cv2.imdecode(content, flags) if content.size else None
     if image is None:
         raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")
-    suffix = Path(path).suffix.lower()
-    whole = content[-8:].tobytes()
-    truncated = (suffix == ".png" and whole != b"IEND\xaeB`\x82") or (
-        suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in content[-64:].tobytes()
-    )
-    if truncated:
-        raise DriveError("is cut short", path=path, mend="copy it again from its source")
     return image
 
 
