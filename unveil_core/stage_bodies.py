@@ -230,7 +230,9 @@ def remove_body(context: StageContext) -> None:
     surfels = read_surfels(workspace.surfels_full)
     limits = scene_range(drive)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
-    gone = select_removed(surfels, of_surfel, scene, too_close=0.05 * limits.unit)
+    gone = select_removed(
+        surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
+    )
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
     left = surfels.select(keep)

@@ -29,6 +29,7 @@ class FillSettings:
         window_m: half length of the stretch whose median stands for a lateral offset, metres.
         shadow_ratio: a texel darker than this share of its offset's lit level lies in shadow.
         shadow_reach_m: a removed object's shadow reaches at most so far from it, metres; 0 = shadows stay.
+        black_ratio: a shadowed texel darker than this share of its lit level holds no texture to relight and is invented.
         texture: how much of the exemplar's detail is taken over, 0 to 1.
         patch_m: size of a texture patch, metres.
         search_m: how far along the street a patch may come from, metres.
@@ -37,6 +38,7 @@ class FillSettings:
     window_m: float = 14.0
     shadow_ratio: float = 0.82
     shadow_reach_m: float = 5.0
+    black_ratio: float = 0.3
     texture: float = 1.0
     patch_m: float = 0.8
     search_m: float = 30.0
@@ -139,6 +141,9 @@ def fill_chart(
     _, level = lateral_profile(chart, seen, window=window, hop=hop)
     smooth = _masked_blur(_luma(chart.color), seen, 0.06 * per_m)
     dark = seen & (smooth < settings.shadow_ratio * level)
+    # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(0.12 * per_m) + 1,) * 2)
+    dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
     lit = seen & ~cv2.dilate(dark.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
     median, _ = lateral_profile(chart, lit, window=window, hop=hop)
 
@@ -148,16 +153,24 @@ def fill_chart(
         shadow = object_shadows(
             dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m)
         )
+        # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
+        hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * level)))
+        hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool) & seen
+        hole |= hopeless & inside
+        relit = shadow & seen & ~hole
         soft = cv2.GaussianBlur(shadow.astype(np.float32), (0, 0), 0.05 * per_m)
-        local = _masked_blur(color, shadow, 0.25 * per_m)
-        target = _masked_blur(median, shadow, 0.25 * per_m)
+        local = _masked_blur(color, relit, 0.25 * per_m)
+        target = _masked_blur(median, relit, 0.25 * per_m)
         ratio = np.clip(target / np.maximum(local, 0.02), 1.0, 4.0)
-        gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * np.minimum(1.0, 1.4 * soft)[..., None], 1.0)
-        gain = gain.astype(np.float32)
-        relit = shadow & seen
+        full_gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * np.minimum(1.0, 1.4 * soft)[..., None], 1.0)
+        # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
+        bright = np.maximum(1.0, 1.05 * median / np.maximum(_masked_blur(color, seen, 0.03 * per_m), 0.02))
+        border = cv2.dilate(shadow.astype(np.uint8), kernel) > cv2.erode(shadow.astype(np.uint8), kernel)
+        gain = np.where(border[..., None], np.minimum(full_gain, bright), full_gain).astype(np.float32)
         color[relit] = np.clip(color[relit] * gain[relit], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
+    lit &= ~hole
     detail = np.where(lit[..., None], color - median, 0).astype(np.float32)
     invented = _quilt(
         detail, lit, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)

@@ -7,6 +7,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.semantics.instances import fit_box
 from unveil_core.semantics.segment import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
@@ -14,20 +15,41 @@ __all__ = ["near_removed", "select_removed"]
 
 
 def select_removed(
-    surfels: Surfels, instance_of_surfel: NDArray[np.int64], scene: SceneLabels, *, too_close: float
+    surfels: Surfels,
+    instance_of_surfel: NDArray[np.int64],
+    scene: SceneLabels,
+    *,
+    too_close: float,
+    axes: NDArray[np.float64] | None = None,
+    unit: float = 1.0,
 ) -> NDArray[np.bool_]:
     """(N,) True where a surfel goes.
+
+    What lies within a removed object's box and off the ground goes with it, whatever its label: such surfels are the object's
+    reflections and badly placed background.
 
     Args:
         surfels: the full scene; instance_of_surfel: (N,) ids, 0 = none.
         scene: with the chosen classes and instances.
         too_close: surfels of other labels nearer than this to one that goes, go too (their colour is of its border);
             world units.
+        axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
+        unit: world units per metre.
     """
     labels = surfels.labels.numpy()
     chosen = np.isin(labels, scene.removed_labels)
     if scene.instances:
         chosen |= np.isin(instance_of_surfel, scene.instances)
+    if axes is not None:
+        means = surfels.means.detach().to(torch.float64).numpy()
+        removable = np.isin(labels, scene.removable_labels)
+        for instance in np.unique(instance_of_surfel[chosen]):
+            own = chosen & (instance_of_surfel == instance)
+            box = fit_box(means[own], axes)
+            # Larger than a bus: several objects that touch, whose common box would take the street with it.
+            if instance == 0 or max(box.size) > 12 * unit:
+                continue
+            chosen |= box.contains(means, axes, margin=0.15 * unit, above=0.15 * unit) & ~removable
     return chosen | near_removed(surfels, chosen, too_close)
 
 

@@ -27,6 +27,18 @@ class Box:
     size: tuple[float, float, float]
     yaw: float
 
+    def contains(
+        self, positions: NDArray[np.float64], axes: NDArray[np.float64], *, margin: float, above: float
+    ) -> NDArray[np.bool_]:
+        """(P,) points inside the box grown by ``margin``, except those lower than ``above`` over its floor."""
+        local = positions @ axes.T - np.asarray(self.centre) @ axes.T
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        along, across = local[:, 0] * cos + local[:, 1] * sin, -local[:, 0] * sin + local[:, 1] * cos
+        half = np.asarray(self.size) / 2
+        inside = (np.abs(along) <= half[0] + margin) & (np.abs(across) <= half[1] + margin)
+        inside &= (local[:, 2] <= half[2] + margin) & (local[:, 2] >= -half[2] + above)
+        return inside
+
     def to_json(self) -> dict[str, object]:
         """For instances.json."""
         return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}

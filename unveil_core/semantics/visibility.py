@@ -49,7 +49,7 @@ def points_in_view(
     *,
     near: float,
     tolerance: float = 0.04,
-    max_radius_px: float = 6.0,
+    max_radius_px: float = 24.0,
 ) -> PointsInView:
     """Project points and keep those that no nearer point hides.
 
@@ -66,7 +66,7 @@ def points_in_view(
     inside &= (pixels[:, 1] >= 0) & (pixels[:, 1] < camera.height)
     index = np.flatnonzero(inside)
     x, y, z = pixels[index, 0], pixels[index, 1], depth[index]
-    radius = np.clip(0.5 * spacing[index] * camera.fx / z, 0.0, max_radius_px)
+    radius = np.clip(0.8 * spacing[index] * camera.fx / z, 0.0, max_radius_px)
     buffer = _splat_depth(x, y, z, radius, camera.height, camera.width)
     rows, columns = y.astype(np.int64), x.astype(np.int64)
     seen = z <= buffer[rows, columns] * (1 + tolerance) + 2 * spacing[index]

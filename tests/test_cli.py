@@ -1,0 +1,125 @@
+"""The command line: exit codes, one line per bad input, nothing left behind, and a whole run on a tiny street."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.drives.tiny_drive import edit, make_tiny_drive
+from unveil_core.cli import main
+
+
+def test_help_and_version_start_at_once() -> None:
+    started = time.monotonic()
+    out = subprocess.run([sys.executable, "-m", "unveil_core", "--version"], capture_output=True, text=True)
+    assert out.returncode == 0 and out.stdout.startswith("unveil ")
+    assert "torch" not in out.stderr
+    assert time.monotonic() - started < 5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["fly"], "invalid choice"),
+        ([], "required"),
+        (["run"], "required"),
+        (["run", "x", "-o", "y", "--quality", "best"], "invalid choice"),
+        (["run", "x", "-o", "y", "--instances", "a"], "no list of numbers"),
+        (["run", "nowhere", "-o", "w"], "nowhere: there is no such drive"),
+        (["reconstruct", "nowhere"], "nowhere: is no workspace"),
+        (["evaluate", "nowhere"], "nowhere: is no workspace"),
+    ],
+)
+def test_usage_errors_are_one_line_and_exit_2(
+    arguments: list[str], line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert line in error and error.count("\n") == 1 and error.startswith("unveil: error: ")
+    assert not list(tmp_path.iterdir())
+
+
+def drop_image(path: Path) -> None:
+    (path.parent / "images/02.png").unlink()
+
+
+def garble_image(path: Path) -> None:
+    (path.parent / "images/02.png").write_bytes(b"\x89PNG rubbish")
+
+
+def other_size(path: Path) -> None:
+    edit(path, lambda d: d.update(w=64))
+
+
+def nan_pose(path: Path) -> None:
+    edit(path, lambda d: d["frames"][3]["transform_matrix"][2].__setitem__(3, float("nan")))
+
+
+def skewed_pose(path: Path) -> None:
+    edit(path, lambda d: d["frames"][0]["transform_matrix"][1].__setitem__(0, 0.5))
+
+
+def no_frames(path: Path) -> None:
+    edit(path, lambda d: d.update(frames=[]))
+
+
+def no_points(path: Path) -> None:
+    edit(path, lambda d: d.pop("ply_file_path"))
+
+
+@pytest.mark.parametrize(
+    ("change", "extra", "line"),
+    [
+        (drop_image, [], "02.png: there is no such image"),
+        (garble_image, [], "02.png: is cut short"),
+        (other_size, [], "00.png: is 32x24 pixels, its camera says 64x24"),
+        (nan_pose, [], "the pose of frame 03 holds NaN or infinity"),
+        (skewed_pose, [], "the pose of frame 00 is no rotation"),
+        (no_frames, [], "has no frames"),
+        (no_points, [], "names no points"),
+        (None, ["--remove", "person"], "nothing to remove: the drive has no person; found: road, sky, car"),
+        (None, ["--remove", "cars"], "unknown class 'cars'"),
+        (None, ["--instances", "9"], "nothing to remove: the drive has no instance 9; found: 300"),
+        (None, ["--device", "cuda"], "no GPU backend"),
+    ],
+)
+def test_bad_drives_are_one_line_exit_2_and_leave_nothing(
+    change, extra: list[str], line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:  # type: ignore[no-untyped-def]
+    path = make_tiny_drive(tmp_path / "drive")
+    if change:
+        change(path)
+    assert main(["run", str(path), "-o", str(tmp_path / "ws"), *extra]) == 2
+    error = capsys.readouterr().err
+    assert line in error and error.count("\n") == 1
+    assert not (tmp_path / "ws").exists()
+
+
+def test_a_foreign_folder_is_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = make_tiny_drive(tmp_path / "drive")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.txt").write_text("important")
+    assert main(["run", str(path), "-o", str(tmp_path / "mine")]) == 2
+    assert "is not empty and no workspace" in capsys.readouterr().err
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+
+
+def test_doctor_renders_for_real(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["ok"] and found["numpy"] and np.isfinite(found["rasterizer_first_call_s"])
+
+
+def test_import_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = make_tiny_drive(tmp_path / "drive")
+    assert main(["import", str(path), "-o", str(tmp_path / "ws"), "--json"]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert events[-1]["stage"] == "import" and events[-1]["message"] == "done"
+    assert (tmp_path / "ws/drive/cameras.json").is_file()

@@ -1,0 +1,193 @@
+"""The runner: skips, redoes, survives kills, leaves nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from unveil_core.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
+from unveil_core.settings import RunSettings
+from unveil_core.stages import Stage, StageContext, run_stages
+from unveil_core.workspace import Workspace
+
+
+def letters(context: StageContext) -> None:
+    """First stage: some files in a folder."""
+    for i in range(20):
+        (context.output("letters") / f"{i:02d}.txt").parent.mkdir(exist_ok=True)
+        (context.output("letters") / f"{i:02d}.txt").write_text(f"{context.settings.seed} {i}")
+        context.progress(i + 1, 20, "writing", loss=1.0 / (i + 1))
+        time.sleep(float(os.environ.get("SLOW", "0")))
+
+
+def total(context: StageContext) -> None:
+    """Second stage: one file from the folder."""
+    texts = [p.read_text() for p in sorted((context.workspace.root / "letters").iterdir())]
+    context.output("sum/total.json").write_text(json.dumps(texts))
+    context.output("sum/quality.txt").write_text(context.settings.quality)
+    time.sleep(10 * float(os.environ.get("SLOW", "0")))
+
+
+STAGES = (
+    Stage("letters", letters, (), ("letters",), ("seed",)),
+    Stage("total", total, ("letters",), ("sum/total.json", "sum/quality.txt"), ("quality",)),
+)
+
+
+def go(root: Path, **settings: object) -> list[str]:
+    return run_stages(Workspace.create(root), STAGES, RunSettings(**settings), Path("."))  # type: ignore[arg-type]
+
+
+def test_up_to_date_stages_are_skipped(tmp_path: Path) -> None:
+    assert go(tmp_path / "w") == ["letters", "total"]
+    assert go(tmp_path / "w") == []
+    assert go(tmp_path / "w", quality="draft") == ["total"]
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["letters", "total"]
+    (tmp_path / "w" / "sum" / "total.json").unlink()
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
+    (tmp_path / "w" / "letters" / "03.txt").write_text("somebody changed this")
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
+
+
+def test_state_and_events_tell_what_happened(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    workspace = Workspace.open(tmp_path / "w")
+    stage = workspace.state()["stages"]["letters"]
+    assert stage["status"] == "done" and stage["seconds"] >= 0 and stage["peak_memory_mb"] > 10
+    events = workspace.events()
+    assert {"t", "stage", "done", "total", "message", "level"} <= set(events[0])
+    assert events[-1]["message"] == "done"
+    with workspace.events_jsonl.open("a") as stream:
+        stream.write('{"t": 1, "stage": "cut')
+    assert len(workspace.events()) == len(events)
+
+
+def test_a_failing_stage_keeps_the_old_result(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+
+    def broken(context: StageContext) -> None:
+        context.output("sum/total.json").write_text("half")
+        raise UnveilError("nothing to sum", path="letters", mend="write some")
+
+    stages = (STAGES[0], Stage("total", broken, ("letters",), STAGES[1].outputs, ("quality",), version=2))
+    before = (tmp_path / "w/sum/total.json").read_text()
+    with pytest.raises(UnveilError, match="letters: nothing to sum"):
+        run_stages(Workspace.open(tmp_path / "w"), stages, RunSettings(), Path("."))
+    assert (tmp_path / "w/sum/total.json").read_text() == before
+    assert not list((tmp_path / "w").glob(".partial*"))
+    assert Workspace.open(tmp_path / "w").state()["stages"]["total"]["status"] == "failed"
+    assert go(tmp_path / "w") == ["total"]
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from tests.test_stages import go
+try:
+    go(Path(sys.argv[1]))
+except BaseException as error:
+    print(type(error).__name__)
+    raise SystemExit(130)
+"""
+
+
+def start(root: Path, slow: float) -> subprocess.Popen:  # type: ignore[type-arg]
+    environment = {**os.environ, "SLOW": str(slow)}
+    where = Path(__file__).resolve().parent.parent
+    return subprocess.Popen([sys.executable, "-c", SCRIPT, str(root)], env=environment, cwd=where, stdout=subprocess.PIPE)
+
+
+def files(root: Path) -> dict[str, bytes]:
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted(root.rglob("*")) if p.is_file() and not p.name.startswith(".") and p.parent != root
+    }  # fmt: skip
+
+
+def test_killed_anywhere_it_goes_on_to_the_same_result(tmp_path: Path) -> None:
+    go(tmp_path / "whole")
+    for turn, wait in enumerate((0.05, 0.35, 0.75)):
+        root = tmp_path / f"killed{turn}"
+        process = start(root, 0.03)
+        deadline = time.monotonic() + 30
+        while not (root / "events.jsonl").exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(wait)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        go(root)
+        assert files(root) == files(tmp_path / "whole")
+        assert go(root) == []
+
+
+def test_an_interrupted_move_is_finished(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    root = tmp_path / "w"
+    partial = root / ".partial-total"
+    (partial / "sum").mkdir(parents=True)
+    (partial / "sum/total.json").write_text("new")
+    (root / ".journal.json").write_text(
+        json.dumps({"stage": "total", "partial": partial.name, "outputs": list(STAGES[1].outputs)})
+    )
+    from unveil_core.stages import recover
+
+    recover(Workspace.open(root))
+    assert (root / "sum/total.json").read_text() == "new"
+    assert not partial.exists() and not (root / ".journal.json").exists()
+
+
+def test_interrupt_ends_with_cancelled_and_resumes(tmp_path: Path) -> None:
+    root = tmp_path / "w"
+    process = start(root, 0.05)
+    deadline = time.monotonic() + 30
+    while not (root / "events.jsonl").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=20)
+    assert process.returncode == 130 and b"Cancelled" in out
+    assert Workspace.open(root).state()["stages"]["letters"]["status"] == "cancelled"
+    assert go(root) == ["letters", "total"]
+
+
+def test_two_processes_do_not_share_a_workspace(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    with workspace.lock(), pytest.raises(WorkspaceError, match="in use by another process"), workspace.lock():
+        pass
+    with workspace.lock():
+        pass
+
+
+def test_workspaces_do_not_take_over_other_folders(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("important")
+    with pytest.raises(WorkspaceError, match="is not empty and no workspace"):
+        Workspace.create(tmp_path / "mine")
+    with pytest.raises(WorkspaceError, match="is no workspace"):
+        Workspace.open(tmp_path / "mine")
+    with pytest.raises(WorkspaceError, match="is a file"):
+        Workspace.create(tmp_path / "mine" / "thesis.txt")
+
+
+def test_a_missing_input_names_the_stage(tmp_path: Path) -> None:
+    with pytest.raises(WorkspaceError, match="has no letters, which total needs"):
+        run_stages(Workspace.create(tmp_path / "w"), STAGES[1:], RunSettings(), Path("."))
+
+
+def test_settings_are_checked_and_round_trip() -> None:
+    settings = RunSettings(remove=("car",), instances=(3, 7), quality="draft", seed=5, max_side=256)
+    assert RunSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+    for bad in ({"quality": "best"}, {"seed": -1}, {"max_side": 3}, {"device": "cuda"}, {"inpainter": "magic"}):
+        with pytest.raises(SettingsError):
+            RunSettings(**bad)  # type: ignore[arg-type]
+
+
+def test_cancelled_is_no_user_error() -> None:
+    assert not issubclass(Cancelled, UnveilError)
