@@ -1,0 +1,130 @@
+"""Meshes on disk, read back by other libraries."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from plyfile import PlyData
+
+from unveil_core.errors import WorkspaceError
+from unveil_core.mesh import Mesh, read_ply, write_glb, write_ply
+
+UTM = np.array([389_512.25, 6_175_034.5, 71.125])
+
+
+@pytest.fixture
+def mesh() -> Mesh:
+    rng = np.random.default_rng(0)
+    vertices = rng.uniform(-20, 20, (50, 3)).astype(np.float32)
+    faces = rng.permutation(np.arange(48)).reshape(16, 3).astype(np.int32)
+    return Mesh(vertices, faces, rng.integers(0, 256, (50, 3)).astype(np.uint8))
+
+
+def test_ply_opens_elsewhere(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "deep/er/mesh.ply"
+    write_ply(mesh, path)
+    data = PlyData.read(str(path))
+    vertex = data["vertex"]
+    assert vertex["x"].dtype == np.float32
+    np.testing.assert_array_equal(np.stack([vertex[a] for a in "xyz"], axis=1), mesh.vertices)
+    np.testing.assert_array_equal(np.stack([vertex[c] for c in ("red", "green", "blue")], axis=1), mesh.colors)
+    np.testing.assert_array_equal(np.stack(list(data["face"]["vertex_indices"])), mesh.faces)
+    loaded = trimesh.load(path, process=False)
+    np.testing.assert_array_equal(loaded.faces, mesh.faces)
+    assert [p.name for p in path.parent.iterdir()] == ["mesh.ply"]
+
+
+def test_ply_keeps_far_coordinates(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.ply"
+    write_ply(mesh, path, offset=UTM)
+    vertex = PlyData.read(str(path))["vertex"]
+    assert vertex["x"].dtype == np.float64
+    world = np.stack([vertex[a] for a in "xyz"], axis=1)
+    np.testing.assert_allclose(world - UTM, mesh.vertices, atol=1e-8)
+    again = read_ply(path, offset=UTM)
+    np.testing.assert_allclose(again.vertices, mesh.vertices, atol=1e-6)
+    np.testing.assert_array_equal(again.faces, mesh.faces)
+    np.testing.assert_array_equal(again.colors, mesh.colors)
+
+
+def test_ply_of_nothing(tmp_path: Path) -> None:
+    write_ply(Mesh.empty(), tmp_path / "mesh.ply", offset=UTM)
+    assert len(read_ply(tmp_path / "mesh.ply", offset=UTM).faces) == 0
+
+
+def test_damaged_ply_is_one_line(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.ply"
+    with pytest.raises(WorkspaceError, match="mesh.ply"):
+        read_ply(path)
+    write_ply(mesh, path)
+    content = path.read_bytes()
+    for bad in (content[:-5], content[:40], b"", b"hello", content + b"x"):
+        path.write_bytes(bad)
+        with pytest.raises(WorkspaceError, match=r"mesh\.ply.*unveil mesh"):
+            read_ply(path)
+
+
+def glb_json(path: Path) -> dict:
+    content = path.read_bytes()
+    magic, version, length = struct.unpack("<III", content[:12])
+    assert (magic, version, length) == (0x46546C67, 2, len(content))
+    size, kind = struct.unpack("<II", content[12:20])
+    assert kind == 0x4E4F534A
+    return json.loads(content[20 : 20 + size])
+
+
+def test_glb_is_y_up_with_the_offset_on_its_node(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.glb"
+    write_glb(mesh, path, offset=UTM)
+    node = glb_json(path)["nodes"][0]
+    assert node["extras"]["offset_m"] == UTM.tolist()
+    np.testing.assert_array_equal(node["translation"], [UTM[0], UTM[2], -UTM[1]])
+    scene = trimesh.load(path, process=False)
+    (geometry,) = scene.geometry.values()
+    turned = np.stack([mesh.vertices[:, 0], mesh.vertices[:, 2], -mesh.vertices[:, 1]], axis=1)
+    np.testing.assert_allclose(geometry.vertices, turned, atol=1e-6)
+    np.testing.assert_array_equal(geometry.faces, mesh.faces)
+    corner, _ = scene.bounds
+    np.testing.assert_allclose(corner[1], turned[mesh.faces.ravel(), 1].min() + UTM[2], atol=1e-3)
+
+
+def test_glb_colours_are_linear(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.glb"
+    write_glb(mesh, path)
+    document = glb_json(path)
+    view = document["bufferViews"][1]
+    start = 20 + struct.unpack("<I", path.read_bytes()[12:16])[0] + 8 + view["byteOffset"]
+    raw = np.frombuffer(path.read_bytes()[start : start + view["byteLength"]], "<u2").reshape(-1, 4)
+    linear = raw[:, :3] / 65535.0
+    srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+    np.testing.assert_array_equal(np.round(srgb * 255).astype(int), mesh.colors)
+    assert (raw[:, 3] == 65535).all()
+
+
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0), (1, 0, 0), (0.1, 0.2, 0.9)])
+def test_glb_turns_any_up(mesh: Mesh, tmp_path: Path, up: tuple[float, ...]) -> None:
+    path = tmp_path / "mesh.glb"
+    write_glb(mesh, path, up=up)
+    (geometry,) = trimesh.load(path, process=False).geometry.values()
+    height = mesh.vertices @ np.array(up) / np.linalg.norm(up)
+    np.testing.assert_allclose(geometry.vertices[:, 1], height, atol=1e-4)
+    # A rotation, not a mirror image: signed volumes stay.
+    before = np.linalg.det(mesh.vertices[mesh.faces].astype(np.float64))
+    after = np.linalg.det(np.asarray(geometry.vertices)[mesh.faces])
+    np.testing.assert_allclose(after, before, rtol=1e-4, atol=1e-2)
+
+
+def test_glb_of_nothing_is_valid(tmp_path: Path) -> None:
+    write_glb(Mesh.empty(), tmp_path / "mesh.glb", offset=UTM)
+    assert "meshes" not in glb_json(tmp_path / "mesh.glb")
+
+
+def test_offsets_must_be_numbers(mesh: Mesh, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="offset"):
+        write_ply(mesh, tmp_path / "mesh.ply", offset=(1.0, float("nan"), 0.0))
+    assert not list(tmp_path.iterdir())

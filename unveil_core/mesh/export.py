@@ -1,0 +1,179 @@
+"""Meshes on disk: binary PLY at world coordinates, GLB for everything that opens glTF.
+
+PLY: vertices in the world (local position + offset), as doubles where single precision would lose a tenth of a
+millimetre, sRGB vertex colours.
+
+GLB: glTF 2.0 is y-up and single precision: vertices stay local and are turned so that the drive's up becomes +y; the
+turned offset is the translation of the node, which JSON carries in full precision, and the offset itself stands in the
+node's ``extras``. Vertex colours are linear 16-bit as the format asks (``COLOR_0`` is a linear multiplier), under an
+unlit material: photographs already carry the light of their street.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from unveil_core.errors import WorkspaceError
+from unveil_core.files import write_atomic
+from unveil_core.mesh.mesh import Mesh
+
+__all__ = ["read_ply", "write_glb", "write_ply"]
+
+SINGLE_PRECISION_REACH = 1024.0
+"""Largest coordinate for which a float is finer than 0.1 mm."""
+
+
+def write_ply(mesh: Mesh, path: Path, offset: ArrayLike | None = None) -> None:
+    """Write a binary little-endian PLY, atomically.
+
+    Args:
+        mesh: local vertices.
+        path: where.
+        offset: (3,) float64 added to every vertex.
+    """
+    shift = _offset(offset)
+    vertices = mesh.vertices.astype(np.float64) + shift
+    double = bool(len(vertices)) and np.abs(vertices).max() > SINGLE_PRECISION_REACH
+    name, code = ("double", "<f8") if double else ("float", "<f4")
+    lines = [
+        "ply", "format binary_little_endian 1.0", "comment unveil mesh, sRGB vertex colours",
+        "comment offset " + " ".join(repr(float(v)) for v in shift), f"element vertex {len(vertices)}",
+        *(f"property {name} {axis}" for axis in ("x", "y", "z")),
+        *(f"property uchar {c}" for c in ("red", "green", "blue")),
+        f"element face {len(mesh.faces)}", "property list uchar int vertex_indices", "end_header", "",
+    ]  # fmt: skip
+    rows = np.empty(len(vertices), dtype=[("position", code, 3), ("color", "u1", 3)])
+    rows["position"], rows["color"] = vertices, mesh.colors
+    triangles = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
+    triangles["count"], triangles["index"] = 3, mesh.faces
+
+    def write(stream: BinaryIO) -> None:
+        stream.write("\n".join(lines).encode())
+        stream.write(rows.tobytes())
+        stream.write(triangles.tobytes())
+
+    write_atomic(path, write)
+
+
+def read_ply(path: Path, offset: ArrayLike | None = None) -> Mesh:
+    """Read a mesh that :func:`write_ply` wrote, taking ``offset`` (3,) off every vertex.
+
+    Raises:
+        WorkspaceError: the file is missing, cut short, or not one of ours.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise WorkspaceError(f"cannot be read: {error.strerror}", path=path, mend="run `unveil mesh`") from error
+    try:
+        end = content.index(b"end_header\n") + len(b"end_header\n")
+        header = content[:end].decode("ascii").split("\n")
+        vertex_count, face_count = (
+            int(next(line for line in header if line.startswith(f"element {name} ")).split()[2])
+            for name in ("vertex", "face")
+        )
+        code = "<f8" if "property double x" in header else "<f4"
+        rows = np.frombuffer(content, [("position", code, 3), ("color", "u1", 3)], vertex_count, end)
+        end += rows.nbytes
+        triangles = np.frombuffer(content, [("count", "u1"), ("index", "<i4", 3)], face_count, end)
+        if (triangles["count"] != 3).any() or end + triangles.nbytes != len(content):
+            raise ValueError("it holds more than triangles")
+    except (ValueError, StopIteration, IndexError) as error:
+        raise WorkspaceError(f"is not a mesh of ours: {error}", path=path, mend="run `unveil mesh` again") from error
+    local = (rows["position"].astype(np.float64) - _offset(offset)).astype(np.float32)
+    return Mesh(local, triangles["index"].copy(), rows["color"].copy())
+
+
+def write_glb(
+    mesh: Mesh, path: Path, offset: ArrayLike | None = None, up: ArrayLike = (0.0, 0.0, 1.0), name: str = "street"
+) -> None:
+    """Write a binary glTF 2.0 file, atomically.
+
+    Args:
+        mesh: local vertices.
+        path: where.
+        offset: (3,) float64, world position = local position + offset; becomes the node's translation.
+        up: (3,) the drive's up, turned to glTF's +y.
+        name: name of the node.
+    """
+    turn = _turn_to_y(np.asarray(up, dtype=np.float64))
+    shift = _offset(offset)
+    vertices = np.ascontiguousarray(mesh.vertices @ turn.T.astype(np.float32), dtype="<f4")
+    colors = np.full((len(vertices), 4), 65535, dtype="<u2")
+    colors[:, :3] = np.round(_srgb_to_linear(np.arange(256) / 255.0) * 65535).astype(np.uint16)[mesh.colors]
+    indices = np.ascontiguousarray(mesh.faces, dtype="<u4")
+    document: dict[str, object] = {
+        "asset": {"version": "2.0", "generator": "unveil"},
+        "extensionsUsed": ["KHR_materials_unlit"],
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{
+            "name": name, "translation": (turn @ shift).tolist(),
+            "extras": {"offset_m": shift.tolist(), "up": np.asarray(up, dtype=np.float64).tolist()},
+        }],
+        "materials": [{
+            "name": f"{name} colours", "doubleSided": True, "extensions": {"KHR_materials_unlit": {}},
+            "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 1},
+        }],
+    }  # fmt: skip
+    parts = [vertices.tobytes(), colors.tobytes(), indices.tobytes()]
+    if len(mesh.faces):
+        starts = np.concatenate([[0], np.cumsum([len(p) for p in parts])]).tolist()
+        document["nodes"][0]["mesh"] = 0  # type: ignore[index]
+        document["meshes"] = [{
+            "name": name,
+            "primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "mode": 4}],
+        }]  # fmt: skip
+        document["accessors"] = [
+            {"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3",
+             "min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()},
+            {"bufferView": 1, "componentType": 5123, "count": len(vertices), "type": "VEC4", "normalized": True},
+            {"bufferView": 2, "componentType": 5125, "count": indices.size, "type": "SCALAR"},
+        ]  # fmt: skip
+        document["bufferViews"] = [
+            {"buffer": 0, "byteOffset": starts[k], "byteLength": len(parts[k]), "target": target}
+            for k, target in enumerate((34962, 34962, 34963))
+        ]
+        document["buffers"] = [{"byteLength": starts[-1]}]
+    else:
+        parts = []
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    binary = b"".join(parts)
+
+    def write(stream: BinaryIO) -> None:
+        chunk = struct.pack("<II", len(binary), 0x004E4942) + binary if binary else b""
+        stream.write(struct.pack("<III", 0x46546C67, 2, 12 + 8 + len(text) + len(chunk)))
+        stream.write(struct.pack("<II", len(text), 0x4E4F534A) + text + chunk)
+
+    write_atomic(path, write)
+
+
+def _offset(offset: ArrayLike | None) -> NDArray[np.float64]:
+    shift = np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)
+    if shift.shape != (3,) or not np.isfinite(shift).all():
+        raise ValueError(f"an offset is three finite numbers, not {offset!r}")
+    return shift
+
+
+def _srgb_to_linear(value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """IEC 61966-2-1."""
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def _turn_to_y(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rotation that brings ``up`` to +y; for z up the usual (x, z, -y)."""
+    up = up / np.linalg.norm(up)
+    if abs(up[0]) > 0.9:
+        side = np.cross(up, (0.0, 0.0, 1.0))
+        side /= np.linalg.norm(side)
+    else:
+        side = np.array([1.0, 0.0, 0.0]) - up[0] * up
+        side /= np.linalg.norm(side)
+    return np.stack([side, up, np.cross(side, up)])

@@ -1,0 +1,215 @@
+"""Fusion of depth images into one mesh: a truncated signed distance field on sparse blocks of voxels.
+
+Curless and Levoy, *A volumetric method for building complex models from range images* (1996), with blocks allocated
+only near what was seen (Niessner et al., *Real-time 3D reconstruction at scale using voxel hashing*, 2013), distances
+taken along the surface normal instead of along the ray, so that road seen at a flat angle is not lost, and surface nets
+for the triangles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from unveil_core.errors import SettingsError
+from unveil_core.geometry.camera import Camera
+from unveil_core.mesh import kernels
+from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
+from unveil_core.progress import Progress, no_progress
+
+__all__ = ["DepthView", "fuse"]
+
+LARGEST_BLOCKS = 400_000
+"""About 5 GB of voxels: a voxel size that asks for more was a mistake."""
+RIM_JUMP = 1.0
+"""Neighbouring voxels that differ by more than this (of 2) are the rim of a silhouette, not a surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthView:
+    """One posed depth image.
+
+    Attributes:
+        camera: the view.
+        depth: (H, W) float, along the optical axis in world units; 0, inf or NaN where there is none.
+        rgb: (H, W, 3) float in [0, 1] or uint8, sRGB.
+        weight: (H, W) float, how far to trust each pixel; None for 1 everywhere.
+    """
+
+    camera: Camera
+    depth: NDArray[np.floating]
+    rgb: NDArray[np.floating] | NDArray[np.uint8]
+    weight: NDArray[np.floating] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A view as the kernels want it, 8 to 12 bytes a pixel."""
+
+    camera: Camera
+    inverse_depth: NDArray[np.float32]
+    rgb: NDArray[np.uint8]
+    weight: NDArray[np.float32]
+
+
+def fuse(
+    views: Iterable[DepthView],
+    *,
+    voxel_size: float,
+    truncation: float | None = None,
+    bounds: ArrayLike | None = None,
+    max_depth: float = 40.0,
+    smallest_triangles: int = 200,
+    progress: Progress = no_progress,
+) -> Mesh:
+    """Fuse depth images into a mesh with vertex colours.
+
+    The result is the same, bit for bit, for the same views whatever the number of threads. Where nothing was seen
+    there is no surface.
+
+    Args:
+        views: posed depth images; consumed once.
+        voxel_size: edge of a voxel in world units.
+        truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
+        bounds: (2, 3) lowest and highest corner of the space to keep, or None.
+        max_depth: depth beyond which a pixel is not used, in world units.
+        smallest_triangles: connected pieces of fewer triangles are dropped.
+        progress: called once per view, then for the surface.
+    Returns:
+        the mesh, in the frame of the cameras; empty where nothing was seen.
+    Raises:
+        SettingsError: a size that cannot work, or one that asks for more memory than is sensible.
+    """
+    voxel = float(voxel_size)
+    band = 4.0 * voxel if truncation is None else float(truncation)
+    if not (np.isfinite(voxel) and voxel > 0):
+        raise SettingsError(f"voxel_size is {voxel_size}", mend="give a positive length")
+    if not (np.isfinite(band) and band >= 2 * voxel):
+        raise SettingsError(f"truncation is {truncation}", mend=f"give at least two voxels, {2 * voxel:g}")
+    if not (np.isfinite(max_depth) and max_depth > 0):
+        raise SettingsError(f"max_depth is {max_depth}", mend="give a positive length")
+    box = np.array([[-np.inf] * 3, [np.inf] * 3]) if bounds is None else np.asarray(bounds, dtype=np.float64)
+    if box.shape != (2, 3) or not (box[0] < box[1]).all():
+        raise SettingsError("bounds must be a lowest and a highest corner", mend="give two rows of three")
+
+    prepared = [_prepare(view, index, max_depth) for index, view in enumerate(views)]
+    total = 2 * len(prepared) + 1
+    keys = _allocate(prepared, voxel, band, max_depth, box, progress, total)
+    if not len(keys):
+        progress(total, total, "fusing depth")
+        return Mesh.empty()
+    half, mask = kernels.HALF_KEYS, 2 * kernels.HALF_KEYS - 1
+    blocks = np.stack([(keys >> 42) - half, (keys >> 21 & mask) - half, (keys & mask) - half], axis=1)
+
+    volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
+    for done, view in enumerate(prepared):
+        camera = view.camera
+        _, factor = kernels.inverse_depth_slopes(view.inverse_depth, camera.fx, camera.fy, camera.cx, camera.cy)
+        chosen = _blocks_in_view(blocks, camera, voxel, max_depth + band / kernels.SMALLEST_COSINE)
+        kernels.integrate(
+            volume, blocks, chosen, view.inverse_depth, factor, view.weight, view.rgb, camera.fx, camera.fy, camera.cx,
+            camera.cy, camera.world_to_camera, voxel, band, float(max_depth),
+        )  # fmt: skip
+        progress(len(prepared) + done + 1, total, "fusing depth")
+    mesh = _extract(volume, blocks, keys, voxel)
+    if bounds is not None and len(mesh.faces):
+        inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
+        mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
+    mesh = drop_small_components(mesh, smallest_triangles)
+    progress(total, total, f"{len(mesh.faces)} triangles")
+    return mesh
+
+
+def _prepare(view: DepthView, index: int, max_depth: float) -> _Prepared:
+    size = (view.camera.height, view.camera.width)
+    depth = np.asarray(view.depth)
+    if depth.shape != size or view.rgb.shape != (*size, 3):
+        raise ValueError(f"view {index}: depth {depth.shape} and rgb {view.rgb.shape} must be {size} and {(*size, 3)}")
+    if view.weight is not None and view.weight.shape != size:
+        raise ValueError(f"view {index}: weight {view.weight.shape} must be {size}")
+    usable = np.isfinite(depth) & (depth > 1e-3)
+    # Pixels beyond max_depth stay, as neighbours of the nearer ones; the kernels leave them out themselves.
+    inverse = np.divide(1.0, depth, out=np.zeros(size, dtype=np.float64), where=usable).astype(np.float32)
+    rgb = view.rgb
+    if rgb.dtype != np.uint8:
+        rgb = np.round(np.clip(np.nan_to_num(rgb), 0, 1) * 255).astype(np.uint8)
+    weight = np.ones(size, np.float32) if view.weight is None else np.nan_to_num(view.weight).astype(np.float32)
+    return _Prepared(view.camera, inverse, np.ascontiguousarray(rgb), np.maximum(weight, 0))
+
+
+def _allocate(
+    views: list[_Prepared], voxel: float, band: float, max_depth: float, box: NDArray[np.float64],
+    progress: Progress, total: int,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Sorted keys of all blocks near a seen surface."""
+    table = np.full(1 << 16, -1, dtype=np.int64)
+    count = 0
+    for done, view in enumerate(views):
+        camera = view.camera
+        normals, factor = kernels.inverse_depth_slopes(view.inverse_depth, camera.fx, camera.fy, camera.cx, camera.cy)
+        while True:
+            result = kernels.allocate(
+                view.inverse_depth, normals, factor, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world,
+                voxel, band, float(max_depth), box[0], box[1], table, count,
+            )  # fmt: skip
+            if result >= 0:
+                count = result
+                break
+            count = int(np.count_nonzero(table != -1))
+            if count > LARGEST_BLOCKS:
+                raise SettingsError(
+                    f"voxel_size {voxel:g} asks for more than {LARGEST_BLOCKS:,} blocks of voxels",
+                    mend="give a larger voxel_size or a smaller max_depth",
+                )
+            table = kernels.rehash(table, 2 * len(table))
+        progress(done + 1, total, "finding surfaces")
+    keys: NDArray[np.int64] = np.sort(table[table != -1])
+    return keys
+
+
+def _blocks_in_view(blocks: NDArray[np.int64], camera: Camera, voxel: float, furthest: float) -> NDArray[np.int64]:
+    """Indices of blocks whose bounding sphere may meet the view's frustum."""
+    size = voxel * kernels.BLOCK
+    radius = 0.5 * np.sqrt(3) * size
+    local = ((blocks + 0.5) * size) @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
+    x, y, z = local[:, 0], local[:, 1], local[:, 2]
+    inside = (z > -radius) & (z < furthest + radius)
+    for across, focal, low, high in (
+        (x, camera.fx, -camera.cx, camera.width - camera.cx), (y, camera.fy, -camera.cy, camera.height - camera.cy)
+    ):  # fmt: skip
+        # Signed distances to the two side planes through the optical centre.
+        inside &= focal * across - low * z > -radius * np.hypot(focal, low)
+        inside &= focal * across - high * z < radius * np.hypot(focal, high)
+    chosen: NDArray[np.int64] = np.flatnonzero(inside)
+    return chosen
+
+
+def _extract(volume: NDArray[np.float32], blocks: NDArray[np.int64], keys: NDArray[np.int64], voxel: float) -> Mesh:
+    """Triangles of the zero level."""
+    neighbours = _neighbours(blocks, keys)
+    rank = np.empty(volume.shape[:2], dtype=np.int16)
+    counts = kernels.mark_cells(volume, neighbours, np.float32(RIM_JUMP), rank)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    vertices = np.zeros((int(first[-1]), 3), dtype=np.float32)
+    colors = np.zeros((int(first[-1]), 3), dtype=np.float32)
+    kernels.place_vertices(volume, neighbours, blocks, rank, first, voxel, vertices, colors)
+    quads = np.concatenate([[0], np.cumsum(kernels.count_quads(volume, neighbours, rank, first))])
+    faces = np.empty((2 * int(quads[-1]), 3), dtype=np.int32)
+    kernels.write_quads(volume, neighbours, rank, first, quads, vertices, faces)
+    return Mesh(vertices, faces, np.round(np.clip(colors, 0, 255)).astype(np.uint8))
+
+
+def _neighbours(blocks: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int32]:
+    """(B, 27) indices of the blocks around each block, itself at 13, -1 where there is none."""
+    half = kernels.HALF_KEYS
+    table = np.full((len(blocks), 27), -1, dtype=np.int32)
+    for n in range(27):
+        x, y, z = (blocks + (n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1) + half).T
+        wanted = x << 42 | y << 21 | z
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        found = keys[at] == wanted
+        table[found, n] = at[found]
+    return table
