@@ -1,0 +1,164 @@
+"""A workspace measured: numbers against direct computation, and what happens when parts are missing."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.evaluate.street_workspace import build_workspace
+from unveil_core.errors import Cancelled, WorkspaceError
+from unveil_core.evaluate import psnr, run_evaluation, ssim, write_metrics
+from unveil_core.evaluate.baselines import telea
+from unveil_core.files import read_image, read_label_image, write_image_atomic
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_workspace(tmp_path_factory.mktemp("street"))
+
+
+@pytest.fixture
+def workspace(finished: Path, tmp_path: Path) -> Path:
+    shutil.copytree(finished.parent, tmp_path / "copy")
+    (tmp_path / "copy/workspace/drive/cameras.json").write_text(
+        (finished / "drive/cameras.json").read_text().replace(str(finished.parent), str(tmp_path / "copy"))
+    )
+    return tmp_path / "copy/workspace"
+
+
+def stacked(folder: Path, label: bool = False) -> np.ndarray:
+    files = sorted(folder.glob("*.png"))
+    return np.stack([read_label_image(f) if label else read_image(f) for f in files])
+
+
+def test_numbers_are_those_of_the_pixels(finished: Path) -> None:
+    truth = finished.parent / "drive_on_disk/truth"
+    metrics = run_evaluation(finished)
+    street, removed = stacked(truth / "images"), stacked(truth / "removed", label=True) > 0
+    hidden = stacked(truth / "unseen", label=True) > 0
+    delivered = stacked(finished / "frames/front")
+    photographs = stacked(finished.parent / "drive_on_disk/images")
+    error = ((delivered / 255.0 - street / 255.0) ** 2).mean(axis=-1)
+    regions = metrics["truth"]["regions"]
+    for name, mask in (("removed", removed), ("unseen", hidden), ("seen_elsewhere", removed & ~hidden)):
+        assert regions[name]["pixels"] == mask.sum()
+        assert regions[name]["methods"]["ours"]["psnr"] == pytest.approx(-10 * np.log10(error[mask].mean()), abs=1e-4)
+    per_frame = [psnr(d, s, m) for d, s, m in zip(delivered, street, removed, strict=True)]
+    assert regions["removed"]["methods"]["ours"]["psnr_frame_mean"] == pytest.approx(np.mean(per_frame), abs=1e-4)
+    similar = [ssim(d, s, m) for d, s, m in zip(delivered, street, removed, strict=True)]
+    assert regions["removed"]["methods"]["ours"]["ssim_frame_mean"] == pytest.approx(np.mean(similar), abs=1e-4)
+    filled = [telea(p, m) for p, m in zip(photographs, removed, strict=True)]
+    squared = ((np.stack(filled) / 255.0 - street / 255.0) ** 2).mean(axis=-1)
+    assert regions["removed"]["methods"]["telea"]["psnr"] == pytest.approx(
+        -10 * np.log10(squared[removed].mean()), abs=1e-4
+    )
+    untouched = ((photographs / 255.0 - street / 255.0) ** 2).mean(axis=-1)
+    assert regions["whole"]["methods"]["input"]["psnr"] == pytest.approx(-10 * np.log10(untouched.mean()), abs=1e-4)
+
+
+def test_order_of_the_methods(finished: Path) -> None:
+    """Noise of 4 levels is 36 dB: better than any single-image filling, which is better than leaving the car."""
+    methods = run_evaluation(finished)["truth"]["regions"]["removed"]["methods"]
+    assert set(methods) == {"ours", "render", "input", "telea", "shift_map"}
+    assert methods["ours"]["psnr"] == pytest.approx(36, abs=0.7)
+    assert methods["ours"]["psnr"] > methods["render"]["psnr"] > methods["telea"]["psnr"] > methods["input"]["psnr"]
+    assert methods["ours"]["ssim"] > methods["telea"]["ssim"]
+
+
+def test_untouched_pixels_and_masks(finished: Path) -> None:
+    metrics = run_evaluation(finished)
+    assert metrics["untouched"]["max"] == 0
+    assert metrics["untouched"]["mean"] == 0
+    assert metrics["truth"]["unobserved_mask_iou"] == 1.0
+    assert 0.3 < metrics["truth"]["removed_mask_iou"] < 1
+    removed = stacked(finished / "masks/removed/front", label=True) > 0
+    assert metrics["coverage"]["removed"] == pytest.approx(removed.mean(), abs=1e-4)
+
+
+def test_a_touched_pixel_is_found(workspace: Path) -> None:
+    path = workspace / "frames/front/0001.png"
+    picture = read_image(path)
+    picture[0, 0, 1] ^= 8
+    write_image_atomic(path, picture)
+    metrics = run_evaluation(workspace)
+    assert metrics["untouched"]["max"] == 8
+    assert metrics["untouched"]["mean"] > 0
+    assert [f["untouched_max"] for f in metrics["per_frame"]] == [0, 8, 0]
+
+
+def test_without_truth(workspace: Path) -> None:
+    shutil.rmtree(workspace.parent / "drive_on_disk/truth")
+    metrics = run_evaluation(workspace)
+    assert "truth" not in metrics
+    assert metrics["untouched"]["max"] == 0
+    assert 0 < metrics["coverage"]["unobserved_of_removed"] < 1
+    assert "psnr" not in metrics["per_frame"][0]
+
+
+def test_truth_given_by_hand_of_another_size_and_kind(workspace: Path, tmp_path: Path) -> None:
+    """Twice as large, JPEG, without masks: the region is the workspace's own mask."""
+    own = workspace.parent / "drive_on_disk/truth"
+    elsewhere = tmp_path / "elsewhere"
+    (elsewhere / "images").mkdir(parents=True)
+    for path in sorted((own / "images").glob("*.png")):
+        large = np.repeat(np.repeat(read_image(path), 2, axis=0), 2, axis=1)
+        cv2.imwrite(str(elsewhere / f"images/{path.stem}.jpg"), large[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 98])
+    shutil.rmtree(own)
+    metrics = run_evaluation(workspace, elsewhere)
+    removed = stacked(workspace / "masks/removed/front", label=True) > 0
+    region = metrics["truth"]["regions"]["removed"]
+    assert region["pixels"] == removed.sum()
+    assert 33 < region["methods"]["ours"]["psnr"] < 37
+    assert "unobserved_mask_iou" not in metrics["truth"]
+    assert "cast_shadow" not in metrics["truth"]["regions"]
+
+
+def test_truth_for_some_frames(workspace: Path) -> None:
+    (workspace.parent / "drive_on_disk/truth/images/0001.png").unlink()
+    metrics = run_evaluation(workspace)
+    assert metrics["frames"] == 3
+    assert metrics["truth"]["frames"] == 2
+
+
+def test_exact_delivery_is_json(workspace: Path, tmp_path: Path) -> None:
+    for path in sorted((workspace.parent / "drive_on_disk/truth/images").glob("*.png")):
+        shutil.copy(path, workspace / "frames/front" / path.name)
+    metrics = run_evaluation(workspace)
+    assert metrics["truth"]["regions"]["removed"]["methods"]["ours"]["psnr"] is None
+    assert metrics["truth"]["regions"]["removed"]["methods"]["ours"]["ssim"] == 1.0
+    write_metrics(metrics, tmp_path / "out/metrics.json")
+    assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
+
+
+def test_missing_parts_are_one_line(workspace: Path, tmp_path: Path) -> None:
+    with pytest.raises(WorkspaceError, match="images"):
+        run_evaluation(workspace, tmp_path / "nowhere")
+    (tmp_path / "other/images").mkdir(parents=True)
+    with pytest.raises(WorkspaceError, match="none of the drive's frames"):
+        run_evaluation(workspace, tmp_path / "other")
+    (workspace / "frames/front/0002.png").unlink()
+    with pytest.raises(WorkspaceError, match=r"0002\.png.*unveil reoptimize"):
+        run_evaluation(workspace)
+
+
+def test_progress_and_cancel(finished: Path) -> None:
+    seen: list[int] = []
+    run_evaluation(finished, progress=lambda done, total, message="", **m: seen.append(done))
+    assert seen == [1, 2, 3]
+
+    def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run_evaluation(finished, progress=stop)
+
+
+def test_nothing_is_written(finished: Path) -> None:
+    before = sorted((p, p.stat().st_mtime_ns) for p in finished.rglob("*"))
+    run_evaluation(finished)
+    assert sorted((p, p.stat().st_mtime_ns) for p in finished.rglob("*")) == before
