@@ -21,6 +21,7 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["GROUND_CLASSES", "GroundLayer", "GroundPixels", "build_ground_layer", "fit_drive_ground", "ground_usable"]
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
+SIDE_CLASSES = ("building", "wall", "fence")
 Float32 = NDArray[np.float32]
 
 
@@ -136,7 +137,9 @@ def fit_drive_ground(
         chosen = level & opaque & (np.abs(drop - typical) < 0.35 * unit) & (np.abs(street[:, 1]) < 8 * unit)
     if chosen.sum() < 50:
         return None
-    return fit_ground(path, means[chosen], unit=unit)
+    sides = [k for k, n in enumerate(labels.names) if n in SIDE_CLASSES]
+    walls = means[np.isin(surfels.labels.numpy(), sides) & opaque] if sides else None
+    return fit_ground(path, means[chosen], unit=unit, walls=walls)
 
 
 def ground_usable(

@@ -194,7 +194,7 @@ class Ground:
         return np.where(good, depth, np.inf), street
 
 
-def fit_ground(path: StreetPath, points: Array, *, unit: float) -> Ground:
+def fit_ground(path: StreetPath, points: Array, *, unit: float, walls: Array | None = None) -> Ground:
     """Height field and lateral limits from ground points.
 
     The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
@@ -202,13 +202,15 @@ def fit_ground(path: StreetPath, points: Array, *, unit: float) -> Ground:
 
     Args:
         points: (P, 3) world points on the ground.
+        walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
+            nobody saw any.
         unit: world units per metre.
     """
     s_cell, l_cell = 1.0 * unit, 0.1 * unit
     street = path.to_street(points)
     reach = min(25.0 * unit, float(np.percentile(np.abs(street[:, 1]), 99.5)) + l_cell)
     street = street[np.abs(street[:, 1]) <= reach]
-    s_low, s_high = np.percentile(street[:, 0], [0.2, 99.8])
+    s_low, s_high = _supported(street[:, 0], s_cell)
     rows = max(2, int(np.ceil((s_high - s_low) / s_cell)) + 1)
     columns = max(3, int(np.ceil(2 * reach / l_cell)) + 1)
     a = np.clip(np.round((street[:, 0] - s_low) / s_cell).astype(int), 0, rows - 1)
@@ -232,6 +234,28 @@ def fit_ground(path: StreetPath, points: Array, *, unit: float) -> Ground:
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profile[None, :] + remainder
 
+    left, right = _limits(street, a, rows, reach, unit)
+    if walls is not None and len(walls) > 50:
+        side = path.to_street(walls)
+        over = side[:, 2] - (base[np.clip(np.round((side[:, 0] - s_low) / s_cell).astype(int), 0, rows - 1)])
+        upright = (over > 0.4 * unit) & (over < 6 * unit) & (np.abs(side[:, 1]) < 25 * unit)
+        left = _wall_limit(side[upright & (side[:, 1] > 0)], s_low, s_cell, left)
+        right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, s_cell, -right)
+    return Ground(path, float(s_low), -reach, s_cell, l_cell, height, left, right)
+
+
+def _supported(s: Array, cell: float) -> tuple[float, float]:
+    """First and last arc length with at least three points in a cell."""
+    low = float(s.min())
+    counts = np.bincount(((s - low) / cell).astype(int))
+    full = np.flatnonzero(counts >= 3)
+    if not len(full):
+        return low, float(s.max())
+    return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
+
+
+def _limits(street: Array, a: NDArray[np.int64], rows: int, reach: float, unit: float) -> tuple[Array, Array]:
+    """Largest and smallest lateral offset with ground, per row; as wide behind parked rows as before and after them."""
     left, right = np.full(rows, np.nan), np.full(rows, np.nan)
     order = np.argsort(a, kind="stable")
     for row, part in zip(*_groups(a[order], street[order, 1]), strict=True):
@@ -239,15 +263,24 @@ def fit_ground(path: StreetPath, points: Array, *, unit: float) -> Ground:
             right[row], left[row] = np.percentile(part, [1, 99])
     known = np.isfinite(left)
     if not known.any():
-        left[:], right[:] = reach, -reach
-    else:
-        index = np.arange(rows)
-        left = np.interp(index, index[known], left[known])
-        right = np.interp(index, index[known], right[known])
-        # Parked rows hide the walk for some metres; the street is as wide there as before and after.
-        left = gaussian_filter1d(minimum_filter1d(maximum_filter1d(left, 9), 5), 1.0)
-        right = gaussian_filter1d(maximum_filter1d(minimum_filter1d(right, 9), 5), 1.0)
-    return Ground(path, float(s_low), -reach, s_cell, l_cell, height, left, right)
+        return np.full(rows, reach), np.full(rows, -reach)
+    index = np.arange(rows)
+    left, right = np.interp(index, index[known], left[known]), np.interp(index, index[known], right[known])
+    left = gaussian_filter1d(minimum_filter1d(maximum_filter1d(left, 13), 7), 1.0)
+    right = gaussian_filter1d(maximum_filter1d(minimum_filter1d(right, 13), 7), 1.0)
+    return left, right
+
+
+def _wall_limit(side: Array, s_low: float, s_cell: float, fallback: Array) -> Array:
+    """Lateral offset (positive) of the walls' foot per row, from a sliding stretch; the fallback where there is none."""
+    rows = len(fallback)
+    limit = fallback.copy()
+    row = np.round((side[:, 0] - s_low) / s_cell).astype(int)
+    for r in range(rows):
+        near = np.abs(row - r) <= 3
+        if near.sum() >= 15:
+            limit[r] = max(fallback[r], float(np.percentile(side[near, 1], 15)))
+    return median_filter(limit, 5, mode="nearest")
 
 
 def _groups(keys: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], list[Array]]:

@@ -133,17 +133,19 @@ def start_scene(
     points = points[keep]
     centres = np.stack([c.centre for c in cameras])
     normal, spacing = estimate_normals(points, centres)
+    # What hides others is as large as the thinning left it; lonely strays must not blot out what lies behind them.
+    cover = np.minimum(spacing, 0.7 * cell[keep])
     label, agreement = vote_labels(
-        points, spacing, cameras, lambda v: labels[v], len(scene.labels), near=limits.near
+        points, cover, cameras, lambda v: labels[v], len(scene.labels), near=limits.near, normals=normal
     )
-    color, seen = sample_colors(points, spacing, cameras, lambda v: images[v], near=limits.near)
+    color, seen = sample_colors(points, cover, cameras, lambda v: images[v], near=limits.near, normals=normal)
     good = seen & (label >= 0) & (label != (-2 if sky is None else sky)) & (agreement > 0.4)
     if not good.any():
         raise DriveError("no point of the drive is seen by any frame", path=drive.root, mend="check poses and points")
     # Spacing of what remains, bounded: a far lonely point must not become a wall.
     spacing = np.clip(spacing[good], 0.3 * cell.min(), 6 * np.median(spacing[good]))
     return surfels_from_points(
-        points[good], color[good], label[good], normal[good], spacing, sh_degree=settings.sh_degree
+        points[good], color[good], label[good], normal[good], spacing, sh_degree=settings.sh_degree, opacity=0.7
     )
 
 

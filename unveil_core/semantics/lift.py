@@ -25,6 +25,7 @@ def vote_labels(
     label_count: int,
     *,
     near: float,
+    normals: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Label points by the views that see them.
 
@@ -33,13 +34,13 @@ def vote_labels(
         cameras: V views.
         label_image: gives (H, W) compact labels of view v, negative = no vote.
         label_count: K.
-        near: nearest depth that counts, world units.
+        near: nearest depth that counts, world units; normals: (P, 3) of the points' surface, if known.
     Returns:
         labels (P,), -1 where nobody voted; the share of the winning label among all votes (P,).
     """
     votes = np.zeros((len(positions), label_count))
     for v, camera in enumerate(cameras):
-        seen = points_in_view(positions, spacing, camera, near=near)
+        seen = points_in_view(positions, spacing, camera, near=near, normals=normals)
         label = label_image(v)[seen.rows, seen.columns]
         counts = label >= 0
         votes[seen.index[counts], label[counts]] += 1.0 / np.maximum(seen.depth[counts], near)
@@ -55,6 +56,7 @@ def sample_colors(
     image: Callable[[int], NDArray[np.uint8]],
     *,
     near: float,
+    normals: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Colour points from the views that see them, nearer views counting more.
 
@@ -64,7 +66,7 @@ def sample_colors(
     total = np.zeros((len(positions), 3))
     weight = np.zeros(len(positions))
     for v, camera in enumerate(cameras):
-        seen = points_in_view(positions, spacing, camera, near=near)
+        seen = points_in_view(positions, spacing, camera, near=near, normals=normals)
         w = 1.0 / np.maximum(seen.depth, near) ** 2
         total[seen.index] += image(v)[seen.rows, seen.columns] * w[:, None]
         weight[seen.index] += w

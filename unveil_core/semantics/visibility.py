@@ -30,11 +30,11 @@ class PointsInView:
 
 
 @njit(cache=True)
-def _splat_depth(x, y, depth, radius, height, width):  # type: ignore[no-untyped-def]
+def _splat_depth(x, y, depth, half_x, half_y, height, width):  # type: ignore[no-untyped-def]
     buffer = np.full((height, width), np.inf)
     for i in range(x.shape[0]):
-        x0, x1 = max(0, int(np.floor(x[i] - radius[i]))), min(width - 1, int(np.floor(x[i] + radius[i])))
-        y0, y1 = max(0, int(np.floor(y[i] - radius[i]))), min(height - 1, int(np.floor(y[i] + radius[i])))
+        x0, x1 = max(0, int(np.floor(x[i] - half_x[i]))), min(width - 1, int(np.floor(x[i] + half_x[i])))
+        y0, y1 = max(0, int(np.floor(y[i] - half_y[i]))), min(height - 1, int(np.floor(y[i] + half_y[i])))
         for row in range(y0, y1 + 1):
             for column in range(x0, x1 + 1):
                 if depth[i] < buffer[row, column]:
@@ -48,16 +48,18 @@ def points_in_view(
     camera: Camera,
     *,
     near: float,
-    tolerance: float = 0.04,
+    normals: NDArray[np.float64] | None = None,
+    tolerance: float = 0.06,
     max_radius_px: float = 24.0,
 ) -> PointsInView:
     """Project points and keep those that no nearer point hides.
 
-    Each point covers a square as large as its spacing; a point is hidden where it lies behind the nearest by more than
-    ``tolerance`` of its depth plus twice its spacing (so that grazing surfaces do not hide themselves).
+    Each point covers the rectangle around its projected disc; a point is hidden where it lies behind the nearest by more than
+    ``tolerance`` of its depth plus twice its spacing.
 
     Args:
         positions: (P, 3) world positions; spacing: (P,) distance to neighbours, world units.
+        normals: (P, 3) of the surface, so that ground seen at a grazing angle does not hide itself; None = facing the camera.
         camera: the view.
         near: nearest depth that counts, world units.
     """
@@ -66,8 +68,18 @@ def points_in_view(
     inside &= (pixels[:, 1] >= 0) & (pixels[:, 1] < camera.height)
     index = np.flatnonzero(inside)
     x, y, z = pixels[index, 0], pixels[index, 1], depth[index]
-    radius = np.clip(0.8 * spacing[index] * camera.fx / z, 0.0, max_radius_px)
-    buffer = _splat_depth(x, y, z, radius, camera.height, camera.width)
+    radius = 0.8 * spacing[index] / z
+    if normals is None:
+        half_x, half_y = radius * camera.fx, radius * camera.fy
+    else:
+        # Extents of a disc along the camera's axes, and what its extent in depth adds by perspective.
+        own = normals[index] @ camera.world_to_camera[:3, :3].T
+        extent = np.sqrt(np.maximum(1 - own * own, 0.0))
+        half_x = radius * (extent[:, 0] * camera.fx + extent[:, 2] * np.abs(x - camera.cx))
+        half_y = radius * (extent[:, 1] * camera.fy + extent[:, 2] * np.abs(y - camera.cy))
+    buffer = _splat_depth(
+        x, y, z, np.minimum(half_x, max_radius_px), np.minimum(half_y, max_radius_px), camera.height, camera.width
+    )
     rows, columns = y.astype(np.int64), x.astype(np.int64)
     seen = z <= buffer[rows, columns] * (1 + tolerance) + 2 * spacing[index]
     return PointsInView(index[seen], rows[seen], columns[seen], z[seen])
