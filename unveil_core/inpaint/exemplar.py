@@ -158,16 +158,20 @@ def fill_chart(
         hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool) & seen
         hole |= hopeless & inside
         relit = shadow & seen & ~hole
-        soft = cv2.GaussianBlur(shadow.astype(np.float32), (0, 0), 0.05 * per_m)
+        # The penumbra reaches a little beyond what counts as dark.
+        wide = cv2.dilate(shadow.astype(np.uint8), kernel).astype(bool)
+        soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
         local = _masked_blur(color, relit, 0.25 * per_m)
         target = _masked_blur(median, relit, 0.25 * per_m)
         ratio = np.clip(target / np.maximum(local, 0.02), 1.0, 4.0)
-        full_gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * np.minimum(1.0, 1.4 * soft)[..., None], 1.0)
+        full_gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
         # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
         bright = np.maximum(1.0, 1.05 * median / np.maximum(_masked_blur(color, seen, 0.03 * per_m), 0.02))
-        border = cv2.dilate(shadow.astype(np.uint8), kernel) > cv2.erode(shadow.astype(np.uint8), kernel)
+        border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(bool)
         gain = np.where(border[..., None], np.minimum(full_gain, bright), full_gain).astype(np.float32)
-        color[relit] = np.clip(color[relit] * gain[relit], 0, 1)
+        gain[hole] = 1.0
+        lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
+        color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
     lit &= ~hole
@@ -178,13 +182,19 @@ def fill_chart(
     fill = median + settings.texture * invented
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
-    source[~inside & ~seen] = OUTSIDE
+    # Beyond the street the chart repeats its profile, so that nothing black is blended in at its edge.
+    beyond = ~inside & ~seen
+    color[beyond] = median[beyond]
+    source[beyond] = OUTSIDE
     labels = chart.label.copy()
     unknown = hole & (labels < 0)
     if unknown.any():
         labels[unknown] = _lateral_labels(chart.label, seen)[np.nonzero(unknown)[1]]
+    # Beside the object's outline pixels are too mixed to be read; they show the invented ground as well.
+    size = 2 * int(0.6 * per_m) + 1
+    close = cv2.dilate(footprint.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))) > 0
     progress(2, 2, "filling the street")
-    return replace(chart, color=color, source=source, gain=gain, label=labels)
+    return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
 
 
 def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArray[np.int16]:

@@ -34,7 +34,8 @@ class GroundPixels:
         depth: (H, W) along the optical axis, inf where not hit.
         color: (H, W, 3) float32; gain: (H, W, 3) float32, see StreetChart.
         covered: (H, W) bool, the chart has a colour there.
-        shadow: (H, W) bool, ground in the shadow of something removed.
+        shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
+            was given up, see StreetChart.
     """
 
     hit: NDArray[np.bool_]
@@ -43,6 +44,7 @@ class GroundPixels:
     gain: Float32
     covered: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
+    replaced: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class GroundLayer:
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
         """(H, W) pixels that may show relit ground, found by projecting its texels."""
         mask = np.zeros((camera.height, camera.width), dtype=np.uint8)
-        rows, columns = np.nonzero(self.chart.gain.max(axis=2) > 1.02)
+        rows, columns = np.nonzero((self.chart.gain.max(axis=2) > 1.02) | self.chart.replaced)
         if len(rows):
             pixel, depth = camera.project(self.chart.world(rows, columns))
             inside = (depth > 0.3 * self.chart.texel / 0.04) & (pixel[:, 0] >= 0) & (pixel[:, 0] < camera.width)
@@ -76,6 +78,7 @@ class GroundLayer:
         color = np.zeros((len(rays), 3), dtype=np.float32)
         gain = np.ones((len(rays), 3), dtype=np.float32)
         covered = np.zeros(len(rays), dtype=bool)
+        replaced = np.zeros(len(rays), dtype=bool)
         if hit.any():
             z = depth[hit]
             # A pixel's extent on the ground: z/f across, and stretched by the grazing angle along.
@@ -86,6 +89,7 @@ class GroundLayer:
             gain[hit] = sample_chart(self.gains, self.chart, street[hit], across / grazing, across)
             row, column, on_chart = self.chart.index_of(street[hit])
             covered[hit] = on_chart & (self.chart.source[row, column] > 0)
+            replaced[hit] = on_chart & self.chart.replaced[row, column]
 
         def spread(values: NDArray[np.generic], default: float | bool) -> NDArray[np.generic]:
             plane = np.full((*shape, *values.shape[1:]), default, dtype=values.dtype)
@@ -99,7 +103,8 @@ class GroundLayer:
             color=spread(np.clip(color, 0, 1), 0.0),
             gain=spread(gain, 1.0),
             covered=spread(covered, False),
-            shadow=spread(gain.max(axis=1) > 1.02, False),
+            shadow=spread((gain.max(axis=1) > 1.02) | replaced, False),
+            replaced=spread(replaced, False),
         )
 
 

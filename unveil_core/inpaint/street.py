@@ -274,13 +274,18 @@ def _limits(street: Array, a: NDArray[np.int64], rows: int, reach: float, unit: 
 def _wall_limit(side: Array, s_low: float, s_cell: float, fallback: Array) -> Array:
     """Lateral offset (positive) of the walls' foot per row, from a sliding stretch; the fallback where there is none."""
     rows = len(fallback)
-    limit = fallback.copy()
+    limit = np.full(rows, np.nan)
     row = np.round((side[:, 0] - s_low) / s_cell).astype(int)
     for r in range(rows):
         near = np.abs(row - r) <= 3
         if near.sum() >= 15:
             limit[r] = max(fallback[r], float(np.percentile(side[near, 1], 15)))
-    return median_filter(limit, 5, mode="nearest")
+    known = np.flatnonzero(np.isfinite(limit))
+    if not len(known):
+        return fallback
+    # Where no wall was seen the street is as wide as at the nearest place where one was.
+    limit = limit[known[np.abs(np.arange(rows)[:, None] - known[None]).argmin(axis=1)]]
+    return median_filter(np.maximum(limit, fallback), 5, mode="nearest")
 
 
 def _groups(keys: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], list[Array]]:

@@ -36,6 +36,7 @@ class StreetChart:
         label: (A, B) int16 compact labels, -1 unknown.
         source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
         gain: (A, B, 3) float32 factor that takes a removed object's shadow away; 1 elsewhere.
+        replaced: (A, B) bool, texels that were seen, but so dark under the object that they were invented all the same.
     """
 
     ground: Ground
@@ -46,6 +47,7 @@ class StreetChart:
     label: NDArray[np.int16]
     source: NDArray[np.uint8]
     gain: Float32
+    replaced: NDArray[np.bool_]
 
     def coordinates(self) -> tuple[Array, Array]:
         """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
@@ -135,6 +137,7 @@ def read_chart(
         label=label.reshape(rows, columns),
         source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
         gain=np.ones((rows, columns, 3), dtype=np.float32),
+        replaced=np.zeros((rows, columns), dtype=bool),
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -26,6 +27,12 @@ from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["FrameTask", "Painted", "paint_in_reversed_time"]
+
+
+SOLID = 0.6
+"""A pixel of the empty scene with more alpha than this shows a surface."""
+KNEE_SHARE = 0.28
+"""Height of a knee as a share of the camera's height over the ground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,27 +101,33 @@ def paint_in_reversed_time(
         task = tasks[index]
         out = render_numpy(scene, task.camera, near=near, far=far)
         background = sky.render(task.camera).numpy()
-        picture = out["rgb"] + (1 - out["alpha"])[..., None] * background
-        fill = picture.copy()
+        # A half-covered pixel in the removed region lacks surfels; it is no window to the sky.
+        solid = out["alpha"] > SOLID
+        share = np.where(solid, np.maximum(out["alpha"], SOLID), 1.0)[..., None]
+        fill = np.where(solid[..., None], out["rgb"] / share, out["rgb"] + (1 - out["alpha"])[..., None] * background)
         ground = np.zeros_like(task.removed)
         shadow = np.zeros_like(task.removed)
-        gain = np.ones_like(picture)
+        gain = np.ones_like(fill)
+        original = task.image.astype(np.float32) / 255
         ceiling = np.full(task.removed.shape, np.inf)
         if layer is not None:
             look = layer.look(task.camera, task.removed | layer.shadow_pixels(task.camera))
             ceiling = look.depth
-            in_front = (out["alpha"] > 0.5) & (out["depth"] < 0.9 * look.depth)
+            # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
+            # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
+            in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
             ground = look.covered & ~in_front & task.removed
             fill[ground] = look.color[ground]
             shadow = look.shadow & ~in_front & ~task.removed & _shows_ground(look.depth, out)
             gain[shadow] = look.gain[shadow]
-        original = task.image.astype(np.float32) / 255
+            over = shadow & look.replaced
+            original[over] = look.color[over]
         image = np.where(task.removed[..., None], fill, np.clip(original * gain, 0, 1))
         image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
         # Where surfels carried from a later frame cover the hole, it is no hole any more.
-        empty = task.unobserved & ~ground & (out["alpha"] < 0.5)
+        empty = task.unobserved & ~ground & ~solid
         if empty.any():
-            image8 = single_image(image8, empty)
+            image8 = _around(single_image, image8, empty)
             if int(empty.sum()) >= keyframe_px:
                 depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
                 label = _nearest_label(scene, task.camera, empty, label_count, near, far)
@@ -123,6 +136,18 @@ def paint_in_reversed_time(
         painted[index] = Painted(image8, ground, empty, shadow)
         progress(done + 1, len(tasks), "inpainting, last frame first")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+
+
+def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Inpaint each hole from its own surroundings: a wall is not to be filled with the houses across the street."""
+    result = image.copy()
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
+    for k in range(1, count):
+        x, y, w, h = boxes[k, :4]
+        margin = max(20, (w + h) // 3)
+        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
+        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
+    return result
 
 
 def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.float32]]) -> NDArray[np.bool_]:
