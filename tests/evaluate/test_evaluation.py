@@ -125,6 +125,14 @@ def test_truth_for_some_frames(workspace: Path) -> None:
     assert metrics["truth"]["frames"] == 2
 
 
+def test_long_drives_fill_some_frames_only(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unveil_core.evaluate.evaluation.BASELINE_FRAMES", 2)
+    methods = run_evaluation(finished)["truth"]["regions"]["removed"]["methods"]
+    assert {name: m["frames"] for name, m in methods.items()} == {
+        "ours": 3, "render": 3, "input": 3, "telea": 2, "shift_map": 2
+    }  # fmt: skip
+
+
 def test_exact_delivery_is_json(workspace: Path, tmp_path: Path) -> None:
     for path in sorted((workspace.parent / "drive_on_disk/truth/images").glob("*.png")):
         shutil.copy(path, workspace / "frames/front" / path.name)

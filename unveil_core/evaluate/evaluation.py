@@ -7,6 +7,7 @@ what some frame saw (``truth/unseen``, or the workspace's ``masks/unobserved``),
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections import defaultdict
 from collections.abc import Iterable
@@ -40,7 +41,9 @@ METHODS: dict[str, str] = {
 """Keys of the measured methods and how people call them."""
 
 UNTOUCHED_MARGIN_PX = 2
-WORKERS = 2
+BASELINE_FRAMES = 40
+"""Single-image filling takes seconds a frame: of longer drives, so many evenly spaced frames are filled."""
+WORKERS = min(4, os.cpu_count() or 1)
 
 
 @dataclass
@@ -83,8 +86,9 @@ def run_evaluation(
     Returns:
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
         ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
-        with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and their means over frames. Floats are
-        rounded to 4 digits; what is infinite or undefined is None.
+        with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
+        of ``frames``, which is smaller for the single-image baselines of a long drive. Floats are rounded to 4 digits;
+        what is infinite or undefined is None.
     Raises:
         WorkspaceError: a delivered frame is missing, or the truth folder shows none of the frames.
     """
@@ -96,8 +100,11 @@ def run_evaluation(
             "no true images here", path=Path(truth_root) / "images", mend="give a folder that contains images/"
         )
     results: list[_FrameResult | None] = [None] * len(drive.frames)
+    every = max(1, math.ceil(len(drive.frames) / BASELINE_FRAMES))
     with ThreadPoolExecutor(WORKERS) as pool:
-        jobs = {pool.submit(_measure_frame, workspace_root, truth, f): i for i, f in enumerate(drive.frames)}
+        jobs = {
+            pool.submit(_measure_frame, workspace_root, truth, f, i % every == 0): i for i, f in enumerate(drive.frames)
+        }
         try:
             for done, job in enumerate(as_completed(jobs)):
                 results[jobs[job]] = job.result()
@@ -123,7 +130,7 @@ def write_metrics(metrics: dict[str, Any], path: Path) -> None:
 # ------------------------------------------------------------------------------------------------------------ one frame
 
 
-def _measure_frame(root: Path, truth: Path | None, frame: Frame) -> _FrameResult:
+def _measure_frame(root: Path, truth: Path | None, frame: Frame, with_baselines: bool) -> _FrameResult:
     photograph = read_image(frame.image_path)
     delivered_path = _frame_file(root / "frames", frame)
     if not delivered_path.is_file():
@@ -149,13 +156,15 @@ def _measure_frame(root: Path, truth: Path | None, frame: Frame) -> _FrameResult
         result.untouched_max = int(change.max())
         result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
     if truth is not None and (true_image := _truth_file(truth / "images", frame)) is not None:
-        _measure_against_truth(result, root, truth, frame, photograph, delivered, true_image, removed, unobserved)
+        _measure_against_truth(
+            result, root, truth, frame, photograph, delivered, true_image, removed, unobserved, with_baselines
+        )
     return result
 
 
 def _measure_against_truth(
     result: _FrameResult, root: Path, truth: Path, frame: Frame, photograph: Picture, delivered: Picture,
-    true_image: Path, removed: Mask | None, unobserved: Mask | None,
+    true_image: Path, removed: Mask | None, unobserved: Mask | None, with_baselines: bool,
 ) -> None:  # fmt: skip
     shape = photograph.shape[:2]
     street = _fitted(read_image(true_image), shape)
@@ -175,12 +184,12 @@ def _measure_against_truth(
     render_path = _frame_file(root / "renders", frame)
     if render_path.is_file():
         pictures["render"] = _fitted(read_image(render_path), shape)
-    if region is not None and region.any():
+    if with_baselines and region is not None and region.any():
         for name, fill in BASELINES.items():
             started = time.perf_counter()
             pictures[name] = fill(photograph, region)
             result.seconds[name] = time.perf_counter() - started
-    elif region is not None:
+    elif with_baselines and region is not None:
         pictures.update(dict.fromkeys(BASELINES, photograph))
     for method, picture in pictures.items():
         error = squared_error(picture, street)
@@ -287,13 +296,14 @@ def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
     return summary
 
 
-def _pooled(scores: list[_Score]) -> dict[str, float]:
+def _pooled(scores: list[_Score]) -> dict[str, float | int]:
     pixels = sum(s.pixels for s in scores)
     return {
         "psnr": psnr_of_mse(sum(s.squared for s in scores) / pixels),
         "psnr_frame_mean": _finite_mean(psnr_of_mse(s.squared / s.pixels) for s in scores),
         "ssim": sum(s.similarity for s in scores) / pixels,
         "ssim_frame_mean": _finite_mean(s.similarity / s.pixels for s in scores),
+        "frames": len(scores),
     }
 
 

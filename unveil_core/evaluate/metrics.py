@@ -69,7 +69,7 @@ def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
         raise ValueError(f"images differ in size: {x.shape} and {y.shape}")
     if min(x.shape[:2]) < SSIM_WINDOW:
         raise ValueError(f"SSIM needs images of at least {SSIM_WINDOW} pixels a side, not {x.shape[1]}x{x.shape[0]}")
-    _, full = structural_similarity(
+    _, full = structural_similarity(  # type: ignore[no-untyped-call]
         x, y, data_range=1.0, channel_axis=2, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
     )
     similarity: NDArray[np.float64] = full.mean(axis=2)

@@ -1,0 +1,144 @@
+"""Movies, strips and the closing lines."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.evaluate.street_workspace import build_workspace
+from unveil_core.drives.imported import read_imported
+from unveil_core.errors import Cancelled, WorkspaceError
+from unveil_core.evaluate import run_evaluation, write_metrics
+from unveil_core.files import read_image
+from unveil_core.report import video
+from unveil_core.report.strip import GAP_PX, write_strip
+from unveil_core.report.summary import print_summary
+from unveil_core.report.video import write_video
+from unveil_core.report.wording import decibels, memory, percent, seconds, similarity
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    workspace = build_workspace(tmp_path_factory.mktemp("street"), count=5, width=96, height=64)
+    write_metrics(run_evaluation(workspace), workspace / "metrics.json")
+    return workspace
+
+
+def photographs(workspace: Path) -> list[np.ndarray]:
+    return [read_image(f.image_path) for f in read_imported(workspace / "drive").frames]
+
+
+def delivered(workspace: Path) -> list[np.ndarray]:
+    return [read_image(p) for p in sorted((workspace / "frames/front").glob("*.png"))]
+
+
+def test_mp4_shows_both(finished: Path, tmp_path: Path) -> None:
+    path = write_video(finished, tmp_path / "movie/street.mp4")
+    assert path.suffix == ".mp4"
+    movie = cv2.VideoCapture(str(path))
+    for before, after in zip(photographs(finished), delivered(finished), strict=True):
+        found, picture = movie.read()
+        assert found
+        assert picture.shape == (64, 2 * 96 + video.GAP_PX, 3)
+        shown = picture[..., ::-1].astype(float)
+        assert np.abs(shown[:, :96] - before).mean() < 8
+        assert np.abs(shown[:, -96:] - after).mean() < 8
+    assert not movie.read()[0]
+    assert [p.name for p in path.parent.iterdir()] == ["street.mp4"]
+
+
+def test_webp_where_there_is_no_encoder(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Closed:
+        fourcc = staticmethod(cv2.VideoWriter.fourcc)
+
+        def __init__(self, *arguments: object) -> None: ...
+
+        def isOpened(self) -> bool:
+            return False
+
+        def release(self) -> None: ...
+
+    monkeypatch.setattr(video.cv2, "VideoWriter", Closed)
+    path = write_video(finished, tmp_path / "street.mp4", height=32)
+    assert path == tmp_path / "street.webp"
+    movie = Image.open(path)
+    assert movie.n_frames == 5
+    assert movie.size == (2 * 48 + video.GAP_PX, 32)
+    assert [p.name for p in tmp_path.iterdir()] == ["street.webp"]
+
+
+def test_a_cancelled_movie_leaves_nothing(finished: Path, tmp_path: Path) -> None:
+    def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
+        raise Cancelled
+
+    for name in ("a.mp4", "a.webp"):
+        with pytest.raises(Cancelled):
+            write_video(finished, tmp_path / name, progress=stop)
+    assert not list(tmp_path.iterdir())
+
+
+def test_movies_that_cannot_be(finished: Path, tmp_path: Path) -> None:
+    with pytest.raises(WorkspaceError, match="format"):
+        write_video(finished, tmp_path / "street.avi")
+    with pytest.raises(WorkspaceError, match="nothing was delivered"):
+        write_video(finished, tmp_path / "street.mp4", camera_name="rear")
+
+
+def test_strip_has_a_row_a_folder(finished: Path, tmp_path: Path) -> None:
+    path = tmp_path / "strip.png"
+    write_strip(finished, path, ["0003", "0001"], tile_width=96, folders=("frames", "renders"))
+    sheet = read_image(path)
+    assert sheet.shape == (3 * 64 + 2 * GAP_PX, 2 * 96 + GAP_PX, 3)
+    np.testing.assert_array_equal(sheet[:64, :96], photographs(finished)[3])
+    np.testing.assert_array_equal(sheet[64 + GAP_PX : 128 + GAP_PX, 96 + GAP_PX :], delivered(finished)[1])
+    np.testing.assert_array_equal(sheet[-64:, :96], read_image(finished / "renders/front/0003.png"))
+
+
+def test_strip_chooses_by_itself(finished: Path, tmp_path: Path) -> None:
+    write_strip(finished, tmp_path / "strip.png", count=2, tile_width=48)
+    assert read_image(tmp_path / "strip.png").shape == (2 * 32 + GAP_PX, 2 * 48 + GAP_PX, 3)
+    with pytest.raises(WorkspaceError, match="no frame '0009'"):
+        write_strip(finished, tmp_path / "other.png", ["0009"])
+    with pytest.raises(WorkspaceError, match="not delivered"):
+        write_strip(finished, tmp_path / "other.png", folders=("nowhere",))
+    assert not (tmp_path / "other.png").exists()
+
+
+def test_summary_says_what_metrics_say(finished: Path) -> None:
+    out = io.StringIO()
+    print_summary(finished, out)
+    text = out.getvalue()
+    methods = json.loads((finished / "metrics.json").read_text())["truth"]["regions"]["removed"]["methods"]
+    for name, method in (("Unveil", "ours"), ("Telea", "telea"), ("shift-map", "shift_map")):
+        line = next(line for line in text.splitlines() if line.strip().startswith(f"{name} "))
+        assert f"{methods[method]['psnr']:.1f} dB / {methods[method]['ssim']:.3f}" in line
+    assert str(finished / "frames") in text
+    assert "meshes" not in text
+    stages = json.loads((finished / "workspace.json").read_text())["stages"]
+    for name, stage in stages.items():
+        line = next(line for line in text.splitlines() if line.split()[:1] == [name])
+        assert seconds(stage["seconds"]) in line
+        assert memory(stage["peak_memory_mb"]) in line
+    assert "change outside the masks: none" in text
+    assert max(len(line) for line in text.splitlines() if str(finished) not in line) <= 100
+
+
+def test_summary_of_nothing(tmp_path: Path) -> None:
+    out = io.StringIO()
+    print_summary(tmp_path, out)
+    assert out.getvalue() == "\n\n"
+
+
+def test_wording() -> None:
+    assert [seconds(s) for s in (0.034, 0.999, 8.24, 9.99, 59.4, 59.9, 185.0, 4321.0)] == [
+        "0.03 s", "1.0 s", "8.2 s", "10 s", "59 s", "1 min 00 s", "3 min 05 s", "1 h 12 min"
+    ]  # fmt: skip
+    assert [memory(m) for m in (640.4, 2355.0)] == ["640 MB", "2.3 GB"]
+    assert [percent(p) for p in (0.0, 0.034, 0.5, 1.0)] == ["0 %", "3.4 %", "50 %", "100 %"]
+    assert (decibels(None), decibels(31.44), similarity(None), similarity(0.91)) == ("exact", "31.4 dB", "–", "0.910")

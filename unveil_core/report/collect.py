@@ -1,0 +1,239 @@
+"""What a workspace has to show: gathered once, every absent piece simply absent."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.errors import WorkspaceError
+from unveil_core.files import read_image, read_label_image
+from unveil_core.geometry.camera import Camera
+from unveil_core.mesh import read_ply, render_mesh_picture
+from unveil_core.progress import Progress
+from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
+
+__all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
+
+MESH_PICTURE = (720, 450)
+MESH_BACKGROUND = (43, 48, 56)
+
+
+@dataclass(frozen=True)
+class FramePictures:
+    """One frame as data URIs; what is not there is None."""
+
+    name: str
+    camera_name: str
+    before: str
+    after: str | None = None
+    rendered: str | None = None
+    inpainted: str | None = None
+    regions: str | None = None
+
+
+@dataclass(frozen=True)
+class MeshPictures:
+    """One view of the mesh as data URIs."""
+
+    title: str
+    before: str | None
+    after: str | None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Everything on the page.
+
+    Attributes:
+        name: of the drive.
+        frame_count: of the whole drive; ``frames`` may show fewer.
+        size: width and height of the first frame.
+        frames: pictures in order of travel.
+        meshes: views of the mesh.
+        instances: entries of instances.json, ``picture`` added where there is a thumbnail.
+        state: workspace.json.
+        metrics: what the evaluation returned, or None.
+    """
+
+    name: str
+    frame_count: int
+    size: tuple[int, int]
+    frames: tuple[FramePictures, ...]
+    meshes: tuple[MeshPictures, ...] = ()
+    instances: tuple[dict[str, Any], ...] = ()
+    state: dict[str, Any] = field(default_factory=dict)
+    metrics: dict[str, Any] | None = None
+
+
+def read_json(path: Path, default: Any) -> Any:
+    """Parsed JSON, or ``default`` where there is no such file.
+
+    Raises:
+        WorkspaceError: the file is damaged.
+    """
+    if not path.is_file():
+        return default
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise WorkspaceError(
+            f"cannot be read: {error}", path=path, mend="run the stage that writes it again"
+        ) from error
+
+
+def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Shown:
+    """Read a workspace and make all pictures of the page."""
+    drive = read_imported(root / "drive")
+    state = read_json(root / "workspace.json", {})
+    chosen = pick(len(drive.frames))
+    total = len(chosen) + 1
+    frames = []
+    for done, index in enumerate(chosen):
+        frames.append(_frame_pictures(root, drive.frames[index], len(chosen)))
+        progress(done + 1, total, "writing the report")
+    meshes = _mesh_pictures(root, drive)
+    progress(total, total, "writing the report")
+    first = drive.frames[0].camera if drive.frames else None
+    return Shown(
+        name=_drive_name(root, state),
+        frame_count=len(drive.frames),
+        size=(first.width, first.height) if first else (0, 0),
+        frames=tuple(frames),
+        meshes=meshes,
+        instances=_instances(root),
+        state=state,
+        metrics=metrics if metrics is not None else read_json(root / "metrics.json", None),
+    )
+
+
+def _drive_name(root: Path, state: dict[str, Any]) -> str:
+    path = Path(str(state.get("drive", "")))
+    if path.suffix == ".json":
+        path = path.parent
+    return path.name or root.resolve().name
+
+
+def _frame_pictures(root: Path, frame: Frame, count: int) -> FramePictures:
+    size = page_size(frame.camera.width, frame.camera.height, count)
+
+    def picture(folder: str) -> str | None:
+        path = root / folder / frame.camera_name / f"{frame.name}.png"
+        return jpeg_uri(fitted(read_image(path), size)) if path.is_file() else None
+
+    regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
+    return FramePictures(
+        name=frame.name,
+        camera_name=frame.camera_name,
+        before=jpeg_uri(fitted(read_image(frame.image_path), size)),
+        after=picture("frames"),
+        rendered=picture("renders"),
+        inpainted=picture("inpainted"),
+        regions=(
+            region_overlay_uri(fitted(read_label_image(regions), size, labels=True)) if regions.is_file() else None
+        ),
+    )
+
+
+def _instances(root: Path) -> tuple[dict[str, Any], ...]:
+    entries = read_json(root / "instances.json", [])
+    shown = []
+    for entry in entries if isinstance(entries, list) else []:
+        if not isinstance(entry, dict):
+            continue
+        name = entry.get("thumbnail")
+        path = (root / str(name)).resolve() if name else None
+        # A thumbnail is a file of this workspace, whatever the JSON says.
+        if path is not None and path.is_file() and path.is_relative_to(root.resolve()):
+            entry = {**entry, "picture": jpeg_uri(read_image(path))}
+        shown.append(entry)
+    return tuple(shown)
+
+
+# --------------------------------------------------------------------------------------------------------------- meshes
+
+
+def _mesh_pictures(root: Path, drive: Drive) -> tuple[MeshPictures, ...]:
+    paths = {state: root / "meshes" / f"{state}.ply" for state in ("full", "empty")}
+    meshes = {state: read_ply(path, offset=drive.offset) for state, path in paths.items() if path.is_file()}
+    if not any(len(m.faces) for m in meshes.values()) or not drive.frames:
+        return ()
+    views = [("From above", bird_camera(drive)), ("From the road", _street_camera(root, drive))]
+    pictures = []
+    for title, camera in views:
+        drawn: dict[str, str] = {
+            state: jpeg_uri(render_mesh_picture(mesh, camera, MESH_PICTURE, background=MESH_BACKGROUND), 84)
+            for state, mesh in meshes.items()
+        }
+        pictures.append(MeshPictures(title, drawn.get("full"), drawn.get("empty")))
+    return tuple(pictures)
+
+
+def step_cameras(drive: Drive) -> list[Camera]:
+    """The cameras of the longest track, in order of travel."""
+    tracks: dict[str, list[Camera]] = {}
+    for frame in drive.frames:
+        tracks.setdefault(frame.camera_name, []).append(frame.camera)
+    return max(tracks.values(), key=len)
+
+
+def bird_camera(drive: Drive) -> Camera:
+    """A view from behind and above the start of the drive, along it."""
+    cameras = step_cameras(drive)
+    places = np.stack([c.centre for c in cameras])
+    up = drive.up / np.linalg.norm(drive.up)
+    length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    heading = _level(places[-1] - places[0], up)
+    if heading is None:
+        heading = _level(cameras[0].forward, up)
+    if heading is None:
+        heading = _level(np.eye(3)[int(np.argmin(np.abs(up)))], up)
+    assert heading is not None
+    reach = max(length, 1e-3)
+    rise = float(np.clip(0.22 * reach, 5.0, 12.0)) if drive.metric else 0.3 * reach
+    eye = places[0] - 0.35 * rise * heading + rise * up
+    target = places[0] + (1.1 * rise + 0.25 * reach) * heading
+    return _looking(eye, target, up, MESH_PICTURE)
+
+
+def _level(direction: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    flat = direction - (direction @ up) * up
+    length = float(np.linalg.norm(flat))
+    return flat / length if length > 1e-6 else None
+
+
+def _looking(
+    eye: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], size: tuple[int, int]
+) -> Camera:
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = -matrix[:3, :3] @ eye
+    focal = 0.85 * size[0]
+    return Camera(size[0], size[1], focal, focal, size[0] / 2, size[1] / 2, matrix)
+
+
+def _street_camera(root: Path, drive: Drive) -> Camera:
+    """The frame that shows most of what was removed, with the picture's shape."""
+    best, most = drive.frames[0], -1
+    for frame in drive.frames:
+        path = root / "masks/removed" / frame.camera_name / f"{frame.name}.png"
+        area = int(np.count_nonzero(read_label_image(path))) if path.is_file() else 0
+        if area > most:
+            best, most = frame, area
+    camera = best.camera
+    width, height = MESH_PICTURE
+    scale = max(width / camera.width, height / camera.height)
+    return replace(
+        camera, width=width, height=height, fx=camera.fx * scale, fy=camera.fy * scale,
+        cx=camera.cx * scale - (camera.width * scale - width) / 2,
+        cy=camera.cy * scale - (camera.height * scale - height) / 2,
+    )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Images for the page: which frames, how large, as data URIs; region overlays."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.remove.regions import OBSERVED, SEEN_ELSEWHERE, UNOBSERVED
+
+__all__ = ["REGION_COLORS", "REGION_NAMES", "fitted", "jpeg_uri", "page_size", "pick", "png_uri", "region_overlay_uri"]
+
+Picture = NDArray[np.uint8]
+
+REGION_COLORS: dict[int, tuple[int, int, int]] = {
+    OBSERVED: (86, 140, 245), SEEN_ELSEWHERE: (48, 176, 130), UNOBSERVED: (240, 140, 50)
+}  # fmt: skip
+"""sRGB; told apart also by people who see no difference between red and green."""
+REGION_NAMES: dict[int, str] = {
+    OBSERVED: "border, seen by the frame itself", SEEN_ELSEWHERE: "seen from other frames", UNOBSERVED: "never seen",
+}  # fmt: skip
+
+MOST_FRAMES = 32
+PIXELS_OF_ALL_FRAMES = 3_400_000
+SMALLEST_SIDE = 320
+
+
+def pick(count: int, most: int = MOST_FRAMES) -> list[int]:
+    """Indices of at most ``most`` of ``count`` frames, evenly spaced, first and last included."""
+    if count <= most:
+        return list(range(count))
+    return [round(i * (count - 1) / (most - 1)) for i in range(most)]
+
+
+def page_size(width: int, height: int, count: int) -> tuple[int, int]:
+    """Width and height at which ``count`` images of one kind stay light enough for one page; never enlarged."""
+    scale = min(1.0, math.sqrt(PIXELS_OF_ALL_FRAMES / max(1, count * width * height)))
+    scale = min(1.0, max(scale, SMALLEST_SIDE / max(width, height)))
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def fitted(image: Picture, size: tuple[int, int], *, labels: bool = False) -> Picture:
+    """An image at (width, height), by area or, for labels, by the nearest pixel."""
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    how = cv2.INTER_NEAREST if labels else cv2.INTER_AREA
+    return cv2.resize(image, size, interpolation=how).astype(np.uint8)
+
+
+def jpeg_uri(image: Picture, quality: int = 82) -> str:
+    """A ``data:image/jpeg`` URI of an RGB image."""
+    return _uri(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality], "image/jpeg")
+
+
+def png_uri(image: Picture) -> str:
+    """A ``data:image/png`` URI of an RGB or RGBA image."""
+    order = cv2.COLOR_RGBA2BGRA if image.shape[2] == 4 else cv2.COLOR_RGB2BGR
+    return _uri(".png", cv2.cvtColor(image, order), [cv2.IMWRITE_PNG_COMPRESSION, 9], "image/png")
+
+
+def region_overlay_uri(regions: Picture) -> str:
+    """A region map (H, W) of 0 to 3 as a transparent overlay."""
+    overlay = np.zeros((*regions.shape, 4), dtype=np.uint8)
+    for region, color in REGION_COLORS.items():
+        overlay[regions == region] = (*color, 165)
+    return png_uri(overlay)
+
+
+def _uri(suffix: str, image: Sequence[int] | NDArray[np.generic], options: list[int], kind: str) -> str:
+    done, encoded = cv2.imencode(suffix, np.asarray(image), options)
+    if not done:
+        raise ValueError(f"cannot encode a picture as {suffix}")
+    return f"data:{kind};base64,{base64.b64encode(encoded.tobytes()).decode('ascii')}"

@@ -1,0 +1,87 @@
+"""Some frames before and after, in one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.drive import Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.errors import WorkspaceError
+from unveil_core.files import read_image, read_label_image, write_image_atomic
+from unveil_core.report.pictures import fitted
+
+__all__ = ["write_strip"]
+
+GAP_PX = 6
+
+
+def write_strip(
+    workspace_root: Path,
+    path: Path,
+    frames: Sequence[str] | None = None,
+    *,
+    count: int = 4,
+    tile_width: int = 384,
+    folders: Sequence[str] = ("frames",),
+) -> None:
+    """Write a picture with the photographs in the first row and the empty street below.
+
+    Args:
+        workspace_root: a workspace with ``frames/``.
+        path: PNG or JPEG.
+        frames: names of the frames; by default ``count`` of them, spread over the drive, each the one of its stretch
+            from which most was removed.
+        count: see ``frames``.
+        tile_width: of one picture, in pixels.
+        folders: a row for each of these folders of the workspace (``frames``, ``renders``, ``inpainted``).
+    Raises:
+        WorkspaceError: a frame does not exist or was not delivered yet.
+    """
+    root = Path(workspace_root)
+    drive = read_imported(root / "drive")
+    if frames is None:
+        chosen = _telling(root, drive.frames, count)
+    else:
+        by_name = {f.name: f for f in reversed(drive.frames)}
+        missing = [name for name in frames if name not in by_name]
+        if missing:
+            raise WorkspaceError(f"has no frame {missing[0]!r}", path=root / "drive", mend="name frames of the drive")
+        chosen = [by_name[name] for name in frames]
+    if not chosen:
+        raise WorkspaceError("there is no frame to show", path=root / "drive", mend="name at least one")
+    camera = chosen[0].camera
+    size = (tile_width, max(1, round(tile_width * camera.height / camera.width)))
+    rows = [[fitted(read_image(f.image_path), size) for f in chosen]]
+    for folder in folders:
+        paths = [root / folder / f.camera_name / f"{f.name}.png" for f in chosen]
+        for file in paths:
+            if not file.is_file():
+                raise WorkspaceError("was not delivered yet", path=file, mend="run `unveil reoptimize`")
+        rows.append([fitted(read_image(p), size) for p in paths])
+    write_image_atomic(path, _tiled(rows))
+
+
+def _telling(root: Path, frames: Sequence[Frame], count: int) -> list[Frame]:
+    def removed(frame: Frame) -> int:
+        path = root / "masks/removed" / frame.camera_name / f"{frame.name}.png"
+        return int(np.count_nonzero(read_label_image(path))) if path.is_file() else 0
+
+    stretches = np.array_split(np.arange(len(frames)), min(count, len(frames)))
+    return [frames[max(stretch, key=lambda i: removed(frames[i]))] for stretch in stretches if len(stretch)]
+
+
+def _tiled(rows: list[list[NDArray[np.uint8]]]) -> NDArray[np.uint8]:
+    """Tiles on white, with narrow gaps and none around."""
+    height, width = rows[0][0].shape[:2]
+    columns = len(rows[0])
+    shape = (len(rows) * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX, 3)
+    sheet = np.full(shape, 255, dtype=np.uint8)
+    for r, row in enumerate(rows):
+        for c, tile in enumerate(row):
+            y, x = r * (height + GAP_PX), c * (width + GAP_PX)
+            sheet[y : y + height, x : x + width] = tile
+    return sheet

@@ -1,0 +1,80 @@
+"""The closing lines of a run, for the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, TextIO
+
+from unveil_core.evaluate import METHODS
+from unveil_core.report.collect import read_json
+from unveil_core.report.wording import decibels, memory, percent, seconds, similarity
+
+__all__ = ["print_summary"]
+
+RESULTS = (
+    ("clean frames", "frames"), ("empty street, mesh", "meshes/empty.ply"), ("empty street, glTF", "meshes/empty.glb"),
+    ("empty street, surfels", "surfels/empty.ply"), ("report", "report/index.html"),
+    ("before and after", "report/before_after.mp4"),
+)  # fmt: skip
+COLUMNS = {"removed": "removed", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
+
+
+def print_summary(workspace_root: Path, file: TextIO) -> None:
+    """Print where the results are, how good they are beside the baselines, and what each stage cost.
+
+    Args:
+        workspace_root: the workspace; what it does not have is left out.
+        file: an open text stream.
+    """
+    root = Path(workspace_root)
+    blocks = [
+        _results(root),
+        _quality(read_json(root / "metrics.json", {})),
+        _cost(read_json(root / "workspace.json", {})),
+    ]
+    file.write("\n" + "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n")
+
+
+def _results(root: Path) -> list[str]:
+    return [f"  {name:<22} {root / where}" for name, where in RESULTS if (root / where).exists()]
+
+
+def _quality(metrics: dict[str, Any]) -> list[str]:
+    lines = []
+    regions = metrics.get("truth", {}).get("regions", {})
+    columns = [c for c in COLUMNS if c in regions]
+    if columns:
+        lines.append(f"  {'PSNR / SSIM to the true empty street':<38}" + "".join(f"{COLUMNS[c]:>18}" for c in columns))
+        for method, name in METHODS.items():
+            scores = [regions[c]["methods"].get(method) for c in columns]
+            if any(scores):
+                cells = (f"{decibels(s['psnr'])} / {similarity(s['ssim'])}" if s else "-" for s in scores)
+                lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in cells))
+    coverage = metrics.get("coverage", {})
+    if coverage.get("removed") and coverage.get("unobserved_of_removed") is not None:
+        lines.append(
+            f"  {percent(coverage['removed'])} of all pixels were removed, "
+            f"{percent(coverage['unobserved_of_removed'])} of these seen from nowhere"
+        )
+    untouched = metrics.get("untouched", {})
+    if "max" in untouched:
+        change = "none" if untouched["max"] == 0 else f"up to {untouched['max']} of 255 levels"
+        lines.append(f"  change outside the masks: {change}")
+    return lines
+
+
+def _cost(state: dict[str, Any]) -> list[str]:
+    stages = [
+        (name, stage) for name, stage in state.get("stages", {}).items()
+        if isinstance(stage, dict) and isinstance(stage.get("seconds"), int | float)
+    ]  # fmt: skip
+    if not stages:
+        return []
+    lines = [f"  {'stage':<22}{'time':>14}{'peak memory':>14}"]
+    for name, stage in stages:
+        peak = stage.get("peak_memory_mb")
+        lines.append(f"    {name:<20}{seconds(stage['seconds']):>14}{memory(peak) if peak else '-':>14}")
+    peaks = [s["peak_memory_mb"] for _, s in stages if s.get("peak_memory_mb")]
+    whole = seconds(sum(s["seconds"] for _, s in stages))
+    lines.append(f"    {'together':<20}{whole:>14}{memory(max(peaks)) if peaks else '-':>14}")
+    return lines

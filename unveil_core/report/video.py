@@ -1,0 +1,140 @@
+"""Before and after, side by side, as a small movie."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from unveil_core.drives.drive import Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.errors import WorkspaceError
+from unveil_core.files import read_image
+from unveil_core.progress import Progress, no_progress
+from unveil_core.report.pictures import fitted
+
+__all__ = ["write_video"]
+
+Picture = NDArray[np.uint8]
+
+GAP_PX = 4
+FORMATS = (".mp4", ".webp")
+
+
+def write_video(
+    workspace_root: Path,
+    path: Path,
+    *,
+    camera_name: str | None = None,
+    frames_per_second: float = 8.0,
+    height: int | None = None,
+    progress: Progress = no_progress,
+) -> Path:
+    """Write photograph and empty street side by side.
+
+    Args:
+        workspace_root: a workspace with ``frames/``.
+        path: ``.mp4`` (MPEG-4, which every player opens), or ``.webp``, animated, which every browser shows. Where
+            the encoder for mp4 is missing, the file becomes a ``.webp`` beside it.
+        camera_name: the track to show; the longest by default.
+        frames_per_second: of the movie.
+        height: of the movie in pixels; by default that of the images, at most 480.
+        progress: called once per frame.
+    Returns:
+        the file that was written.
+    Raises:
+        WorkspaceError: nothing was delivered yet, or the format is unknown.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise WorkspaceError("is no format for the movie", path=path, mend=f"use {' or '.join(FORMATS)}")
+    frames = _delivered(Path(workspace_root), camera_name)
+    tall = min(480, frames[0][0].camera.height) if height is None else height
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix.lower() == ".mp4":
+        if _write_mp4(path, _pairs(frames, tall, progress), frames_per_second):
+            return path
+        path = path.with_suffix(".webp")
+    _write_webp(path, _pairs(frames, tall, progress), frames_per_second)
+    return path
+
+
+def _delivered(root: Path, camera_name: str | None) -> list[tuple[Frame, Path]]:
+    tracks: dict[str, list[tuple[Frame, Path]]] = {}
+    for frame in read_imported(root / "drive").frames:
+        after = root / "frames" / frame.camera_name / f"{frame.name}.png"
+        if after.is_file() and camera_name in (None, frame.camera_name):
+            tracks.setdefault(frame.camera_name, []).append((frame, after))
+    if not tracks:
+        where = root / "frames" / (camera_name or "")
+        raise WorkspaceError("nothing was delivered here yet", path=where, mend="run `unveil reoptimize`")
+    return max(tracks.values(), key=len)
+
+
+def _pairs(frames: list[tuple[Frame, Path]], height: int, progress: Progress) -> Iterator[Picture]:
+    """Both pictures with a gap between them; all of the size of the first, sides even as encoders ask."""
+    camera = frames[0][0].camera
+    tall = max(2, height // 2 * 2)
+    wide = max(2, round(camera.width * tall / camera.height) // 2 * 2)
+    gap = np.full((tall, GAP_PX, 3), 255, dtype=np.uint8)
+    for done, (frame, after) in enumerate(frames):
+        both = [fitted(read_image(p), (wide, tall)) for p in (frame.image_path, after)]
+        yield np.concatenate([both[0], gap, both[1]], axis=1)
+        progress(done + 1, len(frames), "writing the movie")
+
+
+def _temporary(path: Path) -> Path:
+    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=f".partial{path.suffix}", dir=path.parent)
+    os.close(handle)
+    return Path(name)
+
+
+def _finish(temporary: Path, path: Path) -> None:
+    with temporary.open("rb") as stream:
+        os.fsync(stream.fileno())
+    os.chmod(temporary, 0o644)
+    os.replace(temporary, path)
+
+
+def _write_mp4(path: Path, pairs: Iterator[Picture], rate: float) -> bool:
+    """False where OpenCV has no encoder; then nothing is left behind."""
+    temporary = _temporary(path)
+    writer: cv2.VideoWriter | None = None
+    try:
+        for picture in pairs:
+            if writer is None:
+                code = cv2.VideoWriter.fourcc(*"mp4v")
+                writer = cv2.VideoWriter(str(temporary), code, rate, (picture.shape[1], picture.shape[0]))
+                if not writer.isOpened():
+                    return False
+            writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+        if writer is None:
+            return False
+        writer.release()
+        if temporary.stat().st_size == 0:
+            return False
+        _finish(temporary, path)
+        return True
+    finally:
+        if writer is not None:
+            writer.release()
+        temporary.unlink(missing_ok=True)
+
+
+def _write_webp(path: Path, pairs: Iterator[Picture], rate: float) -> None:
+    pictures = [Image.fromarray(p) for p in pairs]
+    temporary = _temporary(path)
+    try:
+        pictures[0].save(
+            temporary, format="WEBP", save_all=True, append_images=pictures[1:], duration=round(1000 / rate), loop=0,
+            quality=70, method=2,
+        )  # fmt: skip
+        _finish(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
