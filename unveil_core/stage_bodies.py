@@ -283,9 +283,12 @@ def drive_ground_layer(
                 labels[i], scene.labels, grow(removed[i], 2), depth.reshape(camera.height, camera.width), full["depth"]
             )
         )
+    means = surfels.means.double().numpy()
+    of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
+    removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
     fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
     return build_ground_layer(
-        ground, [f.camera for f in drive.frames], images, labels, usable, surfels.means.double().numpy()[gone], fill,
+        ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
         unit=limits.unit, progress=context.progress,
     )  # fmt: skip
 
@@ -396,7 +399,7 @@ def mesh_body(context: StageContext) -> None:
         )  # fmt: skip
         write_ply(mesh, context.output(f"meshes/{state}.ply"), offset=drive.offset)
         if state == "empty":
-            write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset)
+            write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset, up=drive.up)
 
 
 def _depth_views(drive: Drive, surfels: Surfels, near: float, far: float) -> list[DepthView]:
@@ -436,8 +439,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "inpaint", inpaint_body,
-        ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "masks/removed",
-         "masks/unobserved"),
+        ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
+         "masks/removed", "masks/unobserved"),
         ("inpainted", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
         ("quality", "shadows", "inpainter"),
     ),

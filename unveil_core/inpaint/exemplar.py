@@ -35,11 +35,11 @@ class FillSettings:
         search_m: how far along the street a patch may come from, metres.
     """
 
-    window_m: float = 14.0
+    window_m: float = 8.0
     shadow_ratio: float = 0.82
     shadow_reach_m: float = 5.0
     black_ratio: float = 0.3
-    texture: float = 1.0
+    texture: float = 0.6
     patch_m: float = 0.8
     search_m: float = 30.0
 
@@ -144,11 +144,6 @@ def fill_chart(
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(0.12 * per_m) + 1,) * 2)
     dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
-    lit = seen & ~cv2.dilate(dark.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-    median, _ = lateral_profile(chart, lit, window=window, hop=hop)
-
-    color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
-    hole = inside & ~seen
     if settings.shadow_reach_m > 0:
         shadow = object_shadows(
             dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m)
@@ -156,10 +151,17 @@ def fill_chart(
         # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
         hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * level)))
         hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool) & seen
-        hole |= hopeless & inside
+    else:
+        shadow = hopeless = np.zeros_like(seen)
+    hole = inside & (~seen | hopeless)
+    # The penumbra reaches a little beyond what counts as dark.
+    wide = cv2.dilate(shadow.astype(np.uint8), kernel).astype(bool)
+    sound = seen & ~hole & ~wide & ~cv2.dilate(footprint.astype(np.uint8), kernel).astype(bool)
+    median, _ = lateral_profile(chart, sound, window=window, hop=hop)
+
+    color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
+    if shadow.any():
         relit = shadow & seen & ~hole
-        # The penumbra reaches a little beyond what counts as dark.
-        wide = cv2.dilate(shadow.astype(np.uint8), kernel).astype(bool)
         soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
         local = _masked_blur(color, relit, 0.25 * per_m)
         target = _masked_blur(median, relit, 0.25 * per_m)
@@ -174,10 +176,9 @@ def fill_chart(
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    lit &= ~hole
-    detail = np.where(lit[..., None], color - median, 0).astype(np.float32)
+    detail = np.where(sound[..., None], chart.color - median, 0).astype(np.float32)
     invented = _quilt(
-        detail, lit, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+        detail, sound, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
     )
     fill = median + settings.texture * invented
     color[hole] = np.clip(fill[hole], 0, 1)

@@ -177,7 +177,7 @@ def build_ground_layer(
     images: Sequence[NDArray[np.uint8]],
     label_images: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
-    removed_means: NDArray[np.float64],
+    removed: Sequence[NDArray[np.float64]],
     settings: FillSettings,
     *,
     unit: float,
@@ -187,20 +187,37 @@ def build_ground_layer(
     """Read the chart, mark where removed objects stood, relight and fill it.
 
     Args:
-        removed_means: (M, 3) world centres of removed surfels.
+        removed: (M, 3) world centres of removed surfels, one array per object.
     """
     chart = read_chart(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
     )  # fmt: skip
+    footprint = _footprint(chart, removed, unit=unit)
+    filled = fill_chart(chart, footprint, settings, unit=unit, progress=progress)
+    return GroundLayer(filled, blur_levels(filled.color), blur_levels(filled.gain))
+
+
+def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, unit: float) -> NDArray[np.bool_]:
+    """(A, B) texels that removed objects stand on: the hull of each object's low surfels."""
     footprint = np.zeros(chart.source.shape, dtype=np.uint8)
-    street = ground.path.to_street(removed_means)
-    if len(street):
+    ground = chart.ground
+    for means in removed:
+        street = ground.path.to_street(means)
         above = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
         row, column, on_chart = chart.index_of(street)
         low = on_chart & (above < 2.5 * unit) & (above > -0.5 * unit)
-        footprint[row[low], column[low]] = 1
-        per_m = unit / chart.texel
-        size = max(3, int(0.5 * per_m) | 1)
-        footprint = cv2.morphologyEx(footprint, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
-    filled = fill_chart(chart, footprint.astype(bool), settings, unit=unit, progress=progress)
-    return GroundLayer(filled, blur_levels(filled.color), blur_levels(filled.gain))
+        if low.sum() < 3:
+            continue
+        own = np.zeros_like(footprint)
+        own[row[low], column[low]] = 1
+        if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12 * unit:
+            # Strays would stretch the hull: only texels with company count.
+            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 * unit / chart.texel) + 1,) * 2, np.uint8))
+            count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
+            large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] * chart.texel**2 > 0.15 * unit**2]
+            rows, columns = np.nonzero(np.isin(component, large))
+            if len(rows) >= 3:
+                hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
+                cv2.fillConvexPoly(footprint, hull, 1)
+        footprint |= own
+    return footprint.astype(bool)

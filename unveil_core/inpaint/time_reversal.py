@@ -118,7 +118,8 @@ def paint_in_reversed_time(
             in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
             ground = look.covered & ~in_front & task.removed
             fill[ground] = look.color[ground]
-            shadow = look.shadow & ~in_front & ~task.removed & _shows_ground(look.depth, out)
+            on_ground = look.replaced | _shows_ground(look.depth, out)
+            shadow = look.shadow & ~in_front & ~task.removed & on_ground
             gain[shadow] = look.gain[shadow]
             over = shadow & look.replaced
             original[over] = look.color[over]
