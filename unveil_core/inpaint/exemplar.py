@@ -35,7 +35,7 @@ class FillSettings:
         search_m: how far along the street a patch may come from, metres.
     """
 
-    window_m: float = 8.0
+    window_m: float = 5.0
     shadow_ratio: float = 0.82
     shadow_reach_m: float = 5.0
     black_ratio: float = 0.3
