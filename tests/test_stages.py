@@ -101,7 +101,9 @@ except BaseException as error:
 def start(root: Path, slow: float) -> subprocess.Popen:  # type: ignore[type-arg]
     environment = {**os.environ, "SLOW": str(slow)}
     where = Path(__file__).resolve().parent.parent
-    return subprocess.Popen([sys.executable, "-c", SCRIPT, str(root)], env=environment, cwd=where, stdout=subprocess.PIPE)
+    return subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, str(root)], env=environment, cwd=where, stdout=subprocess.PIPE
+    )
 
 
 def files(root: Path) -> dict[str, bytes]:

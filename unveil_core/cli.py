@@ -54,7 +54,9 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--debug", action="store_true", help="show tracebacks")
 
     def choices(p: argparse.ArgumentParser) -> None:
-        p.add_argument("--remove", type=_names, default=(), metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
+        p.add_argument(
+            "--remove", type=_names, default=(), metavar="CLASSES", help="classes or groups: vehicle,human,dynamic"
+        )
         p.add_argument("--instances", type=_ids, default=(), metavar="IDS", help="single objects, as 3,7")
         p.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
         p.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))

@@ -20,7 +20,11 @@ def examine() -> dict[str, object]:
     """A JSON-able account; ``ok`` tells whether Unveil can run."""
     from unveil_core import __version__
 
-    found: dict[str, object] = {"unveil": __version__, "python": platform.python_version(), "platform": platform.platform()}
+    found: dict[str, object] = {
+        "unveil": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
     for name in _PACKAGES:
         try:
             found[name] = version(name)
@@ -58,7 +62,9 @@ def _render_once() -> dict[str, object]:
     out = render(surfels, camera, ("rgb", "alpha", "depth"))
     assert out.alpha is not None and out.depth is not None
     out.depth.sum().backward()  # type: ignore[no-untyped-call]
-    if not (float(out.alpha.detach().max()) > 0.5 and means.grad is not None and bool(torch.isfinite(means.grad).all())):
+    if not (
+        float(out.alpha.detach().max()) > 0.5 and means.grad is not None and bool(torch.isfinite(means.grad).all())
+    ):
         raise RuntimeError("the rasterizer gives wrong values")
     return {
         "rasterizer_first_call_s": round(time.monotonic() - started, 2),

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.importing import import_drive
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.files import read_image, read_label_image, write_atomic, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
@@ -32,10 +32,10 @@ from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.report import write_report
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_instances, frame_labels
+from unveil_core.stages import Stage, StageContext
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
-from unveil_core.stages import Stage, StageContext
 from unveil_core.workspace import Workspace
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
@@ -144,13 +144,15 @@ def instances_body(context: StageContext) -> None:
     for done, instance in enumerate(chosen):
         mask = of_surfel == instance
         label = int(np.bincount(labels[mask]).argmax())
-        box = fit_box(surfels.means.double().numpy()[mask], axes)
+        box = fit_box(surfels.means.double().numpy()[mask], axes, gap=0.4 * limits.unit)
         seen = _frames_that_see(drive, surfels.means.double().numpy()[mask], images, instance)
         thumbnail = None
         if seen:
             best, rectangle = seen[0]
             thumbnail = f"instances/{instance:04d}.png"
-            write_image_atomic(context.output(thumbnail), _thumbnail(read_image(drive.frames[best].image_path), rectangle))
+            write_image_atomic(
+                context.output(thumbnail), _thumbnail(read_image(drive.frames[best].image_path), rectangle)
+            )
         order = sorted(v for v, _ in seen)
         entries.append({
             "id": instance, "class": scene.labels.names[label], "box": box.to_json(), "surfels": int(mask.sum()),
@@ -241,9 +243,7 @@ def remove_body(context: StageContext) -> None:
     )
     for done, frame in enumerate(drive.frames):
         with torch.no_grad():
-            full = render(
-                marked, frame.camera, ("alpha", "semantics"), label_count=2, near=limits.near, far=limits.far
-            )
+            full = render(marked, frame.camera, ("alpha", "semantics"), label_count=2, near=limits.near, far=limits.far)
             empty = render(left, frame.camera, ("alpha",), near=limits.near, far=limits.far)
         assert full.alpha is not None and full.semantics is not None and empty.alpha is not None
         own = object_mask(frame, scene, full.semantics[..., 1].numpy())
@@ -307,9 +307,7 @@ def inpaint_body(context: StageContext) -> None:
     unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
     layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
     left = surfels.select(torch.from_numpy(~gone))
-    tasks = [
-        FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)
-    ]
+    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
     painted, seeds = paint_in_reversed_time(
         tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
         near=limits.near, far=limits.far, progress=context.progress,
@@ -377,9 +375,7 @@ def reoptimize_body(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         removed |= load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        write_image_atomic(
-            frame_file(context.output("frames"), frame), compose_frame(photograph, clean[i], removed)
-        )
+        write_image_atomic(frame_file(context.output("frames"), frame), compose_frame(photograph, clean[i], removed))
 
 
 # ---------------------------------------------------------------------------------------------------------- mesh, report

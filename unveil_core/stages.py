@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from unveil_core.errors import Cancelled, UnveilError, WorkspaceError
 from unveil_core.files import write_json_atomic
@@ -109,9 +110,7 @@ class _Digests:
     def of(self, path: Path) -> list[tuple[str, str]]:
         """(relative name, digest) of a file or of all files in a folder."""
         if path.is_dir():
-            return [
-                (str(p.relative_to(path)), self.of_file(p)) for p in sorted(path.rglob("*")) if p.is_file()
-            ]
+            return [(str(p.relative_to(path)), self.of_file(p)) for p in sorted(path.rglob("*")) if p.is_file()]
         return [("", self.of_file(path))] if path.is_file() else [("", "absent")]
 
     def save(self) -> None:
@@ -257,7 +256,7 @@ def _run_one(
         now = time.monotonic()
         if done >= total or now - logged[0] > 0.2:  # a log of every step would be larger than the result
             logged[0] = now
-            rounded = {k: round(v, 5) for k, v in metrics.items()}
+            rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
             reporter(workspace.log(stage.name, message, done=done, total=total, **rounded))
 
     started = time.monotonic()
@@ -271,7 +270,9 @@ def _run_one(
         shutil.rmtree(partial, ignore_errors=True)
         status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
         workspace.update_stage(stage.name, status=status)
-        detail = {} if isinstance(error, UnveilError | Cancelled) else {"traceback": traceback.format_exc()}
+        detail: dict[str, Any] = (
+            {} if isinstance(error, UnveilError | Cancelled) else {"traceback": traceback.format_exc()}
+        )
         reporter(workspace.log(stage.name, str(error), level="error", **detail))
         if isinstance(error, KeyboardInterrupt):
             raise Cancelled(stage.name) from error

@@ -117,7 +117,9 @@ class Workspace:
         state.setdefault("stages", {}).setdefault(name, {}).update(values)
         write_json_atomic(self.workspace_json, state)
 
-    def log(self, stage: str, message: str = "", *, level: str = "info", done: int = 0, total: int = 0, **metrics: object) -> dict[str, object]:  # fmt: skip
+    def log(
+        self, stage: str, message: str = "", *, level: str = "info", done: int = 0, total: int = 0, **metrics: object
+    ) -> dict[str, object]:
         """Append an event; returns it."""
         event: dict[str, object] = {
             "t": round(time.time(), 3), "stage": stage, "done": done, "total": total, "message": message, "level": level,
@@ -165,7 +167,9 @@ class Lock:
         except OSError as error:
             os.close(self._handle)
             self._handle = None
-            raise WorkspaceError("is in use by another process", path=self.path.parent, mend="wait or stop it") from error
+            raise WorkspaceError(
+                "is in use by another process", path=self.path.parent, mend="wait or stop it"
+            ) from error
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -68,7 +68,11 @@ def write_model(root: Path, binary: bool, model: str = "SIMPLE_RADIAL") -> None:
         data = struct.pack("<Q", len(cloud))
         for k, p in enumerate(cloud):
             track = 2 if k == 0 else 3
-            data += struct.pack("<QdddBBBd", k, *p, 10, 20, 30, 0.5) + struct.pack("<Q", track) + struct.pack("<ii", 1, 0) * track
+            data += (
+                struct.pack("<QdddBBBd", k, *p, 10, 20, 30, 0.5)
+                + struct.pack("<Q", track)
+                + struct.pack("<ii", 1, 0) * track
+            )
         (folder / "points3D.bin").write_bytes(data)
     else:
         (folder / "cameras.txt").write_text("# cameras\n1 " + model + " 64 48 " + " ".join(map(str, parameters)) + "\n")

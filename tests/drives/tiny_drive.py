@@ -22,7 +22,9 @@ def camera_to_world(i: int, offset: np.ndarray) -> np.ndarray:
     return pose
 
 
-def make_tiny_drive(folder: Path, *, semantics: bool = True, masks: bool = False, offset: tuple[float, ...] = (0, 0, 0)) -> Path:
+def make_tiny_drive(
+    folder: Path, *, semantics: bool = True, masks: bool = False, offset: tuple[float, ...] = (0, 0, 0)
+) -> Path:
     """Write the drive; returns the path of its transforms.json."""
     generator = np.random.default_rng(0)
     shift = np.asarray(offset, dtype=np.float64)

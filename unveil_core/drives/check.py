@@ -35,7 +35,9 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         seen.add(key)
         pose = frame.camera.world_to_camera
         if not np.isfinite(pose).all():
-            raise DriveError(f"the pose of frame {frame.name} holds NaN or infinity", path=drive.root, mend="redo its pose")
+            raise DriveError(
+                f"the pose of frame {frame.name} holds NaN or infinity", path=drive.root, mend="redo its pose"
+            )
         if nearest_rotation(pose[:3, :3])[1] > 1e-3:
             raise DriveError(f"the pose of frame {frame.name} is no rotation", path=drive.root, mend="poses are rigid")
         wanted = (frame.camera.height, frame.camera.width)

@@ -65,7 +65,9 @@ class _Bytes:
         try:
             self.data = path.read_bytes()
         except OSError as error:
-            raise DriveError(f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D") from error
+            raise DriveError(
+                f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
+            ) from error
         self.path, self.at = path, 0
 
     def take(self, layout: str) -> tuple:  # type: ignore[type-arg]
@@ -94,7 +96,9 @@ def _lines(path: Path) -> Iterator[list[str]]:
     try:
         text = path.read_text()
     except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D") from error
+        raise DriveError(
+            f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
+        ) from error
     for line in text.splitlines():
         if not line.startswith("#"):
             yield line.split()
@@ -144,7 +148,9 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
     images = []
     for name, camera, numbers in found:
         if not np.isfinite(numbers).all() or np.linalg.norm(numbers[:4]) < 1e-9:
-            raise DriveError(f"the pose of {name} is no rotation or holds NaN", path=folder, mend="drop the image or redo its pose")
+            raise DriveError(
+                f"the pose of {name} is no rotation or holds NaN", path=folder, mend="drop the image or redo its pose"
+            )
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = quat_to_rotation(numbers[:4]), numbers[4:]
         images.append((name, camera, pose))
@@ -168,7 +174,9 @@ def _read_points(folder: Path) -> PointCloud:
     good = np.isfinite(table).all(axis=1) & (table[:, 6] <= MAX_REPROJECTION_PX) & (table[:, 7] >= MIN_TRACK)
     table = table[good]
     if not len(table):
-        raise DriveError("holds no points that three images agree on", path=folder, mend="run the mapper with more overlap")
+        raise DriveError(
+            "holds no points that three images agree on", path=folder, mend="run the mapper with more overlap"
+        )
     return PointCloud(table[:, :3].copy(), table[:, 3:6].astype(np.uint8))
 
 
@@ -180,7 +188,9 @@ def read_colmap(path: Path) -> Drive:
     """
     folder = find_model(path)
     if folder is None:
-        raise DriveError("holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for")
+        raise DriveError(
+            "holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for"
+        )
     root = path
     while not (root / "images").is_dir() and root != root.parent and root != path.parent.parent.parent:
         root = root.parent

@@ -65,7 +65,9 @@ def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np
     return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
 
 
-def _warp(picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[np.generic]:
+def _warp(
+    picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: bool, border: int
+) -> NDArray[np.generic]:
     """A picture of the frame as the target camera sees it."""
     if frame.distortion is None:
         mode = cv2.INTER_NEAREST if label else cv2.INTER_AREA
@@ -76,9 +78,7 @@ def _warp(picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: 
     flat = cv2.remap(picture, *_maps(frame, full), mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,) * 3)
     if (target.width, target.height) == (full.width, full.height):
         return flat
-    return cv2.resize(
-        flat, (target.width, target.height), interpolation=cv2.INTER_NEAREST if label else cv2.INTER_AREA
-    )
+    return cv2.resize(flat, (target.width, target.height), interpolation=cv2.INTER_NEAREST if label else cv2.INTER_AREA)
 
 
 def import_drive(
@@ -151,4 +151,3 @@ def _import_frame(frame: Frame, folder: Path, max_side: int | None) -> dict[str,
             link_or_copy(path, folder / relative)
         entry[key] = relative
     return entry
-

@@ -21,7 +21,9 @@ def read_points(path: Path) -> PointCloud:
         DriveError: missing, not a PLY, without x y z, without points, or with coordinates that are not finite.
     """
     if not path.is_file():
-        raise DriveError("there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points")
+        raise DriveError(
+            "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
+        )
     try:
         vertex = PlyData.read(str(path))["vertex"].data
         positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)

@@ -45,7 +45,9 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     if pose.shape != (4, 4):
         raise DriveError(f"the pose of frame {frame} is not a 4x4 matrix", path=path)
     if not np.isfinite(pose).all():
-        raise DriveError(f"the pose of frame {frame} holds NaN or infinity", path=path, mend="drop the frame or redo its pose")
+        raise DriveError(
+            f"the pose of frame {frame} holds NaN or infinity", path=path, mend="drop the frame or redo its pose"
+        )
     rotation, error = nearest_rotation(pose[:3, :3])
     if error > ROTATION_TOLERANCE:
         raise DriveError(
@@ -75,7 +77,9 @@ def _image_path(root: Path, name: str) -> Path:
     return path
 
 
-def _camera(entry: dict[str, Any], top: dict[str, Any], image: Path, pose: NDArray[np.float64]) -> tuple[Camera, Distortion | None]:
+def _camera(
+    entry: dict[str, Any], top: dict[str, Any], image: Path, pose: NDArray[np.float64]
+) -> tuple[Camera, Distortion | None]:
     size = [_number(entry, top, n) for n in ("w", "h")]
     if size[0] is None or size[1] is None:
         picture = cv2.imread(str(image), cv2.IMREAD_REDUCED_GRAYSCALE_8) if image.exists() else None
@@ -88,7 +92,9 @@ def _camera(entry: dict[str, Any], top: dict[str, Any], image: Path, pose: NDArr
     if fx is None:
         angle = _number(entry, top, "camera_angle_x")
         if angle is None:
-            raise DriveError("has neither fl_x nor camera_angle_x", path=image, mend="add the focal length to transforms.json")
+            raise DriveError(
+                "has neither fl_x nor camera_angle_x", path=image, mend="add the focal length to transforms.json"
+            )
         fx = width / (2 * math.tan(angle / 2))
     fy = _number(entry, top, "fl_y") or fx
     cx, cy = _number(entry, top, "cx"), _number(entry, top, "cy")

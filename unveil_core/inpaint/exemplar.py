@@ -57,9 +57,7 @@ def _masked_blur(picture: Float32, mask: NDArray[np.bool_], sigma: float) -> Flo
     return value / (weight if picture.ndim == 2 else weight[..., None])
 
 
-def lateral_profile(
-    chart: StreetChart, usable: NDArray[np.bool_], *, window: int, hop: int
-) -> tuple[Float32, Float32]:
+def lateral_profile(chart: StreetChart, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
     """Median colour and upper luma level per lateral offset, in a window that slides along the street.
 
     Args:
@@ -145,9 +143,7 @@ def fill_chart(
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(0.12 * per_m) + 1,) * 2)
     dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
     if settings.shadow_reach_m > 0:
-        shadow = object_shadows(
-            dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m)
-        )
+        shadow = object_shadows(dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m))
         # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
         hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * level)))
         hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool) & seen
@@ -169,7 +165,9 @@ def fill_chart(
         full_gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
         # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
         bright = np.maximum(1.0, 1.05 * median / np.maximum(_masked_blur(color, seen, 0.03 * per_m), 0.02))
-        border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(bool)
+        border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(
+            bool
+        )
         gain = np.where(border[..., None], np.minimum(full_gain, bright), full_gain).astype(np.float32)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
@@ -207,9 +205,7 @@ def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArra
     return np.asarray(kinds, dtype=np.int16)[counts.argmax(axis=0)]
 
 
-def _quilt(
-    detail: Float32, valid: NDArray[np.bool_], hole: NDArray[np.bool_], *, patch: int, search: int
-) -> Float32:
+def _quilt(detail: Float32, valid: NDArray[np.bool_], hole: NDArray[np.bool_], *, patch: int, search: int) -> Float32:
     """Detail for the hole, patch by patch from the same columns of other rows (see :func:`_quilt_patches`)."""
     if not hole.any():
         return np.zeros_like(detail)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -91,7 +92,7 @@ class GroundLayer:
             covered[hit] = on_chart & (self.chart.source[row, column] > 0)
             replaced[hit] = on_chart & self.chart.replaced[row, column]
 
-        def spread(values: NDArray[np.generic], default: float | bool) -> NDArray[np.generic]:
+        def spread(values: Any, default: float | bool) -> Any:
             plane = np.full((*shape, *values.shape[1:]), default, dtype=values.dtype)
             plane[wanted] = values
             return plane
@@ -152,7 +153,7 @@ def ground_usable(
     labels: LabelSet,
     removed: NDArray[np.bool_],
     ground_depth: NDArray[np.float64],
-    scene_depth: NDArray[np.float64],
+    scene_depth: NDArray[np.floating],
 ) -> NDArray[np.bool_]:
     """(H, W) pixels that show nothing but ground.
 
@@ -212,7 +213,9 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, un
         own[row[low], column[low]] = 1
         if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12 * unit:
             # Strays would stretch the hull: only texels with company count.
-            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 * unit / chart.texel) + 1,) * 2, np.uint8))
+            dense = cv2.morphologyEx(
+                own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 * unit / chart.texel) + 1,) * 2, np.uint8)
+            )
             count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
             large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] * chart.texel**2 > 0.15 * unit**2]
             rows, columns = np.nonzero(np.isin(component, large))

@@ -125,9 +125,7 @@ def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: floa
     extent = np.ceil((nodes.max(axis=0) + margin - corner) / cell).astype(int) + 1
     centres = np.stack(np.meshgrid(*(np.arange(n) * cell for n in extent), indexing="ij"), axis=-1) + corner
     nearest = cKDTree(nodes).query(centres.reshape(-1, 2))[1].reshape(extent)
-    return StreetPath(
-        axes, nodes, np.concatenate([before, heading, after]), -count * step, step, corner, cell, nearest
-    )
+    return StreetPath(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, corner, cell, nearest)
 
 
 @dataclass(frozen=True, eq=False)

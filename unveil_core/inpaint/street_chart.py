@@ -127,7 +127,7 @@ def read_chart(
         nearest[index[closer]] = depth[closer]
         progress(v + 1, len(cameras), "reading the street")
     known = weight > 0
-    color = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None] / 255, 0).astype(np.float32)
+    color: Float32 = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None] / 255, 0).astype(np.float32)
     return StreetChart(
         ground=ground,
         texel=texel,

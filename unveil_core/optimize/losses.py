@@ -106,10 +106,8 @@ def semantic_cross_entropy(
     """
     known = target >= 0
     picked = semantics.gather(2, target.clamp_min(0)[..., None])[..., 0]
-    if sky_label is not None:
-        probability = torch.where(target == sky_label, 1 - alpha, picked)
-    else:
-        probability = picked / alpha.clamp_min(1e-3)
+    by_alpha = picked / alpha.clamp_min(1e-3)
+    probability = by_alpha if sky_label is None else torch.where(target == sky_label, 1 - alpha, picked)
     nll = -torch.log(probability.clamp_min(0) + 1e-3)
     w = known.to(nll.dtype) if weight is None else weight * known
     return (nll * w).sum() / w.sum().clamp_min(1.0)

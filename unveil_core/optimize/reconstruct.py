@@ -111,7 +111,7 @@ def start_scene(
     for track in tracks(drive):
         usable = [(labels[i] != sky) if sky is not None else np.ones(labels[i].shape, bool) for i in track]
         found, footprint = sweep_points(
-            [cameras[i] for i in track], lambda k, t=track: images[t[k]], lambda k, u=usable: u[k], SweepSettings(),
+            [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
             near=10 * limits.near, far=limits.far, progress=progress,
         )  # fmt: skip
         if len(found):
@@ -202,8 +202,11 @@ def reconstruct(
         geometry_from=geometry_from,
         weights=settings.weights,
         density=DensitySettings(
-            start=round(0.12 * settings.iterations), stop=geometry_from, every=max(50, settings.iterations // 12),
-            budget=settings.budget, max_scale=3.0 * limits.unit,
+            start=round(0.12 * settings.iterations),
+            stop=geometry_from,
+            every=max(50, settings.iterations // 12),
+            budget=settings.budget,
+            max_scale=3.0 * limits.unit,
         ),  # fmt: skip
         prune_every=max(50, settings.iterations // 8),
         near=limits.near,

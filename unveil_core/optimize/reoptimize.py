@@ -37,9 +37,7 @@ class ReoptimizeSettings:
     iterations: int = 250
     near_m: float = 0.5
     ground_spacing_m: float = 0.08
-    weights: LossWeights = field(
-        default_factory=lambda: LossWeights(semantic=0.0, label_distortion=0.0, opacity=0.0)
-    )
+    weights: LossWeights = field(default_factory=lambda: LossWeights(semantic=0.0, label_distortion=0.0, opacity=0.0))
 
 
 REOPTIMIZE_PRESETS: dict[str, ReoptimizeSettings] = {

@@ -100,13 +100,17 @@ def cluster_points(positions: NDArray[np.float64], radius: float, *, minimum: in
     return ids[component]
 
 
-def fit_box(positions: NDArray[np.float64], axes: NDArray[np.float64]) -> Box:
+def fit_box(positions: NDArray[np.float64], axes: NDArray[np.float64], *, gap: float | None = None) -> Box:
     """The smallest upright box around the bulk (1st to 99th percentile) of some points.
 
     Args:
         positions: (P, 3), P >= 1.
         axes: (3, 3) rows east, north, up of the drive.
+        gap: strays farther than this from the largest connected cluster do not count, world units; None = all count.
     """
+    if gap is not None and len(positions) >= 40:
+        main = cluster_points(positions, gap) == 1
+        positions = positions[main] if main.any() else positions
     local = positions @ axes.T
     low, high = np.percentile(local, [1, 99], axis=0)
     inside = np.all((local >= low) & (local <= high), axis=1) if len(local) > 10 else np.ones(len(local), bool)
@@ -119,5 +123,7 @@ def fit_box(positions: NDArray[np.float64], axes: NDArray[np.float64]) -> Box:
     mean = local[:, :2].mean(0)
     centre = np.array([cx + mean[0], cy + mean[1], (low[2] + high[2]) / 2]) @ axes
     return Box(
-        (float(centre[0]), float(centre[1]), float(centre[2])), (float(w), float(h), float(high[2] - low[2])), float(yaw)
+        (float(centre[0]), float(centre[1]), float(centre[2])),
+        (float(w), float(h), float(high[2] - low[2])),
+        float(yaw),
     )

@@ -55,7 +55,5 @@ class Surfels:
 def concatenate(parts: list[Surfels]) -> Surfels:
     """Join surfels; higher SH degrees are kept and lower ones padded with zeros."""
     width = max(p.sh.shape[1] for p in parts)
-    padded = [
-        replace(p, sh=torch.cat([p.sh, p.sh.new_zeros(len(p), width - p.sh.shape[1], 3)], dim=1)) for p in parts
-    ]
+    padded = [replace(p, sh=torch.cat([p.sh, p.sh.new_zeros(len(p), width - p.sh.shape[1], 3)], dim=1)) for p in parts]
     return Surfels(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Surfels)))

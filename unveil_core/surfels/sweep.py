@@ -7,7 +7,7 @@ of the street, and fills the gaps of a drive that brings only sparse points.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -114,8 +114,8 @@ def sweep_depth(
 
 def sweep_points(
     cameras: Sequence[Camera],
-    image: Callable[[int], NDArray[np.uint8]],
-    usable: Callable[[int], NDArray[np.bool_]],
+    images: Sequence[NDArray[np.uint8]],
+    usable: Sequence[NDArray[np.bool_]],
     settings: SweepSettings,
     *,
     near: float,
@@ -127,7 +127,7 @@ def sweep_points(
 
     Args:
         cameras: of the track, in order of travel.
-        image: gives (H, W, 3) uint8 of frame i; usable: gives (H, W) bool, False where no point should come from (sky).
+        images: (H, W, 3) uint8 per frame; usable: (H, W) bool per frame, False where no point should come from (sky).
         near, far: depth range, world units.
         stride: one sweep pixel in so many per direction becomes a point.
     Returns:
@@ -139,9 +139,9 @@ def sweep_points(
         factor = min(1.0, settings.side / max(camera.width, camera.height))
         size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
         small.append(camera.resized(*size))
-        plain = cv2.cvtColor(image(i), cv2.COLOR_RGB2GRAY)
+        plain = cv2.cvtColor(images[i], cv2.COLOR_RGB2GRAY)
         gray.append(cv2.resize(plain, size, interpolation=cv2.INTER_AREA).astype(np.float32))
-        masks.append(cv2.resize(usable(i).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool))
+        masks.append(cv2.resize(usable[i].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool))
     ladder = 1.0 / np.linspace(1.0 / near, 1.0 / far, settings.depths)
     depth, score = [], []
     for i in range(count):

@@ -1,0 +1,65 @@
+"""Whole runs on the sample street: seconds and peak memory against PSNR and SSIM to the true empty street.
+
+    python benchmarks/sample_street.py [draft standard high]
+
+Each quality runs in a process of its own; results go to benchmarks/results/sample_street.json with machine and versions.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+RESULTS = HERE / "results" / "sample_street.json"
+
+
+def processor() -> str:
+    """The processor's name, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor()
+
+
+def measure(quality: str, folder: Path) -> dict[str, object]:
+    """Run the sample street at one quality and read what the run recorded."""
+    workspace = folder / quality
+    command = [sys.executable, "-m", "unveil_core", "demo", "-o", str(workspace), "--quality", quality]
+    load = os.getloadavg()[0]
+    subprocess.run(command, check=True, cwd=HERE.parent)
+    state = json.loads((workspace / "workspace.json").read_text())
+    metrics = json.loads((workspace / "metrics.json").read_text())
+    stages = state["stages"]
+    return {
+        "quality": quality,
+        "load_before": round(load, 2),
+        "seconds": {name: stage["seconds"] for name, stage in stages.items()},
+        "seconds_together": round(sum(stage["seconds"] for stage in stages.values()), 1),
+        "peak_memory_mb": max(stage["peak_memory_mb"] for stage in stages.values()),
+        "regions": {
+            region: values["methods"] for region, values in metrics["truth"]["regions"].items() if region != "whole"
+        },
+        "unobserved_mask_iou": metrics["truth"]["unobserved_mask_iou"],
+        "untouched": metrics["untouched"],
+        "versions": state["versions"],
+    }
+
+
+def main() -> None:
+    """Measure the qualities named on the command line, standard by default."""
+    qualities = sys.argv[1:] or ["standard"]
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [measure(quality, Path(folder)) for quality in qualities]
+    document = {"machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}, "runs": rows}
+    RESULTS.write_text(json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
