@@ -50,8 +50,10 @@ def shift_map(image: Image, mask: Mask) -> Image:
         cv2.xphoto.inpaint(lab, known, result, cv2.xphoto.INPAINT_SHIFTMAP)
     except cv2.error:
         return telea(image, mask)
-    filled = cv2.cvtColor(result, cv2.COLOR_Lab2RGB)
-    return np.where(mask[..., None], filled, image).astype(np.uint8)
+    filled = np.where(mask[..., None], cv2.cvtColor(result, cv2.COLOR_Lab2RGB), image).astype(np.uint8)
+    # Lab zero is no colour that a photograph has: there the library left its output as it came in.
+    missed = mask & (result == 0).all(axis=2)
+    return telea(filled, missed) if missed.any() else filled
 
 
 INPAINTERS: dict[str, Callable[[Image, Mask], Image]] = {

@@ -31,6 +31,8 @@ __all__ = ["FrameTask", "Painted", "paint_in_reversed_time"]
 
 SOLID = 0.6
 """A pixel of the empty scene with more alpha than this shows a surface."""
+RING_PX = 14
+"""How far around the mask the photograph's own ground is compared with the chart."""
 KNEE_SHARE = 0.28
 """Height of a knee as a share of the camera's height over the ground."""
 
@@ -111,13 +113,15 @@ def paint_in_reversed_time(
         original = task.image.astype(np.float32) / 255
         ceiling = np.full(task.removed.shape, np.inf)
         if layer is not None:
-            look = layer.look(task.camera, task.removed | layer.shadow_pixels(task.camera))
+            ring = grow(task.removed, RING_PX) & ~grow(task.removed, 2)
+            look = layer.look(task.camera, task.removed | ring | layer.shadow_pixels(task.camera))
             ceiling = look.depth
             # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
             # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
             in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
             ground = look.covered & ~in_front & task.removed
-            fill[ground] = look.color[ground]
+            plain = ring & look.covered & ~in_front & ~look.shadow & _shows_ground(look.depth, out)
+            fill[ground] = look.color[ground] + _tint(original, look.color, plain)
             on_ground = look.replaced | _shows_ground(look.depth, out)
             shadow = look.shadow & ~in_front & ~task.removed & on_ground
             gain[shadow] = look.gain[shadow]
@@ -126,7 +130,8 @@ def paint_in_reversed_time(
         image = np.where(task.removed[..., None], fill, np.clip(original * gain, 0, 1))
         image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
         # Where surfels carried from a later frame cover the hole, it is no hole any more.
-        empty = task.unobserved & ~ground & ~solid
+        below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0 if layer is not None else task.unobserved
+        empty = (task.unobserved | (task.removed & below)) & ~ground & ~solid
         if empty.any():
             image8 = _around(single_image, image8, empty)
             if int(empty.sum()) >= keyframe_px:
@@ -137,6 +142,16 @@ def paint_in_reversed_time(
         painted[index] = Painted(image8, ground, empty, shadow)
         progress(done + 1, len(tasks), "inpainting, last frame first")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+
+
+def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """(3,) what has to be added to the chart's colours to meet this photograph's beside its holes: exposure and white
+    balance change from frame to frame. One value a frame; local differences are shade, which must not be dragged in."""
+    if plain.sum() < 30:
+        return np.zeros(3, dtype=np.float32)
+    tint: NDArray[np.float32] = np.median((original - chart)[plain], axis=0).clip(-0.15, 0.15).astype(np.float32)
+    # Less than this is shade and texture, not exposure.
+    return tint if float(np.abs(tint).max()) > 0.05 else np.zeros(3, dtype=np.float32)
 
 
 def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
