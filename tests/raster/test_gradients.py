@@ -1,4 +1,4 @@
-"""The CPU backend against the float64 reference: every plane, every gradient; and the reference against finite differences."""
+"""The CPU backend against the float64 reference: every plane, every gradient; and the reference by differences."""
 
 from __future__ import annotations
 

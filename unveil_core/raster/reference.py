@@ -1,7 +1,7 @@
 """The dense reference: every surfel against every pixel, in float64 torch, gradients by autograd. For tests only.
 
-The intersection is the textbook cross product of two homogeneous planes (2DGS, equations 8 to 10), not the re-centred form of
-the fast backends, so that the two can check each other. Memory is pixels x surfels: keep scenes small.
+The intersection is the textbook cross product of two homogeneous planes (2DGS, equations 8 to 10), not the re-centred
+form of the fast backends, so that the two can check each other. Memory is pixels x surfels: keep scenes small.
 """
 
 from __future__ import annotations
@@ -11,7 +11,17 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN, LOW_PASS, TRANSMITTANCE_MIN
+from unveil_core.raster.spec import (
+    ALPHA_MAX,
+    ALPHA_MIN,
+    DEPTH_MAX,
+    EDGE_ON,
+    LOG_SCALE_MAX,
+    LOW_PASS,
+    OFFSET_MAX,
+    SCALE_MIN_PX,
+    TRANSMITTANCE_MIN,
+)
 from unveil_core.raster.spherical_harmonics import evaluate
 from unveil_core.surfels.surfels import Surfels
 
@@ -39,17 +49,18 @@ def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
 
 
 def render_reference(
-    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float
+    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None
 ) -> dict[str, Tensor]:
     """All planes in float64.
 
     Args:
         surfels: N surfels of any float type; gradients flow back to them.
         label_count: K.
+        coefficients: how many of the spherical-harmonic coefficients are used; all by default.
     Returns:
-        plane name to (H, W) or (H, W, C) float64; "visible" (N,) bool; "undecided" (H, W) bool, pixels where a decision
-        (contribution counted, light used up, which of the two filters) hangs on less than a ten-thousandth, so that float32 may
-        rightly decide otherwise.
+        plane name to (H, W) or (H, W, C) float64; "visible" (N,) bool; "undecided" (H, W) bool, pixels where a
+        decision (contribution counted, light used up, which of the two filters) hangs on less than a ten-thousandth,
+        so that float32 may rightly decide otherwise.
     """
     dtype = torch.float64
     width, height = camera.width, camera.height
@@ -57,17 +68,26 @@ def render_reference(
     means, log_scales = surfels.means.to(dtype), surfels.log_scales.to(dtype)
     opacity = torch.sigmoid(surfels.opacity_logits.to(dtype))
     centre = torch.from_numpy(camera.centre).to(dtype)
-    rgb = evaluate(surfels.sh.to(dtype), F.normalize(means - centre, dim=1))
+    rgb = evaluate(surfels.sh[:, :coefficients].to(dtype), F.normalize(means - centre, dim=1))
     local = means @ pose[:3, :3].T + pose[:3, 3]
     axes = pose[:3, :3] @ _rotation(surfels.quats.to(dtype))
-    scale = log_scales.exp()
+    focal = max(camera.fx, camera.fy)
+    # Both limits cut the gradient: the upper one by the clamp, the lower one because it is taken as a constant.
+    scale = torch.maximum(
+        log_scales.clamp_max(LOG_SCALE_MAX).exp(), SCALE_MIN_PX / focal * local[:, 2:].detach().clamp_min(0.0)
+    )
     normal = axes[..., 2]
-    normal = normal * torch.where((normal * local).sum(1, keepdim=True) > 0, -1.0, 1.0)
+    facing = (normal * local).sum(1, keepdim=True)
+    edge_on = facing[:, 0].abs() < EDGE_ON * local.norm(dim=1)
+    normal = normal * torch.where((facing > 0) & ~edge_on[:, None], -1.0, 1.0)
     intrinsics = torch.tensor([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], dtype=dtype)
     plane = intrinsics @ torch.stack([axes[..., 0] * scale[:, :1], axes[..., 1] * scale[:, 1:], local], dim=-1)
 
+    placed = (local[:, 2] > near) & (local[:, 2] < DEPTH_MAX)
+    offset = local.detach()[:, :2] / torch.where(placed, local[:, 2], torch.ones_like(local[:, 2])).detach()[:, None]
+    placed &= ((offset * offset.new_tensor([camera.fx, camera.fy])).abs() < OFFSET_MAX).all(dim=1)
     order = torch.argsort(local[:, 2].detach().float(), stable=True)
-    order = order[local[order, 2].detach().float() > near]
+    order = order[placed[order]]
     z, plane, opacity, label = local[order, 2], plane[order], opacity[order], surfels.labels[order]
     projected = plane[:, :2, 2] / plane[:, 2:, 2]
     ys, xs = torch.meshgrid(
@@ -77,9 +97,10 @@ def render_reference(
     cross = torch.linalg.cross(
         px[..., None] * plane[None, :, 2] - plane[None, :, 0], py[..., None] * plane[None, :, 2] - plane[None, :, 1]
     )
-    w = torch.where(cross[..., 2].abs() < 1e-300, torch.full_like(cross[..., 2], 1e-300), cross[..., 2])
+    parallel = cross[..., 2].abs() < 1e-300
+    w = torch.where(parallel, torch.ones_like(cross[..., 2]), cross[..., 2])
     u, v = cross[..., 0] / w, cross[..., 1] / w
-    exact = u * u + v * v
+    exact = torch.where(parallel | edge_on[order], torch.inf, u * u + v * v)
     screen = LOW_PASS * ((px - projected[:, 0]) ** 2 + (py - projected[:, 1]) ** 2)
     is_exact = exact <= screen
     depth = torch.where(is_exact, u * plane[:, 2, 0] + v * plane[:, 2, 1] + plane[:, 2, 2], z.expand_as(exact))

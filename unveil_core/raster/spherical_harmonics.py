@@ -1,4 +1,9 @@
-"""Real spherical harmonics up to degree 3 as view-dependent colour, in the order and signs of 3D Gaussian Splatting files."""
+"""Real spherical harmonics up to degree 3 as view-dependent colour, in the order and signs of 3D Gaussian Splatting
+files.
+
+This is the plain torch form, of any float type. The CPU backend evaluates the same polynomials inside its projection,
+and their gradient by hand inside its reduction, for the surfels on the screen only.
+"""
 
 from __future__ import annotations
 

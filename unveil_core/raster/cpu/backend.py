@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numba
@@ -12,24 +13,74 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.raster.cpu import kernels as k
 from unveil_core.raster.cpu.workspace import Buffers, borrow, give_back
 
-__all__ = ["Pass", "backward_pass", "forward_pass", "release"]
+__all__ = ["Inputs", "Pass", "Settings", "backward_pass", "forward_pass", "group_for", "release"]
 
 Float32 = NDArray[np.float32]
-_templates: dict[int, Float32] = {}
+Float64 = NDArray[np.float64]
+Inputs = tuple[Float32, Float32, Float32, Float32, Float32]
+"""means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32, contiguous."""
+_templates: dict[tuple[int, str], Float32] = {}
+_MEMBERS = {
+    "colour": {"rgb", "alpha"},
+    "semantic": {"rgb", "alpha", "semantics"},
+    "geometry": {"rgb", "alpha", "depth", "median_depth", "normal", "distortion"},
+}
+
+
+def group_for(wanted: Collection[str]) -> str:
+    """The cheapest group of kernels that makes all these planes."""
+    return next((group for group, members in _MEMBERS.items() if members.issuperset(wanted)), "all")
+
+
+def _plane_shapes(group: str, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:
+    """Shapes in the kernels' order; planes that the group does not make are empty."""
+    geometry, semantics, label_distortion, *_ = k.GROUPS[group]
+    flat = (height, width)
+    return {
+        "rgb": (*flat, 3),
+        "alpha": flat,
+        "depth": flat if geometry else (0, 0),
+        "median_depth": flat if geometry else (0, 0),
+        "normal": (*flat, 3) if geometry else (0, 0, 0),
+        "distortion": flat if geometry else (0, 0),
+        "semantics": (*flat, label_count) if semantics else (0, 0, 0),
+        "label_distortion": flat if label_distortion else (0, 0),
+    }
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to render.
+
+    Attributes:
+        group: name in ``kernels.GROUPS``.
+        label_count: K.
+        coefficients: how many spherical-harmonic coefficients are used.
+        near, far: world units.
+    """
+
+    group: str
+    label_count: int
+    coefficients: int
+    near: float
+    far: float
 
 
 @dataclass(eq=False)
 class Pass:
-    """Everything that a backward pass needs of its forward pass."""
+    """One forward pass: its planes, and everything that a backward pass needs of it.
 
+    Attributes:
+        planes: every plane of the group by name, fresh arrays in their public shapes.
+        visible: (N,) bool.
+    """
+
+    planes: dict[str, Float32]
+    visible: NDArray[np.bool_]
     buffers: Buffers
-    inputs: tuple[Float32, ...]
+    settings: Settings
     camera: Camera
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    label_count: int
-    geometry: bool
-    labels: bool
+    pose: tuple[Float64, Float64, Float64]
     c1: np.float32
     inv_near: np.float32
     order: NDArray[np.int32]
@@ -37,90 +88,99 @@ class Pass:
     surfel_start: NDArray[np.int64]
     offsets: NDArray[np.int64]
     ids: NDArray[np.int32]
-    slot: NDArray[np.int32]
+    place: NDArray[np.int32]
     kept: Float32
-    planes: Float32
-    visible: NDArray[np.uint8]
     released: bool = False
 
 
-def forward_pass(
-    means: Float32, quats: Float32, scales: Float32, opacity: Float32, rgb: Float32, labels: NDArray[np.int64],
-    camera: Camera, *, label_count: int, geometry: bool, with_labels: bool, near: float, far: float,
-) -> Pass:  # fmt: skip
-    """Render; ``planes`` of the result is (11 + K, H, W), in the order of the ``P_`` constants of the kernels.
+def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, settings: Settings, *, keep: bool) -> Pass:
+    """Render one group of planes.
 
     Args:
-        means (N, 3), quats (N, 4), scales (N, 2), opacity (N,), rgb (N, 3): float32, contiguous; labels (N,) int64.
-        geometry, with_labels: whether depth, normals and distortion, or semantics and label distortion, are wanted.
+        labels: (N,) int64, contiguous.
+        keep: whether a backward pass will follow; if not, the buffers are given back at once.
     """
     buffers = borrow()
-    count, width, height = len(means), camera.width, camera.height
-    # Poses stay float64: the per-surfel chain is scalar code, and edge-on discs cancel digits there.
-    rotation = np.ascontiguousarray(camera.world_to_camera[:3, :3], dtype=np.float64)
-    translation = np.ascontiguousarray(camera.world_to_camera[:3, 3], dtype=np.float64)
+    count, width, height = len(labels), camera.width, camera.height
+    group, label_count, near, far = settings.group, settings.label_count, settings.near, settings.far
+    geometry, semantics, label_distortion, forward, _ = k.GROUPS[group]
+    pose = (
+        np.ascontiguousarray(camera.world_to_camera[:3, :3], dtype=np.float64),
+        np.ascontiguousarray(camera.world_to_camera[:3, 3], dtype=np.float64),
+        np.ascontiguousarray(camera.centre, dtype=np.float64),
+    )
     records = buffers.array("records", (count, k.RECORD))
-    visible = buffers.array("visible", (count,), np.uint8)
-    numba.set_parallel_chunksize(4096)
-    intrinsics = tuple(np.float32(v) for v in (camera.fx, camera.fy, camera.cx, camera.cy))
-    k.project(
-        means, quats, scales, opacity, rgb, labels, rotation, translation, *intrinsics, width, height,
-        np.float32(near), records, visible,
-    )  # fmt: skip
-    order = k.depth_order(np.ascontiguousarray(records[:, int(k.R_Z)]).view(np.uint32), visible)
-    packed = buffers.array("packed", (len(order), k.RECORD))
-    k.pack(records, order, packed)
+    visible = np.empty(count, np.uint8)
+    with numba.parallel_chunksize(4096):
+        k.project(
+            *inputs, labels, *pose, float(camera.fx), float(camera.fy),
+            float(camera.cx), float(camera.cy), width, height, float(near), settings.coefficients, records, visible,
+        )  # fmt: skip
+        order = k.depth_order(np.ascontiguousarray(records[:, int(k.R_Z)]).view(np.uint32), visible)
+        packed = buffers.array("packed", (len(order), k.RECORD))
+        k.pack(records, order, packed)
     tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
     surfel_start = buffers.array("surfel_start", (len(order) + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
     total = k.count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets)
+    if total > np.iinfo(np.int32).max:
+        raise ValueError(
+            f"{total} surfel-tile intersections in one view; the surfels are too large for this image size"
+        )
     ids = buffers.array("ids", (total,), np.int32)
-    slot = buffers.array("slot", (total,), np.int32)
-    numba.set_parallel_chunksize(1)
-    k.fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, slot, numba.get_num_threads())
-    planes = buffers.array("planes", (11 + label_count, height, width))
-    kept = buffers.array("kept", (tiles_x * tiles_y, k.kept_size(label_count)))
-    if label_count not in _templates:
-        _templates[label_count] = k.forward_template(label_count)
+    place = buffers.array("place", (total,), np.int32)
+    with numba.parallel_chunksize(1):
+        k.fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, place, numba.get_num_threads())
+    shapes = _plane_shapes(group, width, height, label_count)
+    planes = {name: np.empty(shape, np.float32) for name, shape in shapes.items()}
+    kept = buffers.array(
+        "kept", (tiles_x * tiles_y if keep else 0, k.kept_size(label_count, geometry, label_distortion))
+    )
+    template = _templates.get((label_count, group))
+    if template is None:
+        template = _templates[label_count, group] = k.forward_template(label_count, semantics, label_distortion)
     # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
-    numba.set_parallel_chunksize(4)
-    k.forward(
-        _templates[label_count], packed, offsets, ids, width, height, c1, inv_near, label_count, geometry, with_labels,
-        planes, kept,
+    with numba.parallel_chunksize(4):
+        forward(
+            tiles_x, template, packed, offsets, ids, width, height, c1, inv_near, label_count, *planes.values(), kept
+        )
+    done = Pass(
+        planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near, order,
+        packed, surfel_start, offsets, ids, place, kept,
     )  # fmt: skip
-    return Pass(
-        buffers, (means, quats, scales), camera, rotation, translation, label_count, geometry, with_labels, c1,
-        inv_near, order, packed, surfel_start, offsets, ids, slot, kept, planes, visible,
-    )  # fmt: skip
+    if not keep:
+        release(done)
+    return done
 
 
-def backward_pass(done: Pass, grad: Float32) -> tuple[Float32, ...]:
-    """Gradients by means (N, 3), quats (N, 4), scales (N, 2), opacity (N,), rgb (N, 3) and projected mean (N, 2).
+def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> tuple[Float32, ...]:
+    """Gradients in the order and shapes of the inputs, then by the projected means (N, 2).
 
     Args:
-        grad: (11 + K, H, W) gradient of the loss by the planes.
+        grads: gradient of the loss by each plane that has one, in the plane's shape, contiguous.
     """
-    means, quats, scales = done.inputs
-    count, camera = len(means), done.camera
-    rows = done.buffers.array("rows", (len(done.ids), k.ROW))
-    numba.set_parallel_chunksize(4)
-    k.backward(
-        done.packed, done.offsets, done.ids, camera.width, camera.height, done.c1, done.inv_near, done.label_count,
-        done.geometry, done.labels, done.kept, grad, rows,
-    )  # fmt: skip
-    shapes = ((count, 3), (count, 4), (count, 2), (count,), (count, 3), (count, 2))
-    gradients = tuple(np.zeros(shape, np.float32) for shape in shapes)
-    numba.set_parallel_chunksize(2048)
-    k.reduce_rows(
-        done.packed, done.order, done.surfel_start, done.slot, rows, means, quats, scales, done.rotation,
-        done.translation, np.float32(camera.fx), np.float32(camera.fy), *gradients,
-    )  # fmt: skip
+    camera, buffers, settings = done.camera, done.buffers, done.settings
+    width, height = camera.width, camera.height
+    shapes = _plane_shapes(settings.group, width, height, settings.label_count)
+    incoming = [grads[name] if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
+    rows = buffers.array("rows", (len(done.ids), k.ROW))
+    with numba.parallel_chunksize(4):
+        k.GROUPS[settings.group][4](
+            -(-width // k.TILE), done.packed, done.offsets, done.ids, width, height, done.c1, done.inv_near,
+            settings.label_count, done.kept, *incoming, done.place, rows,
+        )  # fmt: skip
+    gradients = (*(np.empty_like(a) for a in inputs), np.empty((len(done.visible), 2), np.float32))
+    with numba.parallel_chunksize(2048):
+        k.reduce_rows(
+            done.packed, done.order, done.surfel_start, rows, done.visible.view(np.uint8), *inputs, *done.pose,
+            float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
+        )  # fmt: skip
     return gradients
 
 
 def release(done: Pass) -> None:
-    """Give the pass's buffers back to the pool; its arrays must not be used afterwards."""
+    """Give the pass's buffers back to the pool; what lies in them must not be used afterwards."""
     if not done.released:
         done.released = True
         give_back(done.buffers)

@@ -1,30 +1,41 @@
 """The CPU rasterizer in numba: project, sort, bin, forward, backward, reduce. See ``raster.spec`` for the mathematics.
 
-One file, because numba's cache is keyed by the file that holds a kernel. What makes it fast, and what silently unmakes it:
+One file, because numba's cache is keyed by the file that holds a kernel. What makes it fast, and what silently
+unmakes it:
 
-* A tile is 16x16 pixels in 4x4 blocks of 16 lanes; every inner loop runs over the 16 lanes of one block. All per-pixel state of
-  a tile lies in ONE float32 buffer, block after block, so that LLVM sees constant distances between streams and vectorizes
-  without alias checks. The slot of the surfel's label is copied to a fixed place and back for the same reason.
-* Index arithmetic is unsigned (no wrap-around selects); constants are float32 (no float64 creeps in); "any lane" is a sum.
-* Each surfel-tile intersection writes its own gradient row; rows are then summed per surfel in a fixed order. No atomics, no
-  per-thread buffers: results are bitwise the same for any number of threads.
+* A tile is 16x16 pixels in 4x4 blocks of 16 lanes; every inner loop runs over the 16 lanes of one block. All
+  per-pixel state of a tile lies in ONE float32 buffer, block after block, so that LLVM sees constant distances
+  between streams and vectorizes without alias checks. The slot of the surfel's label is copied to a fixed place and
+  back for the same reason.
+* Index arithmetic is unsigned (no wrap-around selects); constants are float32 (no float64 creeps in); "any lane" is a
+  sum.
+* The tile kernels are written once and inlined with constant switches into one kernel per group of planes
+  (``GROUPS``), each compiled when it is first needed: a plane that was not asked for leaves no instruction behind.
+* Each surfel-tile intersection writes its own gradient row; rows are then summed per surfel in a fixed order. No
+  atomics, no per-thread buffers: results are bitwise the same for any number of threads.
+* Per-surfel code is scalar, and float64 between the parameters and the records: edge-on discs cancel digits there.
 
-``tests/raster/test_vectorization.py`` counts packed against scalar operations, because losing vectorization costs a factor of four
-and breaks nothing else.
+``tests/raster/test_vectorization.py`` counts packed against scalar operations, because losing vectorization costs a
+factor of four and breaks nothing else.
 """
 
-# ruff: noqa: E741, N806
+# ruff: noqa: E741
 # mypy: ignore-errors
 from __future__ import annotations
 
-import llvmlite.binding as llvm
 import numpy as np
 from numba import njit, prange
 
-from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
-
-# Twenty streams in one loop need more run-time alias checks than LLVM's default of 8 allows.
-llvm.set_option("unveil", "--runtime-memory-check-threshold=256")
+from unveil_core.raster.spec import (
+    ALPHA_MAX,
+    ALPHA_MIN,
+    DEPTH_MAX,
+    EDGE_ON,
+    LOG_SCALE_MAX,
+    OFFSET_MAX,
+    SCALE_MIN_PX,
+    TRANSMITTANCE_MIN,
+)
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
 FAST = {"fastmath": True, "cache": True, "boundscheck": False, "error_model": "numpy"}
@@ -38,56 +49,56 @@ ROW = 20
 (R_CX, R_CY, R_IZ, R_A0, R_B0, R_A1, R_B1, R_A2, R_B2, R_OPACITY, R_RED, R_GREEN, R_BLUE, R_NX, R_NY, R_NZ, R_Z,
  R_X0, R_X1, R_Y0, R_Y1, R_LABEL) = (u64(k) for k in range(22))  # fmt: skip
 
-ZERO, ONE, TWO, HALF, MINUS = f32(0), f32(1), f32(2), f32(0.5), f32(-1)
+ZERO, ONE, TWO, HALF = f32(0), f32(1), f32(2), f32(0.5)
 A_MIN, A_MAX, T_MIN = f32(ALPHA_MIN), f32(ALPHA_MAX), f32(TRANSMITTANCE_MIN)
 # exp(-x) on [0, 5.7] as (p(-x / 8))^8: beyond 5.7 alpha is under 1/255 whatever the opacity. Relative error 2e-6.
 X_MAX, EIGHTH = f32(5.7), f32(0.125)
 E0, E1, E2, E3, E4, E5 = (
     f32(0.999999903), f32(-0.999991289), f32(0.499867671), f32(-0.16591143), f32(0.0396654613), f32(-0.00578264651),
 )  # fmt: skip
+# A ray in the disc's own plane has q = 0. Held away from it, masked lanes stay finite and zero times them is zero.
+Q_MIN = f32(1e-10)
 L16 = u64(16)
 
-# ---- planes of the output, (11 + K, H, W)
-P_RED, P_GREEN, P_BLUE, P_ALPHA, P_DEPTH, P_MEDIAN, P_NX, P_NY, P_NZ, P_DIST, P_LDIST, P_SEM = range(12)
-
-# ---- forward state of one block: planes of 16 lanes; the first six are what backward needs
-(F_T, F_M1, F_M2, F_LAST, F_MEDIAN_I, F_FIRST, F_LIVE, F_RED, F_GREEN, F_BLUE, F_NX, F_NY, F_NZ, F_DEPTH, F_DIST, F_LDIST,
- F_MEDIAN, F_X, F_Y, F_ALPHA, F_INV, F_DEP, F_SEM, F_LT, F_LM1, F_LM2, F_LFIRST) = (
+# ---- forward state of one block: planes of 16 lanes; the first KEPT_COLOUR or KEPT_GEOMETRY are what backward needs
+(F_T, F_LAST, F_M1, F_M2, F_MEDIAN_I, F_FIRST, F_LIVE, F_RED, F_GREEN, F_BLUE, F_NX, F_NY, F_NZ, F_DEPTH, F_DIST,
+ F_LDIST, F_MEDIAN, F_X, F_Y, F_ALPHA, F_INV, F_DEP, F_SEM, F_LT, F_LM1, F_LM2, F_LFIRST) = (
     u64(16 * k) for k in range(27)
 )  # fmt: skip
 F_LABELS = 27 * 16
-LABEL_SLOT = 5 * 16
-KEPT = 6 * 16
-KEPT_LABEL = 4 * 16
-PLAIN_SOURCE = tuple(int(v) for v in (F_RED, F_GREEN, F_BLUE))
-GEOMETRY_SOURCE = tuple(int(v) for v in (F_DEPTH, F_MEDIAN, F_NX, F_NY, F_NZ, F_DIST, F_LDIST))
+"""Then per label: its semantics, and with label distortion its transmittance, two moments and first hit."""
+KEPT_COLOUR, KEPT_GEOMETRY, KEPT_LABEL = 2 * 16, 6 * 16, 4 * 16
 
 
-def forward_template(label_count):
+def forward_template(label_count: int, semantics: bool, label_distortion: bool) -> np.ndarray:
     """Initial forward state of a whole tile, flat float32."""
-    stride = F_LABELS + label_count * LABEL_SLOT
-    state = np.zeros((BLOCKS, stride), np.float32)
+    slot = (80 if label_distortion else 16) if semantics else 0
+    state = np.zeros((BLOCKS, F_LABELS + label_count * slot), np.float32)
     block, lane = np.mgrid[0:BLOCKS, 0:LANES]
     state[:, int(F_X) : int(F_X) + 16] = (block % BLOCKS_X) * BLOCK + lane % BLOCK + 0.5
     state[:, int(F_Y) : int(F_Y) + 16] = (block // BLOCKS_X) * BLOCK + lane // BLOCK + 0.5
     for plane, value in ((F_T, 1), (F_LAST, -1), (F_MEDIAN_I, -1), (F_LIVE, 1)):
         state[:, int(plane) : int(plane) + 16] = value
-    for k in range(label_count):
-        start = F_LABELS + k * LABEL_SLOT + 16
-        state[:, start : start + 16] = 1
+    if label_distortion:
+        for k in range(label_count):
+            start = F_LABELS + k * slot + 16
+            state[:, start : start + 16] = 1
     return state.ravel()
 
 
-def kept_size(label_count):
+def kept_size(label_count: int, geometry: bool, label_distortion: bool) -> int:
     """Floats that a tile keeps for backward; the last one is the mask of labels met."""
-    return BLOCKS * (KEPT + label_count * KEPT_LABEL) + 1
+    block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
+    return BLOCKS * (block + (label_count * KEPT_LABEL if label_distortion else 0)) + 1
 
 
-@njit(**FAST)
-def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, labels,
-                 out, kept):  # fmt: skip
-    """Composite one tile. ``geometry`` and ``labels`` switch whole groups of planes off."""
-    stride = F_LABELS + label_count * LABEL_SLOT
+@njit(inline="always")
+def _forward_tile(
+    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics,
+    label_distortion, rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    slot_size = (80 if label_distortion else 16) if semantics else 0
+    stride = F_LABELS + label_count * slot_size
     tx, ty = (t % tiles_x) * TILE, (t // tiles_x) * TILE
     first, last = offsets[t], offsets[t + 1]
     state = np.empty(BLOCKS * stride, f32)
@@ -135,6 +146,7 @@ def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1,
                     dx, dy = state[F_X + j] - cx, state[F_Y + j] - cy
                     nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
                     q = ONE + a2 * dx + b2 * dy
+                    q = q if abs(q) > Q_MIN else Q_MIN
                     r = ONE / q
                     u, v = nu * r, nv * r
                     exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
@@ -149,14 +161,14 @@ def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1,
                     alpha = e * opacity
                     alpha = alpha if alpha < A_MAX else A_MAX
                     inv = q * iz if use_exact else iz
-                    dep = r * z if use_exact else z
                     alpha = alpha * state[F_LIVE + j]
                     alpha = alpha if alpha >= A_MIN else ZERO
                     alpha = alpha if inv > ZERO else ZERO
                     alpha = alpha if inv <= inv_near else ZERO
                     state[F_ALPHA + j] = alpha
-                    state[F_INV + j] = inv
-                    state[F_DEP + j] = dep
+                    if geometry:
+                        state[F_INV + j] = inv
+                        state[F_DEP + j] = r * z if use_exact else z
                     some += alpha
                     stopping += ONE if state[F_T + j] * (ONE - alpha) < T_MIN else ZERO
                 if some <= ZERO:
@@ -174,12 +186,24 @@ def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1,
                     if living == 0:
                         alive[b] = 0
                         alive_count -= 1
-                if geometry:
-                    for l in range(L16):
-                        j = o + l
-                        alpha, inv, d, light = state[F_ALPHA + j], state[F_INV + j], state[F_DEP + j], state[F_T + j]
-                        w = alpha * light
-                        start = state[F_FIRST + j]
+                if semantics:
+                    slot = u64(b * stride + F_LABELS + label * slot_size)
+                    for l in range(u64(slot_size)):
+                        state[o + F_SEM + l] = state[slot + l]
+                for l in range(L16):
+                    j = o + l
+                    alpha, light = state[F_ALPHA + j], state[F_T + j]
+                    w = alpha * light
+                    state[F_RED + j] += w * red
+                    state[F_GREEN + j] += w * green
+                    state[F_BLUE + j] += w * blue
+                    state[F_T + j] = light * (ONE - alpha)
+                    old = state[F_LAST + j]
+                    state[F_LAST + j] = rank if alpha > ZERO else old
+                    if semantics:
+                        state[F_SEM + j] += w
+                    if geometry:
+                        inv, d, start = state[F_INV + j], state[F_DEP + j], state[F_FIRST + j]
                         begins = alpha if light >= ONE else ZERO
                         start = inv if begins > ZERO else start
                         state[F_FIRST + j] = start
@@ -196,17 +220,17 @@ def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1,
                         old, old_i = state[F_MEDIAN + j], state[F_MEDIAN_I + j]
                         state[F_MEDIAN + j] = d if middle > ZERO else old
                         state[F_MEDIAN_I + j] = rank if middle > ZERO else old_i
-                if labels:
+                if label_distortion:
                     met |= 1 << label
-                    slot = u64(b * stride + F_LABELS + label * LABEL_SLOT)
-                    for l in range(80):
-                        state[o + F_SEM + u64(l)] = state[slot + u64(l)]
                     for l in range(L16):
                         j = o + l
-                        alpha, inv, light = state[F_ALPHA + j], state[F_INV + j], state[F_LT + j]
-                        state[F_SEM + j] += alpha * state[F_T + j]
+                        alpha, inv, light, start = (
+                            state[F_ALPHA + j],
+                            state[F_INV + j],
+                            state[F_LT + j],
+                            state[F_LFIRST + j],
+                        )
                         w = alpha * light
-                        start = state[F_LFIRST + j]
                         begins = alpha if light >= ONE else ZERO
                         start = inv if begins > ZERO else start
                         state[F_LFIRST + j] = start
@@ -216,360 +240,681 @@ def forward_tile(t, tiles_x, template, records, offsets, ids, width, height, c1,
                         state[F_LM1 + j] = m1 + w * m
                         state[F_LM2 + j] = m2 + w * mm
                         state[F_LT + j] = light * (ONE - alpha)
-                    for l in range(80):
-                        state[slot + u64(l)] = state[o + F_SEM + u64(l)]
-                for l in range(L16):
-                    j = o + l
-                    alpha, light = state[F_ALPHA + j], state[F_T + j]
-                    w = alpha * light
-                    state[F_RED + j] += w * red
-                    state[F_GREEN + j] += w * green
-                    state[F_BLUE + j] += w * blue
-                    state[F_T + j] = light * (ONE - alpha)
-                    old = state[F_LAST + j]
-                    state[F_LAST + j] = rank if alpha > ZERO else old
+                if semantics:
+                    for l in range(u64(slot_size)):
+                        state[slot + l] = state[o + F_SEM + l]
     for b in range(BLOCKS):
         for row in range(BLOCK):
             y = ty + (b // BLOCKS_X) * BLOCK + row
             x0 = tx + (b % BLOCKS_X) * BLOCK
             count = min(BLOCK, width - x0)
-            if y >= height or count <= 0:
+            if y >= height:
                 continue
-            j0 = b * stride + row * BLOCK
             for c in range(count):
-                at = u64(j0 + c)
-                for k in range(3):
-                    out[k, y, x0 + c] = state[at + u64(PLAIN_SOURCE[k])]
-                out[P_ALPHA, y, x0 + c] = ONE - state[at + F_T]
+                j, yy, xx = u64(b * stride + row * BLOCK + c), u64(y), u64(x0 + c)
+                rgb[yy, xx, u64(0)] = state[F_RED + j]
+                rgb[yy, xx, u64(1)] = state[F_GREEN + j]
+                rgb[yy, xx, u64(2)] = state[F_BLUE + j]
+                alphas[yy, xx] = ONE - state[F_T + j]
                 if geometry:
-                    for k in range(6):
-                        out[P_DEPTH + k, y, x0 + c] = state[at + u64(GEOMETRY_SOURCE[k])]
-                if labels:
-                    out[P_LDIST, y, x0 + c] = state[at + F_LDIST]
-                    for k in range(label_count):
-                        out[P_SEM + k, y, x0 + c] = state[at + u64(F_LABELS + k * LABEL_SLOT)]
-    keep = kept[t]
-    kept_stride = KEPT + label_count * KEPT_LABEL
-    for b in range(BLOCKS):
-        for l in range(KEPT):
-            keep[u64(b * kept_stride + l)] = state[u64(b * stride + l)]
-        if labels:
-            for k in range(label_count):
-                if (met >> k) & 1:
-                    for l in range(KEPT_LABEL):
-                        keep[u64(b * kept_stride + KEPT + k * KEPT_LABEL + l)] = state[
-                            u64(b * stride + F_LABELS + k * LABEL_SLOT + 16 + l)
-                        ]
-    keep[u64(BLOCKS * kept_stride)] = f32(met)
-
-
-@njit(parallel=True, **FAST)
-def forward(template, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, labels, out, kept):
-    """All tiles."""
-    tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
-    for t in prange(tiles_x * tiles_y):
-        forward_tile(i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-                     geometry, labels, out, kept)  # fmt: skip
+                    depth[yy, xx] = state[F_DEPTH + j]
+                    median[yy, xx] = state[F_MEDIAN + j]
+                    normal[yy, xx, u64(0)] = state[F_NX + j]
+                    normal[yy, xx, u64(1)] = state[F_NY + j]
+                    normal[yy, xx, u64(2)] = state[F_NZ + j]
+                    distortion[yy, xx] = state[F_DIST + j]
+                if label_distortion:
+                    label_dist[yy, xx] = state[F_LDIST + j]
+                if semantics:
+                    for k in range(u64(label_count)):
+                        labels[yy, xx, k] = state[u64(F_LABELS) + k * u64(slot_size) + j]
+    if kept.shape[0] > 0:
+        keep = kept[t]
+        block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
+        kept_stride = block + (label_count * KEPT_LABEL if label_distortion else 0)
+        for b in range(BLOCKS):
+            for l in range(u64(block)):
+                keep[u64(b * kept_stride) + l] = state[u64(b * stride) + l]
+            if label_distortion:
+                for k in range(label_count):
+                    if (met >> k) & 1:
+                        target, source = (
+                            u64(b * kept_stride + block + k * KEPT_LABEL),
+                            u64(b * stride + F_LABELS + k * 80 + 16),
+                        )
+                        for l in range(u64(KEPT_LABEL)):
+                            keep[target + l] = state[source + l]
+        keep[u64(BLOCKS * kept_stride)] = f32(met)
 
 
 # ---- backward state of one block
-(B_T, B_M1, B_M2, B_LAST, B_MEDIAN_I, B_FIRST, B_SUM, B_GA, B_X, B_Y, X_ALPHA, X_INV, X_R, X_U, X_V, X_E, X_Q, X_DEP,
- X_EXACT, X_DA, X_DM, X_RA, X_W, X_SEM, B_LT, B_LM1, B_LM2, B_LFIRST, B_LSUM, B_LGA) = (
-    u64(16 * k) for k in range(30)
+(B_T, B_LAST, B_M1, B_M2, B_MEDIAN_I, B_FIRST, B_SUM, B_GA, B_X, B_Y, X_ALPHA, X_INV, X_R, X_U, X_V, X_E, X_Q, X_DEP,
+ X_EXACT, X_DA, X_DM, X_RA, X_W, X_SEM, B_LT, B_LM1, B_LM2, B_LFIRST, B_LSUM, B_LGA,
+ G_RED, G_GREEN, G_BLUE, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_NY, G_NZ, G_DIST, G_LDIST) = (
+    u64(16 * k) for k in range(41)
 )  # fmt: skip
-G_PLANES = 30 * 16
-(G_RED, G_GREEN, G_BLUE, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_NY, G_NZ, G_DIST, G_LDIST) = (
-    u64(G_PLANES + 16 * k) for k in range(11)
+B_ACC = 41 * 16
+"""19 lane accumulators of the surfel at hand; the first 15 are all that colour and semantics need."""
+(S_U, S_UX, S_UY, S_V, S_VX, S_VY, S_Q, S_QX, S_QY, S_OPACITY, S_RED, S_GREEN, S_BLUE, S_SX, S_SY,
+ S_IZ, S_NX, S_NY, S_NZ) = (
+    u64(B_ACC + 16 * k) for k in range(19)
 )  # fmt: skip
-B_ACC = G_PLANES + 11 * 16
-"""19 lane accumulators of the surfel at hand."""
-B_SEMANTIC = B_ACC + 19 * 16
-"""Per label: its semantic gradient, then the six planes of its distortion."""
-B_LABEL_SLOT = 7 * 16
+B_LABELS = B_ACC + 19 * 16
+"""Then per label: its semantic gradient, and with label distortion six planes."""
 
 
-@njit(**FAST)
-def backward_tile(t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, labels, kept,
-                  grad, rows):  # fmt: skip
-    """Gradient rows of one tile's intersections, walking its surfels from far to near."""
-    stride = B_SEMANTIC + label_count * B_LABEL_SLOT
+@njit(inline="always")
+def _backward_tile(
+    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics, label_distortion,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    slot_size = (112 if label_distortion else 16) if semantics else 0
+    sums = 19 if geometry else 15
+    # Sixteen, but the compiler must not know: it would unroll the shorter loops into single operations.
+    lanes = u64(rows.shape[1]) - u64(ROW - 16)
+    stride = B_LABELS + label_count * slot_size
     tx, ty = (t % tiles_x) * TILE, (t // tiles_x) * TILE
     first = offsets[t]
     count = offsets[t + 1] - first
-    if count == 0:
-        return
+    block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
+    kept_stride = block + (label_count * KEPT_LABEL if label_distortion else 0)
+    state = np.empty(BLOCKS * stride, f32)
     ftx, fty = f32(tx), f32(ty)
-    state = np.zeros(BLOCKS * stride, f32)
     keep = kept[t]
-    kept_stride = KEPT + label_count * KEPT_LABEL
     met = i64(keep[u64(BLOCKS * kept_stride)])
     block_last = np.full(BLOCKS, -1, np.int64)
     tile_last = -1
     for b in range(BLOCKS):
-        o = b * stride
-        for l in range(KEPT):
-            state[u64(o + l)] = keep[u64(b * kept_stride + l)]
+        o = u64(b * stride)
+        for l in range(u64(block)):
+            state[o + l] = keep[u64(b * kept_stride) + l]
         for l in range(16):
             x, y = tx + (b % BLOCKS_X) * BLOCK + l % BLOCK, ty + (b // BLOCKS_X) * BLOCK + l // BLOCK
-            j = u64(o + l)
-            state[j + B_X] = f32(x - tx) + HALF
-            state[j + B_Y] = f32(y - ty) + HALF
+            j, yy, xx = o + u64(l), u64(y), u64(x)
+            state[B_X + j] = f32(x - tx) + HALF
+            state[B_Y + j] = f32(y - ty) + HALF
+            state[B_SUM + j] = ZERO
             block_last[b] = max(block_last[b], i64(state[B_LAST + j]))
             if x < width and y < height:
-                for k in range(4):
-                    state[u64(G_PLANES + 16 * k) + j] = grad[k, y, x]
+                state[G_RED + j] = g_rgb[yy, xx, u64(0)]
+                state[G_GREEN + j] = g_rgb[yy, xx, u64(1)]
+                state[G_BLUE + j] = g_rgb[yy, xx, u64(2)]
+                state[G_ALPHA + j] = g_alpha[yy, xx]
                 if geometry:
-                    for k in range(4, 10):
-                        state[u64(G_PLANES + 16 * k) + j] = grad[k, y, x]
-                if labels:
-                    state[G_LDIST + j] = grad[P_LDIST, y, x]
-                    for k in range(label_count):
-                        state[u64(B_SEMANTIC + k * B_LABEL_SLOT) + j] = grad[P_SEM + k, y, x]
+                    state[G_DEPTH + j] = g_depth[yy, xx]
+                    state[G_MEDIAN + j] = g_median[yy, xx]
+                    state[G_NX + j] = g_normal[yy, xx, u64(0)]
+                    state[G_NY + j] = g_normal[yy, xx, u64(1)]
+                    state[G_NZ + j] = g_normal[yy, xx, u64(2)]
+                    state[G_DIST + j] = g_distortion[yy, xx]
+                if label_distortion:
+                    state[G_LDIST + j] = g_label_dist[yy, xx]
+                if semantics:
+                    for k in range(u64(label_count)):
+                        state[u64(B_LABELS) + k * u64(slot_size) + j] = g_labels[yy, xx, k]
+            else:
+                for k in range(u64(11)):
+                    state[G_RED + k * L16 + j] = ZERO
+                if semantics:
+                    for k in range(u64(label_count)):
+                        state[u64(B_LABELS) + k * u64(slot_size) + j] = ZERO
         tile_last = max(tile_last, block_last[b])
-        oo = u64(o)
-        # dL_d/dw_i = m_i^2 A + Q - 2 m_i M with the totals A, M, Q: scaled by the incoming gradient once, here.
-        for l in range(L16):
-            j = oo + l
-            gd = state[G_DIST + j]
-            state[B_GA + j] = gd * (ONE - state[B_T + j])
-            state[G_ALPHA + j] += gd * state[B_M2 + j]
-            state[B_M1 + j] *= gd
-        if labels:
+        if geometry:
+            # dL_d/dw_i = m_i^2 A + Q - 2 m_i M with the totals A, M, Q: scaled by the incoming gradient once, here.
+            for l in range(lanes):
+                j = o + l
+                gd = state[G_DIST + j]
+                state[B_GA + j] = gd * (ONE - state[B_T + j])
+                state[G_ALPHA + j] += gd * state[B_M2 + j]
+                state[B_M1 + j] *= gd
+        if label_distortion:
             for k in range(label_count):
                 if (met >> k) & 1:
-                    source = b * kept_stride + KEPT + k * KEPT_LABEL
-                    slot = u64(o + B_SEMANTIC + k * B_LABEL_SLOT + 16)
-                    for l in range(KEPT_LABEL):
-                        state[slot + u64(l)] = keep[u64(source + l)]
-                    for l in range(L16):
+                    source = u64(b * kept_stride + block + k * KEPT_LABEL)
+                    slot = o + u64(B_LABELS + k * 112 + 16)
+                    for l in range(u64(KEPT_LABEL)):
+                        state[slot + l] = keep[source + l]
+                    for l in range(lanes):
                         j = slot + l
-                        gd = state[G_LDIST + oo + l]
-                        light, m1, m2 = state[j], state[j + u64(16)], state[j + u64(32)]
-                        state[j + u64(16)] = gd * m1
-                        state[j + u64(32)] = gd * m2
-                        state[j + u64(64)] = ZERO
-                        state[j + u64(80)] = gd * (ONE - light)
+                        gd, light = state[G_LDIST + o + l], state[j]
+                        state[u64(16) + j] *= gd
+                        state[u64(32) + j] *= gd
+                        state[u64(64) + j] = ZERO
+                        state[u64(80) + j] = gd * (ONE - light)
     minus_two_c1 = f32(-2) * c1
     for back in range(count - 1, -1, -1):
         i = u64(first + back)
-        if back > tile_last:
-            for k in range(ROW):
-                rows[i, u64(k)] = ZERO
-            continue
-        g = u64(ids[i])
-        cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
-        a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
-        a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
-        red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
-        nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
-        label = i64(records[g, R_LABEL])
-        rank = f32(back)
-        bx0 = max(0, i64(records[g, R_X0]) - tx) // BLOCK
-        bx1 = min(TILE - 1, i64(records[g, R_X1]) - 1 - tx) // BLOCK
-        by0 = max(0, i64(records[g, R_Y0]) - ty) // BLOCK
-        by1 = min(TILE - 1, i64(records[g, R_Y1]) - 1 - ty) // BLOCK
         hit = False
         previous = u64(0)
-        for by in range(by0, by1 + 1):
-            for bx in range(bx0, bx1 + 1):
-                b = by * BLOCKS_X + bx
-                if back > block_last[b]:
-                    continue
-                o = u64(b * stride)
-                some = ZERO
-                for l in range(L16):
-                    j = o + l
-                    dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
-                    nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
-                    q = ONE + a2 * dx + b2 * dy
-                    r = ONE / q
-                    u, v = nu * r, nv * r
-                    exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
-                    use_exact = exact <= screen
-                    x = (exact if use_exact else screen) * HALF
-                    x = x if x < X_MAX else X_MAX
-                    x = x * EIGHTH
-                    e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
-                    e = e * e
-                    e = e * e
-                    e = e * e
-                    raw = e * opacity
-                    alpha = raw if raw < A_MAX else A_MAX
-                    inv = q * iz if use_exact else iz
-                    dep = r * z if use_exact else z
-                    alpha = alpha if state[B_LAST + j] >= rank else ZERO
-                    alpha = alpha if alpha >= A_MIN else ZERO
-                    alpha = alpha if inv > ZERO else ZERO
-                    alpha = alpha if inv <= inv_near else ZERO
-                    state[X_ALPHA + j] = alpha
-                    state[X_INV + j] = inv
-                    state[X_R + j] = r
-                    state[X_U + j] = u
-                    state[X_V + j] = v
-                    state[X_E + j] = e if raw <= A_MAX else ZERO
-                    state[X_Q + j] = q
-                    state[X_DEP + j] = dep
-                    state[X_EXACT + j] = ONE if use_exact else ZERO
-                    some += alpha
-                if some <= ZERO:
-                    continue
-                # The lane accumulators travel with the block that is being worked on: one horizontal sum per surfel.
-                if not hit:
-                    for l in range(19 * 16):
-                        state[o + u64(B_ACC) + u64(l)] = ZERO
-                    hit = True
-                elif previous != o:
-                    for l in range(19 * 16):
-                        state[o + u64(B_ACC) + u64(l)] = state[previous + u64(B_ACC) + u64(l)]
-                previous = o
-                if labels:
-                    slot = u64(B_SEMANTIC + label * B_LABEL_SLOT) + o
-                    for l in range(16):
-                        state[o + X_SEM + u64(l)] = state[slot + u64(l)]
-                for l in range(L16):
-                    j = o + l
-                    alpha = state[X_ALPHA + j]
-                    ra = ONE / (ONE - alpha)
-                    light = state[B_T + j] * ra
-                    state[B_T + j] = light
-                    w = alpha * light
-                    value = state[G_RED + j] * red + state[G_GREEN + j] * green + state[G_BLUE + j] * blue
-                    value += state[G_ALPHA + j] + state[X_SEM + j]
-                    state[X_RA + j] = ra
-                    state[X_W + j] = w
-                    state[X_DM + j] = ZERO
-                    state[X_DA + j] = value
-                if geometry:
+        if back <= tile_last:
+            g = u64(ids[i])
+            cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
+            a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
+            a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
+            red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
+            nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
+            label = i64(records[g, R_LABEL])
+            rank = f32(back)
+            bx0 = max(0, i64(records[g, R_X0]) - tx) // BLOCK
+            bx1 = min(TILE - 1, i64(records[g, R_X1]) - 1 - tx) // BLOCK
+            by0 = max(0, i64(records[g, R_Y0]) - ty) // BLOCK
+            by1 = min(TILE - 1, i64(records[g, R_Y1]) - 1 - ty) // BLOCK
+            for by in range(by0, by1 + 1):
+                for bx in range(bx0, bx1 + 1):
+                    b = by * BLOCKS_X + bx
+                    if back > block_last[b]:
+                        continue
+                    o = u64(b * stride)
+                    some = ZERO
                     for l in range(L16):
                         j = o + l
-                        m = c1 * (state[B_FIRST + j] - state[X_INV + j])
-                        ga, gm = state[B_GA + j], state[B_M1 + j]
-                        value = state[G_DEPTH + j] * state[X_DEP + j]
-                        value += state[G_NX + j] * nx + state[G_NY + j] * ny + state[G_NZ + j] * nz
-                        value += m * (m * ga - TWO * gm)
-                        state[X_DA + j] += value
-                        state[X_DM + j] = state[X_W + j] * (m * ga - gm)
-                for l in range(L16):
-                    j = o + l
-                    value, w, total = state[X_DA + j], state[X_W + j], state[B_SUM + j]
-                    state[X_DA + j] = state[B_T + j] * value - total * state[X_RA + j]
-                    state[B_SUM + j] = total + w * value
-                if labels:
-                    slot = u64(B_SEMANTIC + label * B_LABEL_SLOT + 16) + o
-                    for l in range(96):
-                        state[o + B_LT + u64(l)] = state[slot + u64(l)]
+                        dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
+                        nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
+                        q = ONE + a2 * dx + b2 * dy
+                        q = q if abs(q) > Q_MIN else Q_MIN
+                        r = ONE / q
+                        u, v = nu * r, nv * r
+                        exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
+                        use_exact = exact <= screen
+                        x = (exact if use_exact else screen) * HALF
+                        x = x if x < X_MAX else X_MAX
+                        x = x * EIGHTH
+                        e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
+                        e = e * e
+                        e = e * e
+                        e = e * e
+                        raw = e * opacity
+                        alpha = raw if raw < A_MAX else A_MAX
+                        inv = q * iz if use_exact else iz
+                        alpha = alpha if state[B_LAST + j] >= rank else ZERO
+                        alpha = alpha if alpha >= A_MIN else ZERO
+                        alpha = alpha if inv > ZERO else ZERO
+                        alpha = alpha if inv <= inv_near else ZERO
+                        state[X_ALPHA + j] = alpha
+                        state[X_R + j] = r
+                        state[X_U + j] = u if use_exact else ZERO
+                        state[X_V + j] = v if use_exact else ZERO
+                        state[X_E + j] = e if raw <= A_MAX else ZERO
+                        state[X_EXACT + j] = ONE if use_exact else ZERO
+                        if geometry:
+                            state[X_INV + j] = inv
+                            state[X_Q + j] = q
+                            state[X_DEP + j] = r * z if use_exact else z
+                        some += alpha
+                    if some <= ZERO:
+                        continue
+                    # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
+                    if not hit:
+                        for l in range(u64(sums * 16)):
+                            state[o + u64(B_ACC) + l] = ZERO
+                        hit = True
+                    elif previous != o:
+                        for l in range(u64(sums * 16)):
+                            state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
+                    previous = o
+                    if semantics:
+                        slot = u64(B_LABELS + label * slot_size) + o
+                        for l in range(L16):
+                            state[o + X_SEM + l] = state[slot + l]
                     for l in range(L16):
                         j = o + l
-                        alpha, ra = state[X_ALPHA + j], state[X_RA + j]
-                        m = c1 * (state[B_LFIRST + j] - state[X_INV + j])
-                        light = state[B_LT + j] * ra
-                        state[B_LT + j] = light
-                        w = alpha * light
-                        gm, ga = state[B_LM1 + j], state[B_LGA + j]
-                        value = m * (m * ga - TWO * gm) + state[B_LM2 + j]
-                        total = state[B_LSUM + j]
-                        state[X_DA + j] += light * value - total * ra
-                        state[B_LSUM + j] = total + w * value
-                        state[X_DM + j] += w * (m * ga - gm)
-                    for l in range(96):
-                        state[slot + u64(l)] = state[o + B_LT + u64(l)]
-                for l in range(L16):
-                    j = o + l
-                    alpha, w, e, ex = state[X_ALPHA + j], state[X_W + j], state[X_E + j], state[X_EXACT + j]
-                    r, u, v, q, d = state[X_R + j], state[X_U + j], state[X_V + j], state[X_Q + j], state[X_DEP + j]
-                    dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
-                    da = state[X_DA + j]
-                    da = da if alpha > ZERO else ZERO
-                    da = da if e > ZERO else ZERO
-                    gmed = state[G_MEDIAN + j]
-                    gmed = gmed if alpha > ZERO else ZERO
-                    gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
-                    ginv = minus_two_c1 * state[X_DM + j] - (w * state[G_DEPTH + j] + gmed) * d * d
-                    ginv = ginv if alpha > ZERO else ZERO
-                    h = da * alpha
-                    h3 = h * ex
-                    h2 = h - h3
-                    hr = h3 * r
-                    gnu, gnv, gq = -hr * u, -hr * v, hr * (u * u + v * v) + ginv * iz * ex
-                    k = u64(B_ACC) + j
-                    state[k] += gnu
-                    state[k + u64(16)] += gnu * dx
-                    state[k + u64(32)] += gnu * dy
-                    state[k + u64(48)] += gnv
-                    state[k + u64(64)] += gnv * dx
-                    state[k + u64(80)] += gnv * dy
-                    state[k + u64(96)] += gq
-                    state[k + u64(112)] += gq * dx
-                    state[k + u64(128)] += gq * dy
-                    scaled = ginv * q
-                    state[k + u64(144)] += scaled if ex > ZERO else ginv
-                    state[k + u64(160)] += da * e
-                    state[k + u64(176)] += w * state[G_RED + j]
-                    state[k + u64(192)] += w * state[G_GREEN + j]
-                    state[k + u64(208)] += w * state[G_BLUE + j]
-                    state[k + u64(224)] += w * state[G_NX + j]
-                    state[k + u64(240)] += w * state[G_NY + j]
-                    state[k + u64(256)] += w * state[G_NZ + j]
-                    state[k + u64(272)] += h2 * dx
-                    state[k + u64(288)] += h2 * dy
+                        alpha = state[X_ALPHA + j]
+                        ra = ONE / (ONE - alpha)
+                        light = state[B_T + j] * ra
+                        state[B_T + j] = light
+                        w, total = alpha * light, state[B_SUM + j]
+                        value = (
+                            state[G_RED + j] * red
+                            + state[G_GREEN + j] * green
+                            + state[G_BLUE + j] * blue
+                            + state[G_ALPHA + j]
+                        )
+                        if semantics:
+                            value += state[X_SEM + j]
+                        if geometry:
+                            m = c1 * (state[B_FIRST + j] - state[X_INV + j])
+                            ga, gm = state[B_GA + j], state[B_M1 + j]
+                            value += state[G_DEPTH + j] * state[X_DEP + j]
+                            value += state[G_NX + j] * nx + state[G_NY + j] * ny + state[G_NZ + j] * nz
+                            value += m * (m * ga - TWO * gm)
+                            state[X_DM + j] = w * (m * ga - gm)
+                            state[X_RA + j] = ra
+                        state[X_W + j] = w
+                        state[X_DA + j] = light * value - total * ra
+                        state[B_SUM + j] = total + w * value
+                    if label_distortion:
+                        slot = u64(B_LABELS + label * 112 + 16) + o
+                        for l in range(u64(96)):
+                            state[o + B_LT + l] = state[slot + l]
+                        for l in range(L16):
+                            j = o + l
+                            alpha, ra = state[X_ALPHA + j], state[X_RA + j]
+                            m = c1 * (state[B_LFIRST + j] - state[X_INV + j])
+                            light = state[B_LT + j] * ra
+                            state[B_LT + j] = light
+                            w, total = alpha * light, state[B_LSUM + j]
+                            gm, ga = state[B_LM1 + j], state[B_LGA + j]
+                            value = m * (m * ga - TWO * gm) + state[B_LM2 + j]
+                            state[X_DA + j] += light * value - total * ra
+                            state[B_LSUM + j] = total + w * value
+                            state[X_DM + j] += w * (m * ga - gm)
+                        for l in range(u64(96)):
+                            state[slot + l] = state[o + B_LT + l]
+                    for l in range(L16):
+                        j = o + l
+                        alpha, w, e, ex = state[X_ALPHA + j], state[X_W + j], state[X_E + j], state[X_EXACT + j]
+                        r, u, v = state[X_R + j], state[X_U + j], state[X_V + j]
+                        dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
+                        da = state[X_DA + j]
+                        da = da if alpha > ZERO else ZERO
+                        da = da if e > ZERO else ZERO
+                        h = da * alpha
+                        h3 = h * ex
+                        h2 = h - h3
+                        hr = h3 * r
+                        gnu, gnv, gq = -hr * u, -hr * v, hr * (u * u + v * v)
+                        if geometry:
+                            q, d = state[X_Q + j], state[X_DEP + j]
+                            gmed = state[G_MEDIAN + j]
+                            gmed = gmed if alpha > ZERO else ZERO
+                            gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
+                            ginv = minus_two_c1 * state[X_DM + j] - (w * state[G_DEPTH + j] + gmed) * d * d
+                            ginv = ginv if alpha > ZERO else ZERO
+                            gq += ginv * iz * ex
+                            scaled = ginv * q
+                            state[S_IZ + j] += scaled if ex > ZERO else ginv
+                            state[S_NX + j] += w * state[G_NX + j]
+                            state[S_NY + j] += w * state[G_NY + j]
+                            state[S_NZ + j] += w * state[G_NZ + j]
+                        state[S_U + j] += gnu
+                        state[S_UX + j] += gnu * dx
+                        state[S_UY + j] += gnu * dy
+                        state[S_V + j] += gnv
+                        state[S_VX + j] += gnv * dx
+                        state[S_VY + j] += gnv * dy
+                        state[S_Q + j] += gq
+                        state[S_QX + j] += gq * dx
+                        state[S_QY + j] += gq * dy
+                        state[S_OPACITY + j] += da * e
+                        state[S_RED + j] += w * state[G_RED + j]
+                        state[S_GREEN + j] += w * state[G_GREEN + j]
+                        state[S_BLUE + j] += w * state[G_BLUE + j]
+                        state[S_SX + j] += h2 * dx
+                        state[S_SY + j] += h2 * dy
+        at = u64(place[i])
+        for k in range(ROW):
+            rows[at, u64(k)] = ZERO
         if hit:
-            for k in range(19):
-                total = ZERO
-                for l in range(L16):
-                    total += state[previous + u64(B_ACC + k * 16) + l]
-                rows[i, u64(k)] = total
-            rows[i, u64(19)] = ZERO
-        else:
-            for k in range(ROW):
-                rows[i, u64(k)] = ZERO
+            # Many sums in one loop: one sum alone comes out as adds that wait for each other.
+            t0, t1, t2, t3, t4, t5, t6, t7 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+            for l in range(lanes):
+                j = previous + l
+                t0 += state[S_U + j]
+                t1 += state[S_UX + j]
+                t2 += state[S_UY + j]
+                t3 += state[S_V + j]
+                t4 += state[S_VX + j]
+                t5 += state[S_VY + j]
+                t6 += state[S_Q + j]
+                t7 += state[S_QX + j]
+            rows[at, u64(0)] = t0
+            rows[at, u64(1)] = t1
+            rows[at, u64(2)] = t2
+            rows[at, u64(3)] = t3
+            rows[at, u64(4)] = t4
+            rows[at, u64(5)] = t5
+            rows[at, u64(6)] = t6
+            rows[at, u64(7)] = t7
+            t8, t9, t10, t11, t12, t13, t14 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+            for l in range(lanes):
+                j = previous + l
+                t8 += state[S_QY + j]
+                t9 += state[S_OPACITY + j]
+                t10 += state[S_RED + j]
+                t11 += state[S_GREEN + j]
+                t12 += state[S_BLUE + j]
+                t13 += state[S_SX + j]
+                t14 += state[S_SY + j]
+            rows[at, u64(8)] = t8
+            rows[at, u64(9)] = t9
+            rows[at, u64(10)] = t10
+            rows[at, u64(11)] = t11
+            rows[at, u64(12)] = t12
+            rows[at, u64(13)] = t13
+            rows[at, u64(14)] = t14
+            if geometry:
+                t15, t16, t17, t18 = ZERO, ZERO, ZERO, ZERO
+                for l in range(lanes):
+                    j = previous + l
+                    t15 += state[S_IZ + j]
+                    t16 += state[S_NX + j]
+                    t17 += state[S_NY + j]
+                    t18 += state[S_NZ + j]
+                rows[at, u64(15)] = t15
+                rows[at, u64(16)] = t16
+                rows[at, u64(17)] = t17
+                rows[at, u64(18)] = t18
+
+
+# ---- one kernel per group of planes: the switches (geometry, semantics, label_distortion) are constants in each
+@njit(**FAST)
+def forward_tile_colour(
+    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    _forward_tile(
+        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        False, False, False,
+        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    )  # fmt: skip
 
 
 @njit(parallel=True, **FAST)
-def backward(records, offsets, ids, width, height, c1, inv_near, label_count, geometry, labels, kept, grad, rows):
-    """All tiles."""
-    tiles_x, tiles_y = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
-    for t in prange(tiles_x * tiles_y):
-        backward_tile(i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, labels,
-                      kept, grad, rows)  # fmt: skip
+def forward_colour(
+    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        forward_tile_colour(
+            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+        )  # fmt: skip
 
 
-# ---------------------------------------------------------------------------------- project, sort, bin, reduce (scalar code)
+@njit(**FAST)
+def backward_tile_colour(
+    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    _backward_tile(
+        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        False, False, False,
+        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    )  # fmt: skip
 
 
-@njit(inline="always")
+@njit(parallel=True, **FAST)
+def backward_colour(
+    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        backward_tile_colour(
+            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def forward_tile_semantic(
+    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    _forward_tile(
+        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        False, True, False,
+        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def forward_semantic(
+    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        forward_tile_semantic(
+            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def backward_tile_semantic(
+    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    _backward_tile(
+        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        False, True, False,
+        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def backward_semantic(
+    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        backward_tile_semantic(
+            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def forward_tile_geometry(
+    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    _forward_tile(
+        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        True, False, False,
+        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def forward_geometry(
+    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        forward_tile_geometry(
+            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def backward_tile_geometry(
+    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    _backward_tile(
+        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        True, False, False,
+        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def backward_geometry(
+    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        backward_tile_geometry(
+            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def forward_tile_all(
+    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    _forward_tile(
+        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        True, True, True,
+        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def forward_all(
+    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        forward_tile_all(
+            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+        )  # fmt: skip
+
+
+@njit(**FAST)
+def backward_tile_all(
+    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    _backward_tile(
+        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        True, True, True,
+        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    )  # fmt: skip
+
+
+@njit(parallel=True, **FAST)
+def backward_all(
+    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+):  # fmt: skip
+    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
+        backward_tile_all(
+            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+        )  # fmt: skip
+
+
+GROUPS = {
+    "colour": (False, False, False, forward_colour, backward_colour),
+    "semantic": (False, True, False, forward_semantic, backward_semantic),
+    "geometry": (True, False, False, forward_geometry, backward_geometry),
+    "all": (True, True, True, forward_all, backward_all),
+}
+"""Name to (geometry, semantics, label_distortion, forward, backward), the cheapest first."""
+
+
+# ---- project, sort, bin, reduce (scalar code)
+
+SH0, SH1 = 0.28209479177387814, 0.4886025119029199
+SH2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
+SH3 = (
+    -0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154, -0.4570457994644658,
+    1.445305721320277, -0.5900435899266435,
+)  # fmt: skip
+
+
+@njit(**FAST)
+def sh_basis(x, y, z):
+    """The 16 basis functions of degree 0 to 3 at a unit direction, as ``spherical_harmonics.basis``."""
+    xx, yy, zz = x * x, y * y, z * z
+    return (SH0, -SH1 * y, SH1 * z, -SH1 * x,
+            SH2[0] * x * y, SH2[1] * y * z, SH2[2] * (2 * zz - xx - yy), SH2[3] * x * z, SH2[4] * (xx - yy),
+            SH3[0] * y * (3 * xx - yy), SH3[1] * x * y * z, SH3[2] * y * (4 * zz - xx - yy),
+            SH3[3] * z * (2 * zz - 3 * xx - 3 * yy), SH3[4] * x * (4 * zz - xx - yy), SH3[5] * z * (xx - yy),
+            SH3[6] * x * (xx - 3 * yy))  # fmt: skip
+
+
+@njit(**FAST)
+def sh_slopes(x, y, z):
+    """Their partial derivatives by x, y and z: three tuples of 16."""
+    xx, yy, zz = x * x, y * y, z * z
+    by_x = (0.0, 0.0, 0.0, -SH1,
+            SH2[0] * y, 0.0, -2 * SH2[2] * x, SH2[3] * z, 2 * SH2[4] * x,
+            6 * SH3[0] * x * y, SH3[1] * y * z, -2 * SH3[2] * x * y, -6 * SH3[3] * x * z,
+            SH3[4] * (4 * zz - 3 * xx - yy), 2 * SH3[5] * x * z, 3 * SH3[6] * (xx - yy))  # fmt: skip
+    by_y = (0.0, -SH1, 0.0, 0.0,
+            SH2[0] * x, SH2[1] * z, -2 * SH2[2] * y, 0.0, -2 * SH2[4] * y,
+            3 * SH3[0] * (xx - yy), SH3[1] * x * z, SH3[2] * (4 * zz - xx - 3 * yy), -6 * SH3[3] * y * z,
+            -2 * SH3[4] * x * y, -2 * SH3[5] * y * z, -6 * SH3[6] * x * y)  # fmt: skip
+    by_z = (0.0, 0.0, SH1, 0.0,
+            0.0, SH2[1] * y, 4 * SH2[2] * z, SH2[3] * x, 0.0,
+            0.0, SH3[1] * x * y, 8 * SH3[2] * y * z, SH3[3] * (6 * zz - 3 * xx - 3 * yy),
+            8 * SH3[4] * x * z, SH3[5] * (xx - yy), 0.0)  # fmt: skip
+    return by_x, by_y, by_z
+
+
+@njit(**FAST)
 def rotation(q0, q1, q2, q3):
     """Inverse norm, unit quaternion and the nine entries of its rotation; a zero quaternion is no rotation."""
     norm = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
-    tiny = norm < f32(1e-24)
-    inverse = ZERO if tiny else ONE / np.sqrt(norm)
-    w = ONE if tiny else q0 * inverse
+    tiny = norm < 1e-24
+    inverse = 0.0 if tiny else 1.0 / np.sqrt(norm)
+    w = 1.0 if tiny else q0 * inverse
     x, y, z = q1 * inverse, q2 * inverse, q3 * inverse
     return (inverse, w, x, y, z,
-            ONE - TWO * (y * y + z * z), TWO * (x * y - w * z), TWO * (x * z + w * y),
-            TWO * (x * y + w * z), ONE - TWO * (x * x + z * z), TWO * (y * z - w * x),
-            TWO * (x * z - w * y), TWO * (y * z + w * x), ONE - TWO * (x * x + y * y))  # fmt: skip
+            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+            2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+            2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))  # fmt: skip
 
 
-F255, TINY, EDGE = f32(255), f32(1e-6), f32(-1e-6)
-JUST_ABOVE_HALF, JUST_BELOW_HALF = f32(0.501), f32(0.499)
+@njit(**FAST)
+def held_scale(log_scale, floor):
+    """The standard deviation within its limits, and its derivative by the logarithm: itself, or zero at a limit."""
+    scale = np.exp(min(f64(log_scale), LOG_SCALE_MAX))
+    slope = scale if log_scale < LOG_SCALE_MAX else 0.0
+    return (scale, slope) if scale > floor else (floor, 0.0)
+
+
+@njit(**FAST)
+def clipped_extent(g0, g1, h0, h1, Z, near, k2):
+    """Least and greatest slope (offset from the projected mean over depth) of a disc cut at the near plane.
+
+    The disc is ``{s: |s|^2 <= k2}`` at depth ``Z + h . s``, its offset times depth is ``g . s``. The extremes of such
+    a ratio over a convex region lie on its boundary: at the ends of the chord depth = near, or where a line through
+    the eye touches the arc.
+    """
+    hh = h0 * h0 + h1 * h1
+    h = np.sqrt(hh)
+    along = (near - Z) / hh
+    across = np.sqrt(max(k2 - along * along * hh, 0.0)) / h
+    middle, swing = along * (g0 * h0 + g1 * h1) / near, abs(across * (g1 * h0 - g0 * h1)) / near
+    low, high = middle - swing, middle + swing
+    A, B, C = Z * Z - k2 * hh, k2 * (g0 * h0 + g1 * h1), -k2 * (g0 * g0 + g1 * g1)
+    discriminant = B * B - A * C
+    if discriminant > 0.0:
+        root = -(B + np.sqrt(discriminant)) if B > 0.0 else np.sqrt(discriminant) - B
+        for turn in range(2):
+            top, bottom = (root, A) if turn == 0 else (C, root)
+            if abs(bottom) > 1e-12 * abs(top):
+                slope = top / bottom
+                n0, n1 = g0 - slope * h0, g1 - slope * h1
+                nn = n0 * n0 + n1 * n1
+                if nn > 0.0:
+                    touch = slope * Z / nn
+                    if Z + touch * (h0 * n0 + h1 * n1) >= near:
+                        low, high = min(low, slope), max(high, slope)
+    return low, high
 
 
 @njit(parallel=True, **FAST)
-def project(means, quats, scales, opacity, rgb, labels, R, t, fx, fy, cx0, cy0, width, height, near, records, visible):
-    """Records of the surfels that can touch the image; ``visible`` (N,) uint8."""
-    fw, fh = f32(width), f32(height)
+def project(means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
+            coefficients, records, visible):  # fmt: skip
+    """Records of the surfels that can touch the image, with activations and colour; ``visible`` (N,) uint8."""
     for i in prange(means.shape[0]):
         visible[i] = 0
-        o = opacity[i]
         X = R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0]
         Y = R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1]
         Z = R[2, 0] * means[i, 0] + R[2, 1] * means[i, 1] + R[2, 2] * means[i, 2] + t[2]
-        if not (o >= A_MIN and Z > near):
+        if not near < Z < DEPTH_MAX:
+            continue
+        opacity = 1.0 / (1.0 + np.exp(min(-f64(opacity_logits[i]), 700.0)))
+        if opacity < ALPHA_MIN:
+            continue
+        iz = 1.0 / Z
+        xn, yn = X * iz, Y * iz
+        if not (abs(fx * xn) < OFFSET_MAX and abs(fy * yn) < OFFSET_MAX):
             continue
         _, _, _, _, _, r0, r1, r2, r3, r4, r5, r6, r7, r8 = rotation(
             f64(quats[i, 0]), f64(quats[i, 1]), f64(quats[i, 2]), f64(quats[i, 3])
         )
-        s0, s1 = scales[i, 0], scales[i, 1]
+        floor = SCALE_MIN_PX * Z / max(fx, fy)
+        s0, _ = held_scale(log_scales[i, 0], floor)
+        s1, _ = held_scale(log_scales[i, 1], floor)
         h00 = (R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6) * s0
         h01 = (R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6) * s0
         h02 = (R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6) * s0
@@ -579,38 +924,50 @@ def project(means, quats, scales, opacity, rgb, labels, R, t, fx, fy, cx0, cy0, 
         nx = R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8
         ny = R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8
         nz = R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8
-        if nx * X + ny * Y + nz * Z > ZERO:
+        facing = nx * X + ny * Y + nz * Z
+        distance = np.sqrt(X * X + Y * Y + Z * Z)
+        edge_on = abs(facing) < EDGE_ON * distance
+        if facing > 0.0 and not edge_on:
             nx, ny, nz = -nx, -ny, -nz
-        iz = ONE / Z
-        xn, yn = X * iz, Y * iz
         cx, cy = fx * xn + cx0, fy * yn + cy0
         U0, U1 = fx * (h00 - xn * h02), fx * (h10 - xn * h12)
         V0, V1 = fy * (h01 - yn * h02), fy * (h11 - yn * h12)
-        # Exact support: G falls under 1/(255 o) at radius sqrt(k2). The bounds of the projected ellipse, or the whole
-        # image for a disc whose support crosses the camera's plane; never smaller than the low-pass filter's circle.
-        k2 = TWO * np.log(F255 * o)
-        low = np.sqrt(HALF * k2)
-        d = k2 * (h02 * h02 + h12 * h12) - Z * Z
-        x0, x1, y0, y1 = ZERO, fw, ZERO, fh
-        if d < EDGE * Z * Z:
-            g = ONE / d
-            ex, ey = k2 * (U0 * h02 + U1 * h12) * g, k2 * (V0 * h02 + V1 * h12) * g
-            hx = np.sqrt(max(ex * ex - k2 * (U0 * U0 + U1 * U1) * g, ZERO))
-            hy = np.sqrt(max(ey * ey - k2 * (V0 * V0 + V1 * V1) * g, ZERO))
-            x0, x1 = cx + min(ex - hx, -low), cx + max(ex + hx, low)
-            y0, y1 = cy + min(ey - hy, -low), cy + max(ey + hy, low)
-        x0 = max(ZERO, f32(np.floor(min(x0, fw + ONE) - JUST_ABOVE_HALF)) + ONE)
-        x1 = min(fw, f32(np.floor(max(x1, MINUS) - JUST_BELOW_HALF)) + ONE)
-        y0 = max(ZERO, f32(np.floor(min(y0, fh + ONE) - JUST_ABOVE_HALF)) + ONE)
-        y1 = min(fh, f32(np.floor(max(y1, MINUS) - JUST_BELOW_HALF)) + ONE)
+        # Exact support: G falls under 1/(255 o) at radius sqrt(k2). The bounds of what it projects to, and never
+        # smaller than the low-pass filter's circle.
+        k2 = 2.0 * np.log(opacity / ALPHA_MIN)
+        low = np.sqrt(0.5 * k2)
+        x0, x1, y0, y1 = -low, low, -low, low
+        if not edge_on:
+            if Z - np.sqrt(k2 * (h02 * h02 + h12 * h12)) > near:
+                g = 1.0 / (Z * Z - k2 * (h02 * h02 + h12 * h12))
+                ex, ey = -k2 * (U0 * h02 + U1 * h12) * g, -k2 * (V0 * h02 + V1 * h12) * g
+                hx = np.sqrt(max(ex * ex + k2 * (U0 * U0 + U1 * U1) * g, 0.0))
+                hy = np.sqrt(max(ey * ey + k2 * (V0 * V0 + V1 * V1) * g, 0.0))
+                x0, x1 = min(ex - hx, -low), max(ex + hx, low)
+                y0, y1 = min(ey - hy, -low), max(ey + hy, low)
+            else:
+                ex0, ex1 = clipped_extent(U0, U1, h02, h12, Z, near, k2)
+                ey0, ey1 = clipped_extent(V0, V1, h02, h12, Z, near, k2)
+                x0, x1, y0, y1 = min(ex0, -low), max(ex1, low), min(ey0, -low), max(ey1, low)
+        # Pixels whose centre lies within, a thousandth generous for float32.
+        x0, x1 = np.floor(max(cx + x0, 0.0) + 0.499), np.floor(min(cx + x1, f64(width)) + 0.501)
+        y0, y1 = np.floor(max(cy + y0, 0.0) + 0.499), np.floor(min(cy + y1, f64(height)) + 0.501)
+        x1, y1 = min(x1, f64(width)), min(y1, f64(height))
         if not (x1 > x0 and y1 > y0):
             continue
-        determinant = U0 * V1 - U1 * V0
-        # Edge-on: the low-pass filter carries the surfel; the exact term only has to stay finite and large.
-        if abs(determinant) < TINY * (abs(U0 * V1) + abs(U1 * V0)) + f32(1e-30):
-            determinant = TINY * (abs(U0 * V1) + abs(U1 * V0)) + f32(1e-30)
-        g = Z / determinant
-        a0, b0, a1, b1 = V1 * g, -U1 * g, -V0 * g, U0 * g
+        # Edge-on: an intersection so far out that the low-pass filter always wins.
+        a0, b0, a1, b1, a2, b2 = 1e3, 0.0, 0.0, 1e3, 0.0, 0.0
+        if not edge_on:
+            g = Z / (U0 * V1 - U1 * V0)
+            a0, b0, a1, b1 = V1 * g, -U1 * g, -V0 * g, U0 * g
+            a2, b2 = -(h02 * a0 + h12 * a1) * iz, -(h02 * b0 + h12 * b1) * iz
+        dx, dy, dz = means[i, 0] - eye[0], means[i, 1] - eye[1], means[i, 2] - eye[2]
+        basis = sh_basis(dx / distance, dy / distance, dz / distance)
+        red, green, blue = 0.5, 0.5, 0.5
+        for k in range(coefficients):
+            red += basis[k] * sh[i, k, 0]
+            green += basis[k] * sh[i, k, 1]
+            blue += basis[k] * sh[i, k, 2]
         records[i, R_CX] = cx
         records[i, R_CY] = cy
         records[i, R_IZ] = iz
@@ -618,12 +975,12 @@ def project(means, quats, scales, opacity, rgb, labels, R, t, fx, fy, cx0, cy0, 
         records[i, R_B0] = b0
         records[i, R_A1] = a1
         records[i, R_B1] = b1
-        records[i, R_A2] = -(h02 * a0 + h12 * a1) * iz
-        records[i, R_B2] = -(h02 * b0 + h12 * b1) * iz
-        records[i, R_OPACITY] = o
-        records[i, R_RED] = rgb[i, 0]
-        records[i, R_GREEN] = rgb[i, 1]
-        records[i, R_BLUE] = rgb[i, 2]
+        records[i, R_A2] = a2
+        records[i, R_B2] = b2
+        records[i, R_OPACITY] = opacity
+        records[i, R_RED] = max(red, 0.0)
+        records[i, R_GREEN] = max(green, 0.0)
+        records[i, R_BLUE] = max(blue, 0.0)
         records[i, R_NX] = nx
         records[i, R_NY] = ny
         records[i, R_NZ] = nz
@@ -695,8 +1052,11 @@ def count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets):
 
 
 @njit(parallel=True, **FAST)
-def fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, slot, parts):
-    """Tile lists in depth order, and where each surfel's intersections lie; each part owns a band of tile rows."""
+def fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, place, parts):
+    """Tile lists in depth order, and for each entry the place of its gradient row; each part owns a band of tile rows.
+
+    Rows lie surfel after surfel: scattered stores in backward wait for nobody, scattered loads in the reduction would.
+    """
     for part in prange(parts):
         low, high = tiles_y * part // parts, tiles_y * (part + 1) // parts
         cursor = offsets[low * tiles_x : high * tiles_x].copy()
@@ -709,35 +1069,45 @@ def fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, slot, parts
             for y in range(max(y0, low), min(y1, high - 1) + 1):
                 for x in range(x0, x1 + 1):
                     k = (y - low) * tiles_x + x
-                    place = cursor[k]
-                    cursor[k] = place + 1
-                    ids[place] = i
-                    slot[surfel_start[i] + (y - y0) * across + (x - x0)] = place
+                    entry = cursor[k]
+                    cursor[k] = entry + 1
+                    ids[entry] = i
+                    place[entry] = surfel_start[i] + (y - y0) * across + (x - x0)
 
 
 @njit(parallel=True, **FAST)
-def reduce_rows(packed, order, surfel_start, slot, rows, means, quats, scales, R, t, fx, fy,
-                g_means, g_quats, g_scales, g_opacity, g_rgb, g_screen):  # fmt: skip
-    """Sum each surfel's rows in a fixed order and carry them back to its parameters. The outputs come in zeroed."""
+def reduce_rows(packed, order, surfel_start, rows, visible, means, quats, log_scales, opacity_logits, sh, R, t, eye,
+                fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
+    """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
+    for i in prange(means.shape[0]):
+        for k in range(3):
+            g_means[i, k] = ZERO
+        for k in range(4):
+            g_quats[i, k] = ZERO
+        for k in range(2):
+            g_log_scales[i, k] = ZERO
+            g_screen[i, k] = ZERO
+        g_opacity_logits[i] = ZERO
+        done = coefficients if visible[i] else 0
+        for k in range(done, sh.shape[1]):
+            for c in range(3):
+                g_sh[i, k, c] = ZERO
     for i in prange(packed.shape[0]):
         a = np.zeros(ROW, f32)
         for s in range(surfel_start[i], surfel_start[i + 1]):
             for k in range(ROW):
-                a[k] += rows[slot[s], k]
+                a[k] += rows[s, k]
         n = order[i]
-        A0, B0, A1, B1 = packed[i, R_A0], packed[i, R_B0], packed[i, R_A1], packed[i, R_B1]
-        A2, B2 = packed[i, R_A2], packed[i, R_B2]
-        g_cx = -(A0 * a[0] + A1 * a[3] + A2 * a[6]) + TWO * a[17]
-        g_cy = -(B0 * a[0] + B1 * a[3] + B2 * a[6]) + TWO * a[18]
-        g_a2, g_b2 = a[7], a[8]
         X = R[0, 0] * means[n, 0] + R[0, 1] * means[n, 1] + R[0, 2] * means[n, 2] + t[0]
         Y = R[1, 0] * means[n, 0] + R[1, 1] * means[n, 1] + R[1, 2] * means[n, 2] + t[1]
         Z = R[2, 0] * means[n, 0] + R[2, 1] * means[n, 1] + R[2, 2] * means[n, 2] + t[2]
-        iz = ONE / Z
+        iz = 1.0 / Z
         inverse, w, x, y, z, r0, r1, r2, r3, r4, r5, r6, r7, r8 = rotation(
             f64(quats[n, 0]), f64(quats[n, 1]), f64(quats[n, 2]), f64(quats[n, 3])
         )
-        s0, s1 = scales[n, 0], scales[n, 1]
+        floor = SCALE_MIN_PX * Z / max(fx, fy)
+        s0, slope0 = held_scale(log_scales[n, 0], floor)
+        s1, slope1 = held_scale(log_scales[n, 1], floor)
         t00 = R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6
         t01 = R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6
         t02 = R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6
@@ -747,33 +1117,69 @@ def reduce_rows(packed, order, surfel_start, slot, rows, means, quats, scales, R
         nx = R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8
         ny = R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8
         nz = R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8
-        side = MINUS if nx * X + ny * Y + nz * Z > ZERO else ONE
+        facing = nx * X + ny * Y + nz * Z
+        distance = np.sqrt(X * X + Y * Y + Z * Z)
+        edge_on = abs(facing) < EDGE_ON * distance
+        side = -1.0 if facing > 0.0 and not edge_on else 1.0
         xn, yn, W0, W1 = X * iz, Y * iz, t02 * s0, t12 * s1
-        # A = (J / Z)^-1 and (a2, b2) = -(W0 (a0, b0) + W1 (a1, b1)) / Z, backwards
-        g_a0, g_a1 = a[1] - W0 * iz * g_a2, a[4] - W1 * iz * g_a2
-        g_b0, g_b1 = a[2] - W0 * iz * g_b2, a[5] - W1 * iz * g_b2
-        g_W0, g_W1 = -(A0 * g_a2 + B0 * g_b2) * iz, -(A1 * g_a2 + B1 * g_b2) * iz
-        g_Z = -(A2 * g_a2 + B2 * g_b2) * iz
-        m00, m01 = A0 * g_a0 + A1 * g_a1, A0 * g_b0 + A1 * g_b1
-        m10, m11 = B0 * g_a0 + B1 * g_a1, B0 * g_b0 + B1 * g_b1
-        J00, J01 = -(m00 * A0 + m01 * B0), -(m00 * A1 + m01 * B1)
-        J10, J11 = -(m10 * A0 + m11 * B0), -(m10 * A1 + m11 * B1)
         U0, U1 = fx * (t00 * s0 - xn * W0), fx * (t10 * s1 - xn * W1)
         V0, V1 = fy * (t01 * s0 - yn * W0), fy * (t11 * s1 - yn * W1)
-        g_U0, g_U1, g_V0, g_V1 = J00 * iz, J01 * iz, J10 * iz, J11 * iz
-        g_Z -= (U0 * g_U0 + U1 * g_U1 + V0 * g_V0 + V1 * g_V1) * iz
+        g_cx, g_cy, g_Z = 2.0 * a[13], 2.0 * a[14], 0.0
+        g_U0, g_U1, g_V0, g_V1, g_W0, g_W1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        if not edge_on:
+            g = Z / (U0 * V1 - U1 * V0)
+            A0, B0, A1, B1 = V1 * g, -U1 * g, -V0 * g, U0 * g
+            A2, B2 = -(W0 * A0 + W1 * A1) * iz, -(W0 * B0 + W1 * B1) * iz
+            g_cx -= A0 * a[0] + A1 * a[3] + A2 * a[6]
+            g_cy -= B0 * a[0] + B1 * a[3] + B2 * a[6]
+            # A = (J / Z)^-1 and (a2, b2) = -(W0 (a0, b0) + W1 (a1, b1)) / Z, backwards
+            g_a2, g_b2 = f64(a[7]), f64(a[8])
+            g_a0, g_a1 = a[1] - W0 * iz * g_a2, a[4] - W1 * iz * g_a2
+            g_b0, g_b1 = a[2] - W0 * iz * g_b2, a[5] - W1 * iz * g_b2
+            g_W0, g_W1 = -(A0 * g_a2 + B0 * g_b2) * iz, -(A1 * g_a2 + B1 * g_b2) * iz
+            m00, m01 = A0 * g_a0 + A1 * g_a1, A0 * g_b0 + A1 * g_b1
+            m10, m11 = B0 * g_a0 + B1 * g_a1, B0 * g_b0 + B1 * g_b1
+            g_U0, g_U1 = -(m00 * A0 + m01 * B0) * iz, -(m00 * A1 + m01 * B1) * iz
+            g_V0, g_V1 = -(m10 * A0 + m11 * B0) * iz, -(m10 * A1 + m11 * B1) * iz
+            g_Z = -(A2 * g_a2 + B2 * g_b2) * iz - (U0 * g_U0 + U1 * g_U1 + V0 * g_V0 + V1 * g_V1) * iz
         h00, h10, h01, h11 = fx * g_U0, fx * g_U1, fy * g_V0, fy * g_V1
         h02 = -fx * xn * g_U0 - fy * yn * g_V0 + g_W0
         h12 = -fx * xn * g_U1 - fy * yn * g_V1 + g_W1
         g_xn, g_yn = fx * (g_cx - g_U0 * W0 - g_U1 * W1), fy * (g_cy - g_V0 * W0 - g_V1 * W1)
         g_X, g_Y = g_xn * iz, g_yn * iz
-        g_Z -= (xn * g_xn + yn * g_yn) * iz + a[9] * iz * iz
-        for k in range(3):
-            g_means[n, k] = R[0, k] * g_X + R[1, k] * g_Y + R[2, k] * g_Z
-        g_scales[n, 0] = h00 * t00 + h01 * t01 + h02 * t02
-        g_scales[n, 1] = h10 * t10 + h11 * t11 + h12 * t12
+        g_Z -= (xn * g_xn + yn * g_yn) * iz + a[15] * iz * iz
+        gm0 = R[0, 0] * g_X + R[1, 0] * g_Y + R[2, 0] * g_Z
+        gm1 = R[0, 1] * g_X + R[1, 1] * g_Y + R[2, 1] * g_Z
+        gm2 = R[0, 2] * g_X + R[1, 2] * g_Y + R[2, 2] * g_Z
+        # Colour: no gradient where the clamp at zero held it.
+        red = f64(a[10]) if packed[i, R_RED] > ZERO else 0.0
+        green = f64(a[11]) if packed[i, R_GREEN] > ZERO else 0.0
+        blue = f64(a[12]) if packed[i, R_BLUE] > ZERO else 0.0
+        dx, dy, dz = (
+            (means[n, 0] - eye[0]) / distance,
+            (means[n, 1] - eye[1]) / distance,
+            (means[n, 2] - eye[2]) / distance,
+        )
+        basis = sh_basis(dx, dy, dz)
+        for k in range(coefficients):
+            g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = basis[k] * red, basis[k] * green, basis[k] * blue
+        if coefficients > 1:
+            by_x, by_y, by_z = sh_slopes(dx, dy, dz)
+            gx, gy, gz = 0.0, 0.0, 0.0
+            for k in range(1, coefficients):
+                weight = red * sh[n, k, 0] + green * sh[n, k, 1] + blue * sh[n, k, 2]
+                gx += weight * by_x[k]
+                gy += weight * by_y[k]
+                gz += weight * by_z[k]
+            radial = gx * dx + gy * dy + gz * dz
+            gm0 += (gx - radial * dx) / distance
+            gm1 += (gy - radial * dy) / distance
+            gm2 += (gz - radial * dz) / distance
+        g_means[n, 0], g_means[n, 1], g_means[n, 2] = gm0, gm1, gm2
+        g_log_scales[n, 0] = slope0 * (h00 * t00 + h01 * t01 + h02 * t02)
+        g_log_scales[n, 1] = slope1 * (h10 * t10 + h11 * t11 + h12 * t12)
         h00, h01, h02, h10, h11, h12 = h00 * s0, h01 * s0, h02 * s0, h10 * s1, h11 * s1, h12 * s1
-        h20, h21, h22 = side * a[14], side * a[15], side * a[16]
+        h20, h21, h22 = side * a[16], side * a[17], side * a[18]
         G0 = R[0, 0] * h00 + R[1, 0] * h01 + R[2, 0] * h02
         G3 = R[0, 1] * h00 + R[1, 1] * h01 + R[2, 1] * h02
         G6 = R[0, 2] * h00 + R[1, 2] * h01 + R[2, 2] * h02
@@ -783,30 +1189,32 @@ def reduce_rows(packed, order, surfel_start, slot, rows, means, quats, scales, R
         G2 = R[0, 0] * h20 + R[1, 0] * h21 + R[2, 0] * h22
         G5 = R[0, 1] * h20 + R[1, 1] * h21 + R[2, 1] * h22
         G8 = R[0, 2] * h20 + R[1, 2] * h21 + R[2, 2] * h22
-        gw = TWO * (x * (G7 - G5) + y * (G2 - G6) + z * (G3 - G1))
-        gx = TWO * (-TWO * x * (G4 + G8) + y * (G1 + G3) + z * (G2 + G6) + w * (G7 - G5))
-        gy = TWO * (x * (G1 + G3) - TWO * y * (G0 + G8) + z * (G5 + G7) + w * (G2 - G6))
-        gz = TWO * (x * (G2 + G6) + y * (G5 + G7) - TWO * z * (G0 + G4) + w * (G3 - G1))
+        gw = 2.0 * (x * (G7 - G5) + y * (G2 - G6) + z * (G3 - G1))
+        gx = 2.0 * (-2.0 * x * (G4 + G8) + y * (G1 + G3) + z * (G2 + G6) + w * (G7 - G5))
+        gy = 2.0 * (x * (G1 + G3) - 2.0 * y * (G0 + G8) + z * (G5 + G7) + w * (G2 - G6))
+        gz = 2.0 * (x * (G2 + G6) + y * (G5 + G7) - 2.0 * z * (G0 + G4) + w * (G3 - G1))
         along = gw * w + gx * x + gy * y + gz * z
         g_quats[n, 0] = (gw - along * w) * inverse
         g_quats[n, 1] = (gx - along * x) * inverse
         g_quats[n, 2] = (gy - along * y) * inverse
         g_quats[n, 3] = (gz - along * z) * inverse
-        g_opacity[n] = a[10]
-        g_rgb[n, 0], g_rgb[n, 1], g_rgb[n, 2] = a[11], a[12], a[13]
+        # sigmoid' without cancellation near 1
+        decay = np.exp(-abs(f64(opacity_logits[n])))
+        g_opacity_logits[n] = a[9] * decay / ((1.0 + decay) * (1.0 + decay))
         g_screen[n, 0], g_screen[n, 1] = g_cx, g_cy
 
 
-@njit(**FAST)
-def first_bad_row(values, columns):
-    """First row of a flat float32 array that holds NaN or infinity, or -1: by the bits, since fast math forgets NaN."""
+CHUNK = 8192
+
+
+@njit(parallel=True, **FAST)
+def count_not_finite(values):
+    """How many numbers of a flat float32 array are NaN or infinite: by their bits, since fast math forgets NaN."""
     bits = values.view(np.uint32)
-    bad = u64(0)
-    for i in range(u64(bits.size)):
-        bad += u64((bits[i] & np.uint32(0x7F800000)) == np.uint32(0x7F800000))
-    if bad == u64(0):
-        return -1
-    for i in range(bits.size):
-        if (bits[i] & np.uint32(0x7F800000)) == np.uint32(0x7F800000):
-            return i // columns
-    return -1
+    bad = 0
+    for chunk in prange((bits.size + CHUNK - 1) // CHUNK):
+        here = np.uint32(0)
+        for i in range(u64(chunk * CHUNK), u64(min(bits.size, (chunk + 1) * CHUNK))):
+            here += np.uint32((bits[i] & np.uint32(0x7F800000)) == np.uint32(0x7F800000))
+        bad += i64(here)
+    return bad
