@@ -83,7 +83,17 @@ def test_the_workspace_is_complete(done: Workspace) -> None:
 
 
 def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, street: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "unveil_core", "run", str(street), "-o", str(tmp_path / "ws"), "--quality", "draft"]
+    command = [
+        sys.executable,
+        "-m",
+        "unveil_core",
+        "run",
+        str(street),
+        "-o",
+        str(tmp_path / "ws"),
+        "--quality",
+        "draft",
+    ]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, env={**os.environ})
     state = tmp_path / "ws" / "workspace.json"
     deadline = time.monotonic() + 120

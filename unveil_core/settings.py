@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from unveil_core.errors import SettingsError
 from unveil_core.inpaint.single_image import INPAINTERS
@@ -59,5 +60,5 @@ class RunSettings:
     @staticmethod
     def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
         """Inverse of :meth:`to_json`."""
-        known = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         return RunSettings(**known)

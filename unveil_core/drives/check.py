@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
 from unveil_core.errors import DriveError
@@ -41,11 +45,11 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         if nearest_rotation(pose[:3, :3])[1] > 1e-3:
             raise DriveError(f"the pose of frame {frame.name} is no rotation", path=drive.root, mend="poses are rigid")
         wanted = (frame.camera.height, frame.camera.width)
-        pictures = [(frame.image_path, read_image)]
+        pictures: list[tuple[Path, Callable[[Path], NDArray[np.generic]]]] = [(frame.image_path, read_image)]
         pictures += [(p, read_label_image) for p in (frame.semantic_path, frame.mask_path) if p is not None]
         pictures += [(frame.instance_path, read_instance_image)] if frame.instance_path is not None else []
         for path, read in pictures:
-            found = read(path).shape[:2]  # type: ignore[operator, arg-type]
+            found = read(path).shape[:2]
             if found != wanted:
                 raise DriveError(
                     f"is {found[1]}x{found[0]} pixels, its camera says {wanted[1]}x{wanted[0]}", path=path,

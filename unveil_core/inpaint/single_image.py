@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import cv2
@@ -56,7 +55,7 @@ def shift_map(image: Image, mask: Mask) -> Image:
     return telea(filled, missed) if missed.any() else filled
 
 
-INPAINTERS: dict[str, Callable[[Image, Mask], Image]] = {
+INPAINTERS: dict[str, SingleImageInpainter] = {
     "telea": telea,
     "navier-stokes": navier_stokes,
     "shift-map": shift_map,

@@ -118,9 +118,9 @@ def read_chart(
         index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
         if not len(index):
             continue
-        color = _bilinear(images[v], pixel)
+        found = _bilinear(images[v], pixel)
         w = (unit / depth) ** 4
-        total[index] += color * w[:, None]
+        total[index] += found * w[:, None]
         weight[index] += w
         closer = depth < nearest[index]
         label[index[closer]] = labels[v][row[closer], column[closer]]
