@@ -144,7 +144,7 @@ def instances_body(context: StageContext) -> None:
     for done, instance in enumerate(chosen):
         mask = of_surfel == instance
         label = int(np.bincount(labels[mask]).argmax())
-        box = fit_box(surfels.means.double().numpy()[mask], axes, gap=0.4 * limits.unit)
+        box = fit_box(surfels.means.double().numpy()[mask], axes, gap=1.0 * limits.unit)
         seen = _frames_that_see(drive, surfels.means.double().numpy()[mask], images, instance)
         thumbnail = None
         if seen:

@@ -45,7 +45,7 @@ def select_removed(
         removable = np.isin(labels, scene.removable_labels)
         for instance in np.unique(instance_of_surfel[chosen]):
             own = chosen & (instance_of_surfel == instance)
-            box = fit_box(means[own], axes, gap=0.4 * unit)
+            box = fit_box(means[own], axes, gap=1.0 * unit)
             # Larger than a bus: several objects that touch, whose common box would take the street with it.
             if instance == 0 or max(box.size) > 12 * unit:
                 continue
