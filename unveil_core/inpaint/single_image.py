@@ -44,11 +44,16 @@ def shift_map(image: Image, mask: Mask) -> Image:
     lab = cv2.cvtColor(image, cv2.COLOR_RGB2Lab)
     known = np.where(mask, 0, 255).astype(np.uint8)
     result = np.zeros_like(lab)
+    # The library draws random numbers, each of its threads from a generator of its own: one thread, one seed, one result.
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
     cv2.setRNGSeed(0)
     try:
         cv2.xphoto.inpaint(lab, known, result, cv2.xphoto.INPAINT_SHIFTMAP)
     except cv2.error:
         return telea(image, mask)
+    finally:
+        cv2.setNumThreads(threads)
     filled = np.where(mask[..., None], cv2.cvtColor(result, cv2.COLOR_Lab2RGB), image).astype(np.uint8)
     # Lab zero is no colour that a photograph has: there the library left its output as it came in.
     missed = mask & (result == 0).all(axis=2)

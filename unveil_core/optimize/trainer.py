@@ -160,6 +160,7 @@ def _observe(density: DensityControl, out: Rendered, surfels: Surfels, view: Tra
     with torch.no_grad():
         camera = view.camera
         row = torch.from_numpy(camera.world_to_camera[2].astype(np.float32))
-        depth = (surfels.means.detach() @ row[:3] + row[3]).clamp_min(1e-3)
+        # Element by element: a matrix product may round differently with the memory's alignment, and splits hang on it.
+        depth = ((surfels.means.detach() * row[:3]).sum(dim=1) + row[3]).clamp_min(1e-3)
         width = surfels.log_scales.detach().amax(dim=1).exp() * camera.fx / depth
         density.observe(out.screen_gradients(), out.visible, max(camera.width, camera.height) / 2, width)
