@@ -126,7 +126,8 @@ def instances_body(context: StageContext) -> None:
     surfels = read_surfels(workspace.surfels_full)
     limits = scene_range(drive)
     removable = np.isin(surfels.labels.numpy(), scene.removable_labels)
-    means = surfels.means.double().numpy()[removable]
+    positions = surfels.means.double().numpy()
+    means = positions[removable]
     spacing = surfels.log_scales.exp().amax(dim=1).double().numpy()[removable] * 1.5
     images = [frame_instances(f) for f in drive.frames]
     if any(image is not None for image in images):
@@ -144,8 +145,8 @@ def instances_body(context: StageContext) -> None:
     for done, instance in enumerate(chosen):
         mask = of_surfel == instance
         label = int(np.bincount(labels[mask]).argmax())
-        box = fit_box(surfels.means.double().numpy()[mask], axes, gap=1.0 * limits.unit)
-        seen = _frames_that_see(drive, surfels.means.double().numpy()[mask], images, instance)
+        box = fit_box(positions[mask], axes, gap=1.0 * limits.unit)
+        seen = _frames_that_see(drive, positions[mask], images, instance)
         thumbnail = None
         if seen:
             best, rectangle = seen[0]
