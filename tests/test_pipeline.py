@@ -106,12 +106,7 @@ def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, st
     again = run(street, tmp_path / "ws", DRAFT)
     first, second = results(done.root), results(again.root)
     assert first.keys() == second.keys() and len(first) > 40
-    # On a busy machine the re-optimized scene has been seen to differ in its last digits; what is delivered may not.
-    last = ("surfels/empty.ply", "renders/", "meshes/empty.")
-    assert [n for n in first if first[n] != second[n] and not n.startswith(last)] == []
-    for name in (n for n in first if n.startswith("renders/")):
-        pictures = [cv2.imdecode(np.frombuffer(r[name], np.uint8), 1).astype(float) for r in (first, second)]
-        assert np.abs(pictures[0] - pictures[1]).mean() < 1.0, name
+    assert [n for n in first if first[n] != second[n]] == []
     events = [e for e in again.events() if e["message"] == "up to date"]
     assert {"import", "segment", "reconstruct"} <= {e["stage"] for e in events}
 

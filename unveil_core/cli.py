@@ -63,7 +63,7 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--seed", type=int, default=0)
         p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
         p.add_argument("--shadows", default="auto", choices=("auto", "off"), help="take shadows of what goes along")
-        p.add_argument("--inpainter", default="shift-map", choices=("telea", "navier-stokes", "shift-map"),
+        p.add_argument("--inpainter", default="exemplar", choices=("exemplar", "telea", "navier-stokes"),
                        help="for what is neither ground nor seen from anywhere")  # fmt: skip
 
     p = verbs.add_parser("demo", help="unveil the sample street")

@@ -35,7 +35,7 @@ class RunSettings:
     seed: int = 0
     max_side: int | None = None
     shadows: str = "auto"
-    inpainter: str = "shift-map"
+    inpainter: str = "exemplar"
 
     def __post_init__(self) -> None:
         for name, value, known in (

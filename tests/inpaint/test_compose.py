@@ -49,15 +49,6 @@ def test_inpainters_fill_and_leave_the_rest(name: str) -> None:
     assert np.array_equal(result, inpainter(name)(damaged, mask))
 
 
-def test_shift_map_survives_extremes() -> None:
-    image = picture()
-    nothing = np.zeros((64, 96), bool)
-    assert np.array_equal(inpainter("shift-map")(image, nothing), image)
-    almost = np.ones((64, 96), bool)
-    almost[:4] = False
-    assert inpainter("shift-map")(image, almost).shape == image.shape
-
-
 def test_unknown_inpainter_is_one_clear_line() -> None:
     with pytest.raises(SettingsError, match="unknown inpainter 'lama'"):
         inpainter("lama")

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import gc
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 import torch
 
 from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
 from unveil_core.geometry.camera import Camera
+from unveil_core.parallel import threads
 from unveil_core.raster.api import PLANES, render
 from unveil_core.raster.cpu import workspace
 from unveil_core.raster.cpu.backend import group_for
@@ -32,14 +36,10 @@ def all_bits(surfels: Surfels, view: Camera, planes: tuple[str, ...] = PLANES) -
 def test_two_runs_and_any_number_of_threads_give_the_same_bits() -> None:
     surfels, view = random_surfels(1500, 2, degree=2), camera(150, 90, 110.0)
     first = all_bits(surfels, view)
-    threads = numba.get_num_threads()
-    try:
-        for count in sorted({1, threads}):
-            numba.set_num_threads(count)
+    for count in (1, 2, 3):
+        with threads(count):
             for a, b in zip(first, all_bits(surfels, view), strict=True):
                 assert torch.equal(a, b), f"{count} threads"
-    finally:
-        numba.set_num_threads(threads)
 
 
 @pytest.mark.parametrize(
@@ -245,3 +245,28 @@ def test_tensors_that_are_not_contiguous_are_rendered_the_same() -> None:
     assert not strided.sh.is_contiguous()
     for a, b in zip(all_bits(surfels, camera()), all_bits(strided, camera()), strict=True):
         assert torch.equal(a, b)
+
+
+DIGEST = """
+import hashlib, sys, torch
+from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
+from unveil_core.raster import render
+s = with_gradients(random_surfels(1500, 2, degree=2))
+out = render(s, camera(150, 90, 110.0), ("rgb", "alpha"))
+g = torch.Generator().manual_seed(1)
+torch.autograd.backward([out.rgb, out.alpha], [torch.randn(v.shape, generator=g) for v in (out.rgb, out.alpha)])
+bits = [out.rgb, out.alpha, *(getattr(s, n).grad for n in GRADIENTS)]
+print(hashlib.sha256(b"".join(b.detach().numpy().tobytes() for b in bits)).hexdigest())
+"""
+
+
+def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    digests = []
+    for _ in range(2):
+        command = [sys.executable, "-c", DIGEST]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=environment)
+        assert done.returncode == 0, done.stderr
+        digests.append(done.stdout)
+    assert list(tmp_path.rglob("*.nbc"))
+    assert digests[0] == digests[1]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.errors import SettingsError
+from unveil_core.inpaint.patch_fill import patch_fill
 
-__all__ = ["INPAINTERS", "SingleImageInpainter", "inpainter", "navier_stokes", "shift_map", "telea"]
+__all__ = ["INPAINTERS", "SingleImageInpainter", "exemplar", "inpainter", "navier_stokes", "telea"]
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -34,36 +35,16 @@ def navier_stokes(image: Image, mask: Mask) -> Image:
     return np.where(mask[..., None], filled, image).astype(np.uint8)
 
 
-def shift_map(image: Image, mask: Mask) -> Image:
-    """Shift-map inpainting (He and Sun 2012, as in OpenCV contrib's xphoto), on Lab colours.
-
-    Where the library finds no shift for a pixel, Telea fills it; it needs enough known surroundings to look in.
-    """
-    if not mask.any() or mask.mean() > 0.7:
-        return telea(image, mask)
-    lab = cv2.cvtColor(image, cv2.COLOR_RGB2Lab)
-    known = np.where(mask, 0, 255).astype(np.uint8)
-    result = np.zeros_like(lab)
-    # The library draws random numbers, each of its threads from a generator of its own: one thread, one seed, one result.
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    cv2.setRNGSeed(0)
-    try:
-        cv2.xphoto.inpaint(lab, known, result, cv2.xphoto.INPAINT_SHIFTMAP)
-    except cv2.error:
-        return telea(image, mask)
-    finally:
-        cv2.setNumThreads(threads)
-    filled = np.where(mask[..., None], cv2.cvtColor(result, cv2.COLOR_Lab2RGB), image).astype(np.uint8)
-    # Lab zero is no colour that a photograph has: there the library left its output as it came in.
-    missed = mask & (result == 0).all(axis=2)
-    return telea(filled, missed) if missed.any() else filled
+def exemplar(image: Image, mask: Mask) -> Image:
+    """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.patch_fill`); Telea where there are none."""
+    filled = patch_fill(image, mask)
+    return telea(image, mask) if filled is None else filled
 
 
 INPAINTERS: dict[str, SingleImageInpainter] = {
+    "exemplar": exemplar,
     "telea": telea,
     "navier-stokes": navier_stokes,
-    "shift-map": shift_map,
 }
 
 

@@ -10,8 +10,9 @@ import torch
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.parallel import in_parallel
 from unveil_core.raster.autograd import rasterize
-from unveil_core.raster.cpu.kernels import count_not_finite
+from unveil_core.raster.cpu.kernels import CHUNK, count_not_finite
 from unveil_core.raster.reference import render_reference
 from unveil_core.raster.spec import MAX_LABELS, PLANES
 from unveil_core.surfels.surfels import Surfels
@@ -78,8 +79,10 @@ def _check_camera(camera: Camera) -> None:
 def _check_finite(name: str, values: Tensor) -> None:
     if values.dtype == torch.float32 and values.device.type == "cpu":
         # One vectorized pass; rows are only looked for when something is wrong.
-        clean = count_not_finite(values.detach().contiguous().numpy().reshape(-1)) == 0
-        if clean:
+        bits = values.detach().contiguous().numpy().reshape(-1).view(np.uint32)
+        bad = np.zeros(-(-len(bits) // CHUNK), np.uint32)
+        in_parallel(count_not_finite, len(bits), 8 * CHUNK, bits, bad)
+        if not bad.any():
             return
     good = torch.isfinite(values.detach()).reshape(len(values), -1).all(dim=1)
     if not bool(good.all()):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.parallel import in_parallel, thread_count
 from unveil_core.raster.cpu import kernels as k
 from unveil_core.raster.cpu.workspace import Buffers, borrow, give_back
 
@@ -19,6 +19,7 @@ Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 Inputs = tuple[Float32, Float32, Float32, Float32, Float32]
 """means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32, contiguous."""
+TILES_AT_ONCE = 8
 _templates: dict[tuple[int, str], Float32] = {}
 _MEMBERS = {
     "colour": {"rgb", "alpha"},
@@ -111,14 +112,13 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     )
     records = buffers.array("records", (count, k.RECORD))
     visible = np.empty(count, np.uint8)
-    with numba.parallel_chunksize(4096):
-        k.project(
-            *inputs, labels, *pose, float(camera.fx), float(camera.fy),
-            float(camera.cx), float(camera.cy), width, height, float(near), settings.coefficients, records, visible,
-        )  # fmt: skip
-        order = k.depth_order(np.ascontiguousarray(records[:, int(k.R_Z)]).view(np.uint32), visible)
-        packed = buffers.array("packed", (len(order), k.RECORD))
-        k.pack(records, order, packed)
+    in_parallel(
+        k.project, count, 4096, *inputs, labels, *pose, float(camera.fx), float(camera.fy), float(camera.cx),
+        float(camera.cy), width, height, float(near), settings.coefficients, records, visible,
+    )  # fmt: skip
+    order = k.depth_order(np.ascontiguousarray(records[:, int(k.R_Z)]).view(np.uint32), visible)
+    packed = buffers.array("packed", (len(order), k.RECORD))
+    in_parallel(k.pack, len(order), 4096, records, order, packed)
     tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
     surfel_start = buffers.array("surfel_start", (len(order) + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
@@ -129,8 +129,8 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         )
     ids = buffers.array("ids", (total,), np.int32)
     place = buffers.array("place", (total,), np.int32)
-    with numba.parallel_chunksize(1):
-        k.fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, place, numba.get_num_threads())
+    band = max(1, -(-tiles_y // thread_count()))
+    in_parallel(k.fill_tiles, tiles_y, band, packed, tiles_x, surfel_start, offsets, ids, place)
     shapes = _plane_shapes(group, width, height, label_count)
     planes = {name: np.empty(shape, np.float32) for name, shape in shapes.items()}
     kept = buffers.array(
@@ -141,10 +141,10 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         template = _templates[label_count, group] = k.forward_template(label_count, semantics, label_distortion)
     # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
-    with numba.parallel_chunksize(4):
-        forward(
-            tiles_x, template, packed, offsets, ids, width, height, c1, inv_near, label_count, *planes.values(), kept
-        )
+    in_parallel(
+        forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, template, packed, offsets, ids, width, height, c1, inv_near,
+        label_count, *planes.values(), kept,
+    )  # fmt: skip
     done = Pass(
         planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near, order,
         packed, surfel_start, offsets, ids, place, kept,
@@ -165,17 +165,17 @@ def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> t
     shapes = _plane_shapes(settings.group, width, height, settings.label_count)
     incoming = [grads[name] if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
     rows = buffers.array("rows", (len(done.ids), k.ROW))
-    with numba.parallel_chunksize(4):
-        k.GROUPS[settings.group][4](
-            -(-width // k.TILE), done.packed, done.offsets, done.ids, width, height, done.c1, done.inv_near,
-            settings.label_count, done.kept, *incoming, done.place, rows,
-        )  # fmt: skip
+    tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
+    in_parallel(
+        k.GROUPS[settings.group][4], tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.packed, done.offsets, done.ids, width,
+        height, done.c1, done.inv_near, settings.label_count, done.kept, *incoming, done.place, rows,
+    )  # fmt: skip
     gradients = (*(np.empty_like(a) for a in inputs), np.empty((len(done.visible), 2), np.float32))
-    with numba.parallel_chunksize(2048):
-        k.reduce_rows(
-            done.packed, done.order, done.surfel_start, rows, done.visible.view(np.uint8), *inputs, *done.pose,
-            float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
-        )  # fmt: skip
+    in_parallel(k.clear_hidden, len(done.visible), 8192, done.visible.view(np.uint8), settings.coefficients, *gradients)
+    in_parallel(
+        k.reduce_rows, len(done.order), 2048, done.packed, done.order, done.surfel_start, rows, *inputs, *done.pose,
+        float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
+    )  # fmt: skip
     return gradients
 
 

@@ -24,7 +24,7 @@ factor of four and breaks nothing else.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from unveil_core.raster.spec import (
     ALPHA_MAX,
@@ -38,7 +38,8 @@ from unveil_core.raster.spec import (
 )
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
-FAST = {"fastmath": True, "cache": True, "boundscheck": False, "error_model": "numpy"}
+FAST = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
+INLINED = {**FAST, "forceinline": True}
 
 TILE, BLOCK, LANES, BLOCKS_X, BLOCKS = 16, 4, 16, 4, 16
 RECORD = 24
@@ -598,193 +599,97 @@ def _backward_tile(
 
 # ---- one kernel per group of planes: the switches (geometry, semantics, label_distortion) are constants in each
 @njit(**FAST)
-def forward_tile_colour(
-    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-):  # fmt: skip
-    _forward_tile(
-        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-        False, False, False,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def forward_colour(
-    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
     rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        forward_tile_colour(
-            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _forward_tile(
+            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
             rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def backward_tile_colour(
-    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    _backward_tile(
-        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-        False, False, False,
-        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def backward_colour(
-    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
     kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        backward_tile_colour(
-            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _backward_tile(
+            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
             kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def forward_tile_semantic(
-    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-):  # fmt: skip
-    _forward_tile(
-        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-        False, True, False,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def forward_semantic(
-    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
     rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        forward_tile_semantic(
-            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _forward_tile(
+            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
             rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def backward_tile_semantic(
-    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    _backward_tile(
-        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-        False, True, False,
-        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def backward_semantic(
-    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
     kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        backward_tile_semantic(
-            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _backward_tile(
+            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
             kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def forward_tile_geometry(
-    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-):  # fmt: skip
-    _forward_tile(
-        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-        True, False, False,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def forward_geometry(
-    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
     rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        forward_tile_geometry(
-            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _forward_tile(
+            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
             rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def backward_tile_geometry(
-    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    _backward_tile(
-        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-        True, False, False,
-        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def backward_geometry(
-    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
     kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        backward_tile_geometry(
-            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _backward_tile(
+            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
             kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def forward_tile_all(
-    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-):  # fmt: skip
-    _forward_tile(
-        t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-        True, True, True,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def forward_all(
-    tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
     rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        forward_tile_all(
-            i64(t), tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _forward_tile(
+            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
             rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
         )  # fmt: skip
 
 
 @njit(**FAST)
-def backward_tile_all(
-    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    _backward_tile(
-        t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-        True, True, True,
-        kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-    )  # fmt: skip
-
-
-@njit(parallel=True, **FAST)
 def backward_all(
-    tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
     kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
-    for t in prange(tiles_x * ((height + TILE - 1) // TILE)):
-        backward_tile_all(
-            i64(t), tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+    for t in range(tile, end):
+        _backward_tile(
+            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
             kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
@@ -808,7 +713,7 @@ SH3 = (
 )  # fmt: skip
 
 
-@njit(**FAST)
+@njit(**INLINED)
 def sh_basis(x, y, z):
     """The 16 basis functions of degree 0 to 3 at a unit direction, as ``spherical_harmonics.basis``."""
     xx, yy, zz = x * x, y * y, z * z
@@ -819,7 +724,7 @@ def sh_basis(x, y, z):
             SH3[6] * x * (xx - 3 * yy))  # fmt: skip
 
 
-@njit(**FAST)
+@njit(**INLINED)
 def sh_slopes(x, y, z):
     """Their partial derivatives by x, y and z: three tuples of 16."""
     xx, yy, zz = x * x, y * y, z * z
@@ -838,7 +743,7 @@ def sh_slopes(x, y, z):
     return by_x, by_y, by_z
 
 
-@njit(**FAST)
+@njit(**INLINED)
 def rotation(q0, q1, q2, q3):
     """Inverse norm, unit quaternion and the nine entries of its rotation; a zero quaternion is no rotation."""
     norm = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
@@ -852,7 +757,7 @@ def rotation(q0, q1, q2, q3):
             2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))  # fmt: skip
 
 
-@njit(**FAST)
+@njit(**INLINED)
 def held_scale(log_scale, floor):
     """The standard deviation within its limits, and its derivative by the logarithm: itself, or zero at a limit."""
     scale = np.exp(min(f64(log_scale), LOG_SCALE_MAX))
@@ -860,7 +765,7 @@ def held_scale(log_scale, floor):
     return (scale, slope) if scale > floor else (floor, 0.0)
 
 
-@njit(**FAST)
+@njit(**INLINED)
 def clipped_extent(g0, g1, h0, h1, Z, near, k2):
     """Least and greatest slope (offset from the projected mean over depth) of a disc cut at the near plane.
 
@@ -891,11 +796,11 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
     return low, high
 
 
-@njit(parallel=True, **FAST)
-def project(means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
+@njit(**FAST)
+def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
             coefficients, records, visible):  # fmt: skip
     """Records of the surfels that can touch the image, with activations and colour; ``visible`` (N,) uint8."""
-    for i in prange(means.shape[0]):
+    for i in range(first, end):
         visible[i] = 0
         X = R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0]
         Y = R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1]
@@ -1023,10 +928,10 @@ def depth_order(depth_bits, visible):
     return order
 
 
-@njit(parallel=True, **FAST)
-def pack(records, order, packed):
+@njit(**FAST)
+def pack(first, end, records, order, packed):
     """Records in depth order."""
-    for i in prange(len(order)):
+    for i in range(first, end):
         for k in range(RECORD):
             packed[i, k] = records[order[i], k]
 
@@ -1051,35 +956,37 @@ def count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets):
     return total
 
 
-@njit(parallel=True, **FAST)
-def fill_tiles(packed, tiles_x, tiles_y, surfel_start, offsets, ids, place, parts):
-    """Tile lists in depth order, and for each entry the place of its gradient row; each part owns a band of tile rows.
+@njit(**FAST)
+def fill_tiles(low, high, packed, tiles_x, surfel_start, offsets, ids, place):
+    """Tile lists in depth order for a band of tile rows, and for each entry the place of its gradient row.
 
     Rows lie surfel after surfel: scattered stores in backward wait for nobody, scattered loads in the reduction would.
     """
-    for part in prange(parts):
-        low, high = tiles_y * part // parts, tiles_y * (part + 1) // parts
-        cursor = offsets[low * tiles_x : high * tiles_x].copy()
-        for i in range(packed.shape[0]):
-            y0, y1 = i64(packed[i, R_Y0]) // TILE, (i64(packed[i, R_Y1]) - 1) // TILE
-            if y1 < low or y0 >= high:
-                continue
-            x0, x1 = i64(packed[i, R_X0]) // TILE, (i64(packed[i, R_X1]) - 1) // TILE
-            across = x1 - x0 + 1
-            for y in range(max(y0, low), min(y1, high - 1) + 1):
-                for x in range(x0, x1 + 1):
-                    k = (y - low) * tiles_x + x
-                    entry = cursor[k]
-                    cursor[k] = entry + 1
-                    ids[entry] = i
-                    place[entry] = surfel_start[i] + (y - y0) * across + (x - x0)
+    cursor = offsets[low * tiles_x : high * tiles_x].copy()
+    for i in range(packed.shape[0]):
+        y0, y1 = i64(packed[i, R_Y0]) // TILE, (i64(packed[i, R_Y1]) - 1) // TILE
+        if y1 < low or y0 >= high:
+            continue
+        x0, x1 = i64(packed[i, R_X0]) // TILE, (i64(packed[i, R_X1]) - 1) // TILE
+        across = x1 - x0 + 1
+        for y in range(max(y0, low), min(y1, high - 1) + 1):
+            for x in range(x0, x1 + 1):
+                k = (y - low) * tiles_x + x
+                entry = cursor[k]
+                cursor[k] = entry + 1
+                ids[entry] = i
+                place[entry] = surfel_start[i] + (y - y0) * across + (x - x0)
 
 
-@njit(parallel=True, **FAST)
-def reduce_rows(packed, order, surfel_start, rows, visible, means, quats, log_scales, opacity_logits, sh, R, t, eye,
-                fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
-    """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
-    for i in prange(means.shape[0]):
+@njit(**FAST)
+def clear_hidden(first, end, visible, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):
+    """Zero the gradients of surfels off the screen, and of the coefficients that were not used."""
+    for i in range(first, end):
+        for k in range(coefficients if visible[i] else 0, g_sh.shape[1]):
+            for c in range(3):
+                g_sh[i, k, c] = ZERO
+        if visible[i]:
+            continue
         for k in range(3):
             g_means[i, k] = ZERO
         for k in range(4):
@@ -1088,11 +995,13 @@ def reduce_rows(packed, order, surfel_start, rows, visible, means, quats, log_sc
             g_log_scales[i, k] = ZERO
             g_screen[i, k] = ZERO
         g_opacity_logits[i] = ZERO
-        done = coefficients if visible[i] else 0
-        for k in range(done, sh.shape[1]):
-            for c in range(3):
-                g_sh[i, k, c] = ZERO
-    for i in prange(packed.shape[0]):
+
+
+@njit(**FAST)
+def reduce_rows(first, end, packed, order, surfel_start, rows, means, quats, log_scales, opacity_logits, sh, R, t, eye,
+                fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
+    """Sum each surfel's rows in a fixed order and carry them back to its parameters."""
+    for i in range(first, end):
         a = np.zeros(ROW, f32)
         for s in range(surfel_start[i], surfel_start[i + 1]):
             for k in range(ROW):
@@ -1207,14 +1116,12 @@ def reduce_rows(packed, order, surfel_start, rows, visible, means, quats, log_sc
 CHUNK = 8192
 
 
-@njit(parallel=True, **FAST)
-def count_not_finite(values):
-    """How many numbers of a flat float32 array are NaN or infinite: by their bits, since fast math forgets NaN."""
-    bits = values.view(np.uint32)
-    bad = 0
-    for chunk in prange((bits.size + CHUNK - 1) // CHUNK):
+@njit(**FAST)
+def count_not_finite(first, end, bits, bad):
+    """How many of some float32 numbers, given by their bits, are NaN or infinite (fast math forgets NaN); ``bad`` gets
+    the count of each chunk of ``CHUNK``."""
+    for chunk in range(first // CHUNK, (end + CHUNK - 1) // CHUNK):
         here = np.uint32(0)
         for i in range(u64(chunk * CHUNK), u64(min(bits.size, (chunk + 1) * CHUNK))):
             here += np.uint32((bits[i] & np.uint32(0x7F800000)) == np.uint32(0x7F800000))
-        bad += i64(here)
-    return bad
+        bad[chunk] = here
