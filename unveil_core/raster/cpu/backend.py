@@ -90,6 +90,7 @@ class Pass:
     offsets: NDArray[np.int64]
     ids: NDArray[np.int32]
     place: NDArray[np.int32]
+    hits: NDArray[np.uint16]
     kept: Float32
     released: bool = False
 
@@ -129,6 +130,7 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         )
     ids = buffers.array("ids", (total,), np.int32)
     place = buffers.array("place", (total,), np.int32)
+    hits = buffers.array("hits", (total,), np.uint16)
     band = max(1, -(-tiles_y // thread_count()))
     in_parallel(k.fill_tiles, tiles_y, band, packed, tiles_x, surfel_start, offsets, ids, place)
     shapes = _plane_shapes(group, width, height, label_count)
@@ -143,11 +145,11 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
     in_parallel(
         forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, template, packed, offsets, ids, width, height, c1, inv_near,
-        label_count, *planes.values(), kept,
+        label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
         planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near, order,
-        packed, surfel_start, offsets, ids, place, kept,
+        packed, surfel_start, offsets, ids, place, hits, kept,
     )  # fmt: skip
     if not keep:
         release(done)
@@ -168,7 +170,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> t
     tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
     in_parallel(
         k.GROUPS[settings.group][4], tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.packed, done.offsets, done.ids, width,
-        height, done.c1, done.inv_near, settings.label_count, done.kept, *incoming, done.place, rows,
+        height, done.c1, done.inv_near, settings.label_count, done.kept, done.hits, *incoming, done.place, rows,
     )  # fmt: skip
     gradients = (*(np.empty_like(a) for a in inputs), np.empty((len(done.visible), 2), np.float32))
     in_parallel(k.clear_hidden, len(done.visible), 8192, done.visible.view(np.uint8), settings.coefficients, *gradients)

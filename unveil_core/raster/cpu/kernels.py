@@ -96,7 +96,7 @@ def kept_size(label_count: int, geometry: bool, label_distortion: bool) -> int:
 @njit(inline="always")
 def _forward_tile(
     t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics,
-    label_distortion, rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    label_distortion, rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
 ):  # fmt: skip
     slot_size = (80 if label_distortion else 16) if semantics else 0
     stride = F_LABELS + label_count * slot_size
@@ -122,8 +122,11 @@ def _forward_tile(
     met = 0
     for i in range(first, last):
         if alive_count == 0:
+            for rest in range(i, last):
+                hits[u64(rest)] = 0
             break
         g = u64(ids[i])
+        hit = 0
         cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
         a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
         a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
@@ -174,6 +177,7 @@ def _forward_tile(
                     stopping += ONE if state[F_T + j] * (ONE - alpha) < T_MIN else ZERO
                 if some <= ZERO:
                     continue
+                hit |= 1 << b
                 if stopping > ZERO:
                     living = 0
                     for l in range(L16):
@@ -244,6 +248,7 @@ def _forward_tile(
                 if semantics:
                     for l in range(u64(slot_size)):
                         state[slot + l] = state[o + F_SEM + l]
+        hits[u64(i)] = hit
     for b in range(BLOCKS):
         for row in range(BLOCK):
             y = ty + (b // BLOCKS_X) * BLOCK + row
@@ -289,12 +294,11 @@ def _forward_tile(
 
 
 # ---- backward state of one block
-(B_T, B_LAST, B_M1, B_M2, B_MEDIAN_I, B_FIRST, B_SUM, B_GA, B_X, B_Y, X_ALPHA, X_INV, X_R, X_U, X_V, X_E, X_Q, X_DEP,
- X_EXACT, X_DA, X_DM, X_RA, X_W, X_SEM, B_LT, B_LM1, B_LM2, B_LFIRST, B_LSUM, B_LGA,
- G_RED, G_GREEN, G_BLUE, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_NY, G_NZ, G_DIST, G_LDIST) = (
-    u64(16 * k) for k in range(41)
+(B_T, B_LAST, B_M1, B_M2, B_MEDIAN_I, B_FIRST, B_SUM, B_GA, B_X, B_Y, B_SEM, B_LT, B_LM1, B_LM2, B_LFIRST, B_LSUM,
+ B_LGA, G_RED, G_GREEN, G_BLUE, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_NY, G_NZ, G_DIST, G_LDIST) = (
+    u64(16 * k) for k in range(28)
 )  # fmt: skip
-B_ACC = 41 * 16
+B_ACC = 28 * 16
 """19 lane accumulators of the surfel at hand; the first 15 are all that colour and semantics need."""
 (S_U, S_UX, S_UY, S_V, S_VX, S_VY, S_Q, S_QX, S_QY, S_OPACITY, S_RED, S_GREEN, S_BLUE, S_SX, S_SY,
  S_IZ, S_NX, S_NY, S_NZ) = (
@@ -307,7 +311,7 @@ B_LABELS = B_ACC + 19 * 16
 @njit(inline="always")
 def _backward_tile(
     t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics, label_distortion,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
     slot_size = (112 if label_distortion else 16) if semantics else 0
     sums = 19 if geometry else 15
@@ -323,8 +327,6 @@ def _backward_tile(
     ftx, fty = f32(tx), f32(ty)
     keep = kept[t]
     met = i64(keep[u64(BLOCKS * kept_stride)])
-    block_last = np.full(BLOCKS, -1, np.int64)
-    tile_last = -1
     for b in range(BLOCKS):
         o = u64(b * stride)
         for l in range(u64(block)):
@@ -335,7 +337,6 @@ def _backward_tile(
             state[B_X + j] = f32(x - tx) + HALF
             state[B_Y + j] = f32(y - ty) + HALF
             state[B_SUM + j] = ZERO
-            block_last[b] = max(block_last[b], i64(state[B_LAST + j]))
             if x < width and y < height:
                 state[G_RED + j] = g_rgb[yy, xx, u64(0)]
                 state[G_GREEN + j] = g_rgb[yy, xx, u64(1)]
@@ -359,7 +360,6 @@ def _backward_tile(
                 if semantics:
                     for k in range(u64(label_count)):
                         state[u64(B_LABELS) + k * u64(slot_size) + j] = ZERO
-        tile_last = max(tile_last, block_last[b])
         if geometry:
             # dL_d/dw_i = m_i^2 A + Q - 2 m_i M with the totals A, M, Q: scaled by the incoming gradient once, here.
             for l in range(lanes):
@@ -385,9 +385,10 @@ def _backward_tile(
     minus_two_c1 = f32(-2) * c1
     for back in range(count - 1, -1, -1):
         i = u64(first + back)
+        blocks = i64(hits[i])
         hit = False
         previous = u64(0)
-        if back <= tile_last:
+        if blocks != 0:
             g = u64(ids[i])
             cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
             a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
@@ -403,10 +404,22 @@ def _backward_tile(
             for by in range(by0, by1 + 1):
                 for bx in range(bx0, bx1 + 1):
                     b = by * BLOCKS_X + bx
-                    if back > block_last[b]:
+                    if (blocks >> b) & 1 == 0:
                         continue
                     o = u64(b * stride)
-                    some = ZERO
+                    # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
+                    if not hit:
+                        for l in range(u64(sums * 16)):
+                            state[o + u64(B_ACC) + l] = ZERO
+                        hit = True
+                    elif previous != o:
+                        for l in range(u64(sums * 16)):
+                            state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
+                    previous = o
+                    if semantics:
+                        slot = u64(B_LABELS + label * slot_size) + o
+                        for l in range(u64(slot_size)):
+                            state[o + B_SEM + l] = state[slot + l]
                     for l in range(L16):
                         j = o + l
                         dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
@@ -431,102 +444,58 @@ def _backward_tile(
                         alpha = alpha if alpha >= A_MIN else ZERO
                         alpha = alpha if inv > ZERO else ZERO
                         alpha = alpha if inv <= inv_near else ZERO
-                        state[X_ALPHA + j] = alpha
-                        state[X_R + j] = r
-                        state[X_U + j] = u if use_exact else ZERO
-                        state[X_V + j] = v if use_exact else ZERO
-                        state[X_E + j] = e if raw <= A_MAX else ZERO
-                        state[X_EXACT + j] = ONE if use_exact else ZERO
-                        if geometry:
-                            state[X_INV + j] = inv
-                            state[X_Q + j] = q
-                            state[X_DEP + j] = r * z if use_exact else z
-                        some += alpha
-                    if some <= ZERO:
-                        continue
-                    # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
-                    if not hit:
-                        for l in range(u64(sums * 16)):
-                            state[o + u64(B_ACC) + l] = ZERO
-                        hit = True
-                    elif previous != o:
-                        for l in range(u64(sums * 16)):
-                            state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
-                    previous = o
-                    if semantics:
-                        slot = u64(B_LABELS + label * slot_size) + o
-                        for l in range(L16):
-                            state[o + X_SEM + l] = state[slot + l]
-                    for l in range(L16):
-                        j = o + l
-                        alpha = state[X_ALPHA + j]
+                        ex = ONE if use_exact else ZERO
+                        e = e if raw <= A_MAX else ZERO
                         ra = ONE / (ONE - alpha)
                         light = state[B_T + j] * ra
                         state[B_T + j] = light
                         w, total = alpha * light, state[B_SUM + j]
-                        value = (
-                            state[G_RED + j] * red
-                            + state[G_GREEN + j] * green
-                            + state[G_BLUE + j] * blue
-                            + state[G_ALPHA + j]
-                        )
+                        gred, ggreen, gblue = state[G_RED + j], state[G_GREEN + j], state[G_BLUE + j]
+                        value = gred * red + ggreen * green + gblue * blue + state[G_ALPHA + j]
                         if semantics:
-                            value += state[X_SEM + j]
+                            value += state[B_SEM + j]
                         if geometry:
-                            m = c1 * (state[B_FIRST + j] - state[X_INV + j])
+                            d = r * z if use_exact else z
+                            m = c1 * (state[B_FIRST + j] - inv)
                             ga, gm = state[B_GA + j], state[B_M1 + j]
-                            value += state[G_DEPTH + j] * state[X_DEP + j]
-                            value += state[G_NX + j] * nx + state[G_NY + j] * ny + state[G_NZ + j] * nz
+                            gnx, gny, gnz = state[G_NX + j], state[G_NY + j], state[G_NZ + j]
+                            gdepth = state[G_DEPTH + j]
+                            value += gdepth * d
+                            value += gnx * nx + gny * ny + gnz * nz
                             value += m * (m * ga - TWO * gm)
-                            state[X_DM + j] = w * (m * ga - gm)
-                            state[X_RA + j] = ra
-                        state[X_W + j] = w
-                        state[X_DA + j] = light * value - total * ra
+                            dm = w * (m * ga - gm)
+                        da = light * value - total * ra
                         state[B_SUM + j] = total + w * value
-                    if label_distortion:
-                        slot = u64(B_LABELS + label * 112 + 16) + o
-                        for l in range(u64(96)):
-                            state[o + B_LT + l] = state[slot + l]
-                        for l in range(L16):
-                            j = o + l
-                            alpha, ra = state[X_ALPHA + j], state[X_RA + j]
-                            m = c1 * (state[B_LFIRST + j] - state[X_INV + j])
-                            light = state[B_LT + j] * ra
-                            state[B_LT + j] = light
-                            w, total = alpha * light, state[B_LSUM + j]
+                        if label_distortion:
+                            m = c1 * (state[B_LFIRST + j] - inv)
+                            llight = state[B_LT + j] * ra
+                            state[B_LT + j] = llight
+                            lw, ltotal = alpha * llight, state[B_LSUM + j]
                             gm, ga = state[B_LM1 + j], state[B_LGA + j]
-                            value = m * (m * ga - TWO * gm) + state[B_LM2 + j]
-                            state[X_DA + j] += light * value - total * ra
-                            state[B_LSUM + j] = total + w * value
-                            state[X_DM + j] += w * (m * ga - gm)
-                        for l in range(u64(96)):
-                            state[slot + l] = state[o + B_LT + l]
-                    for l in range(L16):
-                        j = o + l
-                        alpha, w, e, ex = state[X_ALPHA + j], state[X_W + j], state[X_E + j], state[X_EXACT + j]
-                        r, u, v = state[X_R + j], state[X_U + j], state[X_V + j]
-                        dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
-                        da = state[X_DA + j]
+                            lvalue = m * (m * ga - TWO * gm) + state[B_LM2 + j]
+                            da += llight * lvalue - ltotal * ra
+                            state[B_LSUM + j] = ltotal + lw * lvalue
+                            dm += lw * (m * ga - gm)
                         da = da if alpha > ZERO else ZERO
                         da = da if e > ZERO else ZERO
                         h = da * alpha
                         h3 = h * ex
                         h2 = h - h3
                         hr = h3 * r
-                        gnu, gnv, gq = -hr * u, -hr * v, hr * (u * u + v * v)
+                        ue, ve = u * ex, v * ex
+                        gnu, gnv, gq = -hr * ue, -hr * ve, hr * (ue * ue + ve * ve)
                         if geometry:
-                            q, d = state[X_Q + j], state[X_DEP + j]
                             gmed = state[G_MEDIAN + j]
                             gmed = gmed if alpha > ZERO else ZERO
                             gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
-                            ginv = minus_two_c1 * state[X_DM + j] - (w * state[G_DEPTH + j] + gmed) * d * d
+                            ginv = minus_two_c1 * dm - (w * gdepth + gmed) * d * d
                             ginv = ginv if alpha > ZERO else ZERO
                             gq += ginv * iz * ex
                             scaled = ginv * q
                             state[S_IZ + j] += scaled if ex > ZERO else ginv
-                            state[S_NX + j] += w * state[G_NX + j]
-                            state[S_NY + j] += w * state[G_NY + j]
-                            state[S_NZ + j] += w * state[G_NZ + j]
+                            state[S_NX + j] += w * gnx
+                            state[S_NY + j] += w * gny
+                            state[S_NZ + j] += w * gnz
                         state[S_U + j] += gnu
                         state[S_UX + j] += gnu * dx
                         state[S_UY + j] += gnu * dy
@@ -537,11 +506,14 @@ def _backward_tile(
                         state[S_QX + j] += gq * dx
                         state[S_QY + j] += gq * dy
                         state[S_OPACITY + j] += da * e
-                        state[S_RED + j] += w * state[G_RED + j]
-                        state[S_GREEN + j] += w * state[G_GREEN + j]
-                        state[S_BLUE + j] += w * state[G_BLUE + j]
+                        state[S_RED + j] += w * gred
+                        state[S_GREEN + j] += w * ggreen
+                        state[S_BLUE + j] += w * gblue
                         state[S_SX + j] += h2 * dx
                         state[S_SY + j] += h2 * dy
+                    if label_distortion:
+                        for l in range(u64(96)):
+                            state[slot + L16 + l] = state[o + B_LT + l]
         at = u64(place[i])
         for k in range(ROW):
             rows[at, u64(k)] = ZERO
@@ -601,96 +573,96 @@ def _backward_tile(
 @njit(**FAST)
 def forward_colour(
     tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
 ):  # fmt: skip
     for t in range(tile, end):
         _forward_tile(
             t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def backward_colour(
     tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
     for t in range(tile, end):
         _backward_tile(
             t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
-            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def forward_semantic(
     tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
 ):  # fmt: skip
     for t in range(tile, end):
         _forward_tile(
             t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def backward_semantic(
     tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
     for t in range(tile, end):
         _backward_tile(
             t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
-            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def forward_geometry(
     tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
 ):  # fmt: skip
     for t in range(tile, end):
         _forward_tile(
             t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def backward_geometry(
     tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
     for t in range(tile, end):
         _backward_tile(
             t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
-            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def forward_all(
     tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
 ):  # fmt: skip
     for t in range(tile, end):
         _forward_tile(
             t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept,
+            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
         )  # fmt: skip
 
 
 @njit(**FAST)
 def backward_all(
     tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
 ):  # fmt: skip
     for t in range(tile, end):
         _backward_tile(
             t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
-            kept, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         )  # fmt: skip
 
 
