@@ -10,6 +10,7 @@ from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.losses import camera_rays, l1_dssim, normal_consistency, semantic_cross_entropy
+from unveil_core.parallel import threads
 
 
 def reference_l1_dssim(x: Tensor, y: Tensor, weight: Tensor | None, dssim: float) -> Tensor:
@@ -86,3 +87,93 @@ def test_normals_of_a_rendered_plane_agree() -> None:
     assert normal_consistency(plane, depth, alpha, rays).item() == pytest.approx(0.0, abs=1e-5)
     tilted = torch.tensor([0.0, 0.0, -1.0]).expand(30, 40, 3)
     assert normal_consistency(tilted, depth, alpha, rays).item() > 0.03
+
+
+def reference_cross_entropy(
+    semantics: Tensor, alpha: Tensor, target: Tensor, sky: int | None, weight: Tensor | None
+) -> Tensor:
+    known = target >= 0
+    picked = semantics.gather(2, target.clamp_min(0)[..., None])[..., 0]
+    probability = picked / alpha.clamp_min(1e-3) if sky is None else torch.where(target == sky, 1 - alpha, picked)
+    w = known.to(alpha.dtype) if weight is None else weight * known
+    return (-torch.log(probability.clamp_min(0) + 1e-3) * w).sum() / w.sum().clamp_min(1.0)
+
+
+def reference_normal_consistency(
+    normal: Tensor, depth: Tensor, alpha: Tensor, rays: Tensor, weight: Tensor | None
+) -> Tensor:
+    points = rays * (depth / alpha.clamp_min(1e-3))[..., None]
+    along, down = points[1:-1, 2:] - points[1:-1, :-2], points[2:, 1:-1] - points[:-2, 1:-1]
+    surface = F.normalize(torch.linalg.cross(down, along, dim=2), dim=2)
+    opaque = alpha.detach()[1:-1, 1:-1]
+    error = opaque * (opaque - (surface * normal[1:-1, 1:-1]).sum(dim=2))
+    return (error if weight is None else error * weight[1:-1, 1:-1]).mean()
+
+
+def agree(loss: Tensor, inputs: list[Tensor], expected: Tensor, inputs64: list[Tensor]) -> None:
+    """Value and every gradient, float32 against float64."""
+    assert loss.item() == pytest.approx(expected.item(), rel=1e-5, abs=1e-6)
+    loss.backward()
+    expected.backward()
+    for mine, theirs in zip(inputs, inputs64, strict=True):
+        assert mine.grad is not None and theirs.grad is not None
+        assert float((mine.grad.double() - theirs.grad).norm()) <= 1e-4 * float(theirs.grad.norm()) + 1e-12
+
+
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize("sky", [None, 2])
+def test_cross_entropy_matches_autograd(sky: int | None, masked: bool) -> None:
+    g = torch.Generator().manual_seed(5)
+    semantics = torch.rand(19, 27, 4, generator=g) * 0.25
+    alpha = torch.rand(19, 27, generator=g)
+    alpha[0, :5] = 0
+    alpha[1, :5] = 1 + 1e-4
+    target = torch.randint(-1, 4, (19, 27), generator=g)
+    weight = torch.rand(19, 27, generator=g) if masked else None
+    inputs = [semantics.clone().requires_grad_(True), alpha.clone().requires_grad_(True)]
+    inputs64 = [semantics.double().requires_grad_(True), alpha.double().requires_grad_(True)]
+    loss = semantic_cross_entropy(inputs[0], inputs[1], target, sky_label=sky, weight=weight)
+    weight64 = None if weight is None else weight.double()
+    agree(2 * loss, inputs, 2 * reference_cross_entropy(*inputs64, target, sky, weight64), inputs64)
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_normal_consistency_matches_autograd(masked: bool) -> None:
+    g = torch.Generator().manual_seed(6)
+    camera = Camera(33, 21, 30.0, 31.0, 16.0, 10.0, np.eye(4))
+    rays = camera_rays(camera)
+    alpha = 0.2 + 0.8 * torch.rand(21, 33, generator=g)
+    depth = alpha * (3 + 4 * torch.rand(21, 33, generator=g))
+    normal = torch.randn(21, 33, 3, generator=g)
+    weight = torch.rand(21, 33, generator=g) if masked else None
+    inputs = [t.clone().requires_grad_(True) for t in (normal, depth, alpha)]
+    inputs64 = [t.double().requires_grad_(True) for t in (normal, depth, alpha)]
+    weight64 = None if weight is None else weight.double()
+    loss = normal_consistency(*inputs, rays, weight)
+    agree(loss, inputs, reference_normal_consistency(*inputs64, rays.double(), weight64), inputs64)
+
+
+def test_flat_and_empty_depth_have_finite_gradients() -> None:
+    camera = Camera(12, 9, 10.0, 10.0, 6.0, 4.5, np.eye(4))
+    for value in (0.0, 1e-30, 1e8):
+        depth, alpha = torch.full((9, 12), value, requires_grad=True), torch.zeros(9, 12, requires_grad=True)
+        normal = torch.zeros(9, 12, 3, requires_grad=True)
+        normal_consistency(normal, depth, alpha, camera_rays(camera)).backward()
+        for t in (depth, alpha, normal):
+            assert t.grad is not None and bool(torch.isfinite(t.grad).all())
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (40, 3), (97, 61)])
+def test_images_of_any_size_and_any_number_of_threads(shape: tuple[int, int]) -> None:
+    g = torch.Generator().manual_seed(7)
+    x, y = torch.rand(*shape, 3, generator=g), torch.rand(*shape, 3, generator=g)
+    results = []
+    for count in (1, 3):
+        with threads(count):
+            leaf = x.clone().requires_grad_(True)
+            loss = l1_dssim(leaf, y)
+            loss.backward()
+            results.append((loss.item(), leaf.grad))
+    assert results[0][0] == results[1][0]
+    assert torch.equal(results[0][1], results[1][1])
+    assert results[0][0] == pytest.approx(float(reference_l1_dssim(x.double(), y.double(), None, 0.2)), abs=2e-6)

@@ -74,5 +74,5 @@ def test_opacity_reset_forgets_momentum() -> None:
     trainable = TrainableSurfels(some(5), LearningRates(means=0.1))
     take_step(trainable)
     trainable.reset_opacity(0.01)
-    assert float(torch.sigmoid(trainable.leaves["opacity_logits"]).max()) <= 0.0101
+    assert float(torch.sigmoid(trainable.leaves["opacity_logits"].detach()).max()) <= 0.0101
     assert float(trainable.optimizer.state[trainable.leaves["opacity_logits"]]["exp_avg"].abs().max()) == 0

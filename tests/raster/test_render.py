@@ -14,10 +14,10 @@ import pytest
 import torch
 
 from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
+from unveil_core import buffers as workspace
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import threads
 from unveil_core.raster.api import PLANES, render
-from unveil_core.raster.cpu import workspace
 from unveil_core.raster.cpu.backend import group_for
 from unveil_core.surfels.surfels import Surfels
 

@@ -8,20 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
-import torch.nn.functional as F
-from numpy.typing import NDArray
 from torch import Tensor
 
+from unveil_core.buffers import borrow, give_back
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize import loss_kernels as kernels
+from unveil_core.parallel import in_parallel
 
 __all__ = ["LossWeights", "camera_rays", "l1_dssim", "normal_consistency", "semantic_cross_entropy"]
-
-_C1, _C2 = 0.01**2, 0.03**2
-_WINDOW = (11, 11)
-_SIGMA = 1.5
 
 
 @dataclass(frozen=True)
@@ -36,43 +32,34 @@ class LossWeights:
     opacity: float = 0.001
 
 
-def _blur(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    # A zero border makes the blur a symmetric operator, so that it is its own adjoint in the backward pass.
-    return cv2.GaussianBlur(image, _WINDOW, _SIGMA, borderType=cv2.BORDER_CONSTANT)
+ROWS_AT_ONCE = 16
+_TAPS = kernels.window()
+_EVERYWHERE = np.zeros((0, 0), np.float32)
 
 
 class _L1Dssim(torch.autograd.Function):
-    """L1 and D-SSIM of one image with a hand-written gradient: eight separable blurs instead of autograd's thirty passes."""
-
     @staticmethod
     def forward(ctx: Any, image: Tensor, target: Tensor, weight: Tensor | None, dssim: float) -> Tensor:
-        x, y = image.detach().numpy(), target.numpy()
-        w = None if weight is None else weight.numpy()[..., None]
+        height, width = image.shape[:2]
+        x, y = (t.detach().contiguous().numpy().reshape(height, 3 * width) for t in (image, target))
+        w = None if weight is None else np.repeat(weight.numpy(), 3, axis=1)
         if w is not None:
             # Pixels that do not count show the target itself, so that the window carries nothing of them.
             x = x * w + y * (1 - w)
-        count = float(x.size if w is None else max(3.0 * float(w.sum()), 1.0))
-        difference = x - y
-        loss = (1 - dssim) * float(np.abs(difference, dtype=np.float64).sum()) / count
-        gradient = np.sign(difference) * np.float32((1 - dssim) / count)
-        if dssim > 0:
-            mx, my = _blur(x), _blur(y)
-            vx, vy, cov = _blur(x * x) - mx * mx, _blur(y * y) - my * my, _blur(x * y) - mx * my
-            a1, a2 = 2 * mx * my + _C1, 2 * cov + _C2
-            b1, b2 = mx * mx + my * my + _C1, vx + vy + _C2
-            inverse = 1.0 / (b1 * b2)
-            ssim = a1 * a2 * inverse
-            loss += dssim * (1.0 - float(ssim.mean(dtype=np.float64))) * x.size / count
-            # ssim as a function of the blurred x, x*x and x*y (Wang et al. 2004, equation 13)
-            d_xx = -ssim / b2
-            d_xy = 2 * a1 * inverse
-            d_mx = 2 * (my * a2 * inverse - mx * ssim / b1) - 2 * mx * d_xx - my * d_xy
-            back = _blur(d_mx) + 2 * x * _blur(d_xx) + y * _blur(d_xy)
-            gradient -= np.float32(dssim / count) * back
+        count = float(x.size if w is None else max(float(w.sum()), 1.0))
+        buffers = borrow()
+        maps = [buffers.array(name, x.shape) for name in ("by_mean", "by_square", "by_product")]
+        ssim, difference = np.empty(height, np.float32), np.empty(height, np.float32)
+        in_parallel(kernels.ssim_rows, height, ROWS_AT_ONCE, x, y, _TAPS, ssim, difference, *maps)
+        gradient = np.empty_like(x)
+        scales = np.float32((1 - dssim) / count), np.float32(dssim / count)
+        in_parallel(kernels.l1_dssim_gradient, height, ROWS_AT_ONCE, x, y, _TAPS, *maps, *scales, gradient)
+        give_back(buffers)
         if w is not None:
-            gradient = gradient * w
-        ctx.gradient = torch.from_numpy(np.ascontiguousarray(gradient, dtype=np.float32))
-        return image.new_tensor(loss)
+            gradient *= w
+        ctx.gradient = torch.from_numpy(gradient.reshape(height, width, 3))
+        l1, structure = float(difference.sum(dtype=np.float64)), x.size - float(ssim.sum(dtype=np.float64))
+        return image.new_tensor(((1 - dssim) * l1 + dssim * structure) / count)
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
@@ -104,13 +91,30 @@ def semantic_cross_entropy(
         target: (H, W) int64 compact labels, negative = ignore.
         sky_label: the compact label of the sky, or None.
     """
-    known = target >= 0
-    picked = semantics.gather(2, target.clamp_min(0)[..., None])[..., 0]
-    by_alpha = picked / alpha.clamp_min(1e-3)
-    probability = by_alpha if sky_label is None else torch.where(target == sky_label, 1 - alpha, picked)
-    nll = -torch.log(probability.clamp_min(0) + 1e-3)
-    w = known.to(nll.dtype) if weight is None else weight * known
-    return (nll * w).sum() / w.sum().clamp_min(1.0)
+    result: Tensor = _CrossEntropy.apply(  # type: ignore[no-untyped-call]
+        semantics, alpha, target, -1 if sky_label is None else sky_label, weight
+    )
+    return result
+
+
+class _CrossEntropy(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, semantics: Tensor, alpha: Tensor, target: Tensor, sky: int, weight: Tensor | None) -> Tensor:
+        known = target.numpy() >= 0
+        w = _EVERYWHERE if weight is None else weight.numpy()
+        count = max(1.0, float(known.sum() if weight is None else (w * known).sum(dtype=np.float64)))
+        sums = np.empty(len(known))
+        gradients = np.empty(semantics.shape, np.float32), np.empty(alpha.shape, np.float32)
+        in_parallel(
+            kernels.cross_entropy_rows, len(known), ROWS_AT_ONCE, semantics.detach().contiguous().numpy(),
+            alpha.detach().contiguous().numpy(), target.numpy(), w, sky, np.float32(1 / count), sums, *gradients,
+        )  # fmt: skip
+        ctx.gradients = tuple(torch.from_numpy(g) for g in gradients)
+        return semantics.new_tensor(float(sums.sum()) / count)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        return *(g * grad_outputs[0] for g in ctx.gradients), None, None, None
 
 
 def camera_rays(camera: Camera) -> Tensor:
@@ -130,12 +134,28 @@ def normal_consistency(
         normal: (H, W, 3) accumulated normals in the camera's frame; depth: (H, W) accumulated; alpha: (H, W).
         rays: (H, W, 3) of :func:`camera_rays`.
     """
-    points = rays * (depth / alpha.clamp_min(1e-3))[..., None]
-    dx = points[1:-1, 2:] - points[1:-1, :-2]
-    dy = points[2:, 1:-1] - points[:-2, 1:-1]
-    surface = F.normalize(torch.linalg.cross(dy, dx, dim=2), dim=2)
-    opaque = alpha.detach()[1:-1, 1:-1]
-    error = opaque * (opaque - (surface * normal[1:-1, 1:-1]).sum(dim=2))
-    if weight is not None:
-        error = error * weight[1:-1, 1:-1]
-    return error.mean()
+    result: Tensor = _NormalConsistency.apply(normal, depth, alpha, rays, weight)  # type: ignore[no-untyped-call]
+    return result
+
+
+class _NormalConsistency(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, normal: Tensor, depth: Tensor, alpha: Tensor, rays: Tensor, weight: Tensor | None) -> Tensor:
+        n, d, a, r = (t.detach().contiguous().numpy() for t in (normal, depth, alpha, rays))
+        height, width = d.shape
+        count = max(1, (height - 2) * (width - 2))
+        w = _EVERYWHERE if weight is None else weight.numpy()
+        buffers = borrow()
+        along, down = buffers.array("along", n.shape), buffers.array("down", n.shape)
+        sums, g_normal = np.empty(height), np.empty_like(n)
+        scale = np.float32(1 / count)
+        in_parallel(kernels.normal_rows, height, ROWS_AT_ONCE, n, d, a, r, w, scale, sums, g_normal, along, down)
+        g_depth, g_alpha = np.empty_like(d), np.empty_like(d)
+        in_parallel(kernels.normal_to_depth, height, ROWS_AT_ONCE, d, a, r, along, down, g_depth, g_alpha)
+        give_back(buffers)
+        ctx.gradients = tuple(torch.from_numpy(g) for g in (g_normal, g_depth, g_alpha))
+        return normal.new_tensor(float(sums.sum()) / count)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        return *(g * grad_outputs[0] for g in ctx.gradients), None, None

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.buffers import Buffers, borrow, give_back
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel, thread_count
 from unveil_core.raster.cpu import kernels as k
-from unveil_core.raster.cpu.workspace import Buffers, borrow, give_back
 
 __all__ = ["Inputs", "Pass", "Settings", "backward_pass", "forward_pass", "group_for", "release"]
 
