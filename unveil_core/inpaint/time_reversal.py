@@ -127,7 +127,11 @@ def paint_in_reversed_time(
             gain[shadow] = look.gain[shadow]
             over = shadow & look.replaced
             original[over] = look.color[over]
-        image = np.where(task.removed[..., None], fill, np.clip(original * gain, 0, 1))
+            gain[over] = 1.0  # the chart shows it lit already
+        relit = np.clip(original * gain, 0, 1)
+        if layer is not None and shadow.any():
+            relit[shadow] = _held(relit[shadow], look.color[shadow])
+        image = np.where(task.removed[..., None], fill, relit)
         image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
         # Where surfels carried from a later frame cover the hole, it is no hole any more.
         below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0 if layer is not None else task.unobserved
@@ -152,6 +156,15 @@ def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDAr
     tint: NDArray[np.float32] = np.median((original - chart)[plain], axis=0).clip(-0.15, 0.15).astype(np.float32)
     # Less than this is shade and texture, not exposure.
     return tint if float(np.abs(tint).max()) > 0.05 else np.zeros(3, dtype=np.float32)
+
+
+def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Relit colours (N, 3), kept near the chart's: along a shadow's border a pixel's misplacement would brighten what is
+    lit already, or leave what is dark."""
+    level, relit_level = chart.mean(axis=1, keepdims=True), relit.mean(axis=1, keepdims=True)
+    share = np.clip(relit_level, 0, 1.12 * level + 0.02) / np.maximum(relit_level, 1e-3)
+    held: NDArray[np.float32] = np.where(relit_level < 0.72 * level, chart, relit * share).astype(np.float32)
+    return held
 
 
 def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
