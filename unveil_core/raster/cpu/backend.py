@@ -84,7 +84,7 @@ class Pass:
     pose: tuple[Float64, Float64, Float64]
     c1: np.float32
     inv_near: np.float32
-    order: NDArray[np.int32]
+    records: Float32
     packed: Float32
     surfel_start: NDArray[np.int64]
     offsets: NDArray[np.int64]
@@ -112,18 +112,19 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         np.ascontiguousarray(camera.centre, dtype=np.float64),
     )
     records = buffers.array("records", (count, k.RECORD))
+    boxes, depths = buffers.array("boxes", (count, 4), np.int16), buffers.array("depths", (count,))
     visible = np.empty(count, np.uint8)
     in_parallel(
         k.project, count, 4096, *inputs, labels, *pose, float(camera.fx), float(camera.fy), float(camera.cx),
-        float(camera.cy), width, height, float(near), settings.coefficients, records, visible,
+        float(camera.cy), width, height, float(near), settings.coefficients, records, boxes, depths, visible,
     )  # fmt: skip
-    order = k.depth_order(np.ascontiguousarray(records[:, int(k.R_Z)]).view(np.uint32), visible)
+    order = k.depth_order(depths.view(np.uint32), visible)
     packed = buffers.array("packed", (len(order), k.RECORD))
     in_parallel(k.pack, len(order), 4096, records, order, packed)
     tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
-    surfel_start = buffers.array("surfel_start", (len(order) + 1,), np.int64)
+    surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
-    total = k.count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets)
+    total = k.count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets)
     if total > np.iinfo(np.int32).max:
         raise ValueError(
             f"{total} surfel-tile intersections in one view; the surfels are too large for this image size"
@@ -132,7 +133,7 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     place = buffers.array("place", (total,), np.int32)
     hits = buffers.array("hits", (total,), np.uint16)
     band = max(1, -(-tiles_y // thread_count()))
-    in_parallel(k.fill_tiles, tiles_y, band, packed, tiles_x, surfel_start, offsets, ids, place)
+    in_parallel(k.fill_tiles, tiles_y, band, order, boxes, tiles_x, surfel_start, offsets, ids, place)
     shapes = _plane_shapes(group, width, height, label_count)
     planes = {name: np.empty(shape, np.float32) for name, shape in shapes.items()}
     kept = buffers.array(
@@ -148,8 +149,8 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
-        planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near, order,
-        packed, surfel_start, offsets, ids, place, hits, kept,
+        planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near,
+        records, packed, surfel_start, offsets, ids, place, hits, kept,
     )  # fmt: skip
     if not keep:
         release(done)
@@ -173,10 +174,9 @@ def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> t
         height, done.c1, done.inv_near, settings.label_count, done.kept, done.hits, *incoming, done.place, rows,
     )  # fmt: skip
     gradients = (*(np.empty_like(a) for a in inputs), np.empty((len(done.visible), 2), np.float32))
-    in_parallel(k.clear_hidden, len(done.visible), 8192, done.visible.view(np.uint8), settings.coefficients, *gradients)
     in_parallel(
-        k.reduce_rows, len(done.order), 2048, done.packed, done.order, done.surfel_start, rows, *inputs, *done.pose,
-        float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
+        k.reduce_rows, len(done.visible), 2048, done.records, done.visible.view(np.uint8), done.surfel_start, rows, *inputs,
+        *done.pose, float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
     )  # fmt: skip
     return gradients
 

@@ -43,7 +43,7 @@ INLINED = {**FAST, "forceinline": True}
 
 TILE, BLOCK, LANES, BLOCKS_X, BLOCKS = 16, 4, 16, 4, 16
 RECORD = 24
-"""Floats of a packed surfel: see the ``R_`` offsets."""
+"""Floats of a surfel's record: see the ``R_`` offsets."""
 ROW = 20
 """Floats of a gradient row: 3 x (n_u, n_v, q) moments, 1/z, opacity, rgb, normal, screen."""
 
@@ -770,8 +770,9 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
 
 @njit(**FAST)
 def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
-            coefficients, records, visible):  # fmt: skip
-    """Records of the surfels that can touch the image, with activations and colour; ``visible`` (N,) uint8."""
+            coefficients, records, boxes, depths, visible):  # fmt: skip
+    """Records of the surfels that can touch the image, with activations and colour; the tiles that each touches
+    (first and last column, first and last row), its depth, and ``visible`` (N,) uint8."""
     for i in range(first, end):
         visible[i] = 0
         X = R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0]
@@ -839,12 +840,13 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
             a0, b0, a1, b1 = V1 * g, -U1 * g, -V0 * g, U0 * g
             a2, b2 = -(h02 * a0 + h12 * a1) * iz, -(h02 * b0 + h12 * b1) * iz
         dx, dy, dz = means[i, 0] - eye[0], means[i, 1] - eye[1], means[i, 2] - eye[2]
-        basis = sh_basis(dx / distance, dy / distance, dz / distance)
-        red, green, blue = 0.5, 0.5, 0.5
-        for k in range(coefficients):
-            red += basis[k] * sh[i, k, 0]
-            green += basis[k] * sh[i, k, 1]
-            blue += basis[k] * sh[i, k, 2]
+        red, green, blue = 0.5 + SH0 * sh[i, 0, 0], 0.5 + SH0 * sh[i, 0, 1], 0.5 + SH0 * sh[i, 0, 2]
+        if coefficients > 1:
+            basis = sh_basis(dx / distance, dy / distance, dz / distance)
+            for k in range(1, coefficients):
+                red += basis[k] * sh[i, k, 0]
+                green += basis[k] * sh[i, k, 1]
+                blue += basis[k] * sh[i, k, 2]
         records[i, R_CX] = cx
         records[i, R_CY] = cy
         records[i, R_IZ] = iz
@@ -867,6 +869,9 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         records[i, R_Y0] = y0
         records[i, R_Y1] = y1
         records[i, R_LABEL] = f32(labels[i])
+        boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
+        boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
+        depths[i] = Z
         visible[i] = 1
 
 
@@ -902,26 +907,26 @@ def depth_order(depth_bits, visible):
 
 @njit(**FAST)
 def pack(first, end, records, order, packed):
-    """Records in depth order."""
+    """Records in depth order: a tile's list then walks through memory in one direction."""
     for i in range(first, end):
         for k in range(RECORD):
             packed[i, k] = records[order[i], k]
 
 
 @njit(**FAST)
-def count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets):
-    """Intersections before each surfel and before each tile; returns how many there are."""
+def count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets):
+    """Intersections before each surfel (N + 1,) and before each tile; returns how many there are."""
     per_tile = np.zeros(tiles_x * tiles_y, np.int64)
     total = 0
-    for i in range(packed.shape[0]):
-        x0, x1 = i64(packed[i, R_X0]) // TILE, (i64(packed[i, R_X1]) - 1) // TILE
-        y0, y1 = i64(packed[i, R_Y0]) // TILE, (i64(packed[i, R_Y1]) - 1) // TILE
-        surfel_start[i] = total
-        for y in range(y0, y1 + 1):
-            for x in range(x0, x1 + 1):
-                per_tile[y * tiles_x + x] += 1
-        total += (x1 - x0 + 1) * (y1 - y0 + 1)
-    surfel_start[packed.shape[0]] = total
+    for n in range(len(visible)):
+        surfel_start[n] = total
+        if visible[n]:
+            x0, x1, y0, y1 = i64(boxes[n, 0]), i64(boxes[n, 1]), i64(boxes[n, 2]), i64(boxes[n, 3])
+            for y in range(y0, y1 + 1):
+                for x in range(x0, x1 + 1):
+                    per_tile[y * tiles_x + x] += 1
+            total += (x1 - x0 + 1) * (y1 - y0 + 1)
+    surfel_start[len(visible)] = total
     offsets[0] = 0
     for t in range(tiles_x * tiles_y):
         offsets[t + 1] = offsets[t] + per_tile[t]
@@ -929,17 +934,18 @@ def count_tiles(packed, tiles_x, tiles_y, surfel_start, offsets):
 
 
 @njit(**FAST)
-def fill_tiles(low, high, packed, tiles_x, surfel_start, offsets, ids, place):
+def fill_tiles(low, high, order, boxes, tiles_x, surfel_start, offsets, ids, place):
     """Tile lists in depth order for a band of tile rows, and for each entry the place of its gradient row.
 
     Rows lie surfel after surfel: scattered stores in backward wait for nobody, scattered loads in the reduction would.
     """
     cursor = offsets[low * tiles_x : high * tiles_x].copy()
-    for i in range(packed.shape[0]):
-        y0, y1 = i64(packed[i, R_Y0]) // TILE, (i64(packed[i, R_Y1]) - 1) // TILE
+    for i in range(len(order)):
+        n = order[i]
+        y0, y1 = i64(boxes[n, 2]), i64(boxes[n, 3])
         if y1 < low or y0 >= high:
             continue
-        x0, x1 = i64(packed[i, R_X0]) // TILE, (i64(packed[i, R_X1]) - 1) // TILE
+        x0, x1 = i64(boxes[n, 0]), i64(boxes[n, 1])
         across = x1 - x0 + 1
         for y in range(max(y0, low), min(y1, high - 1) + 1):
             for x in range(x0, x1 + 1):
@@ -947,38 +953,31 @@ def fill_tiles(low, high, packed, tiles_x, surfel_start, offsets, ids, place):
                 entry = cursor[k]
                 cursor[k] = entry + 1
                 ids[entry] = i
-                place[entry] = surfel_start[i] + (y - y0) * across + (x - x0)
+                place[entry] = surfel_start[n] + (y - y0) * across + (x - x0)
 
 
 @njit(**FAST)
-def clear_hidden(first, end, visible, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):
-    """Zero the gradients of surfels off the screen, and of the coefficients that were not used."""
-    for i in range(first, end):
-        for k in range(coefficients if visible[i] else 0, g_sh.shape[1]):
-            for c in range(3):
-                g_sh[i, k, c] = ZERO
-        if visible[i]:
-            continue
-        for k in range(3):
-            g_means[i, k] = ZERO
-        for k in range(4):
-            g_quats[i, k] = ZERO
-        for k in range(2):
-            g_log_scales[i, k] = ZERO
-            g_screen[i, k] = ZERO
-        g_opacity_logits[i] = ZERO
-
-
-@njit(**FAST)
-def reduce_rows(first, end, packed, order, surfel_start, rows, means, quats, log_scales, opacity_logits, sh, R, t, eye,
+def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, log_scales, opacity_logits, sh, R, t, eye,
                 fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
-    """Sum each surfel's rows in a fixed order and carry them back to its parameters."""
-    for i in range(first, end):
+    """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
+    for n in range(first, end):
+        for k in range(coefficients if visible[n] else 0, g_sh.shape[1]):
+            for c in range(3):
+                g_sh[n, k, c] = ZERO
+        if not visible[n]:
+            for k in range(3):
+                g_means[n, k] = ZERO
+            for k in range(4):
+                g_quats[n, k] = ZERO
+            for k in range(2):
+                g_log_scales[n, k] = ZERO
+                g_screen[n, k] = ZERO
+            g_opacity_logits[n] = ZERO
+            continue
         a = np.zeros(ROW, f32)
-        for s in range(surfel_start[i], surfel_start[i + 1]):
+        for s in range(surfel_start[n], surfel_start[n + 1]):
             for k in range(ROW):
                 a[k] += rows[s, k]
-        n = order[i]
         X = R[0, 0] * means[n, 0] + R[0, 1] * means[n, 1] + R[0, 2] * means[n, 2] + t[0]
         Y = R[1, 0] * means[n, 0] + R[1, 1] * means[n, 1] + R[1, 2] * means[n, 2] + t[1]
         Z = R[2, 0] * means[n, 0] + R[2, 1] * means[n, 1] + R[2, 2] * means[n, 2] + t[2]
@@ -1033,18 +1032,19 @@ def reduce_rows(first, end, packed, order, surfel_start, rows, means, quats, log
         gm1 = R[0, 1] * g_X + R[1, 1] * g_Y + R[2, 1] * g_Z
         gm2 = R[0, 2] * g_X + R[1, 2] * g_Y + R[2, 2] * g_Z
         # Colour: no gradient where the clamp at zero held it.
-        red = f64(a[10]) if packed[i, R_RED] > ZERO else 0.0
-        green = f64(a[11]) if packed[i, R_GREEN] > ZERO else 0.0
-        blue = f64(a[12]) if packed[i, R_BLUE] > ZERO else 0.0
+        red = f64(a[10]) if records[n, R_RED] > ZERO else 0.0
+        green = f64(a[11]) if records[n, R_GREEN] > ZERO else 0.0
+        blue = f64(a[12]) if records[n, R_BLUE] > ZERO else 0.0
         dx, dy, dz = (
             (means[n, 0] - eye[0]) / distance,
             (means[n, 1] - eye[1]) / distance,
             (means[n, 2] - eye[2]) / distance,
         )
-        basis = sh_basis(dx, dy, dz)
-        for k in range(coefficients):
-            g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = basis[k] * red, basis[k] * green, basis[k] * blue
+        g_sh[n, 0, 0], g_sh[n, 0, 1], g_sh[n, 0, 2] = SH0 * red, SH0 * green, SH0 * blue
         if coefficients > 1:
+            basis = sh_basis(dx, dy, dz)
+            for k in range(1, coefficients):
+                g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = basis[k] * red, basis[k] * green, basis[k] * blue
             by_x, by_y, by_z = sh_slopes(dx, dy, dz)
             gx, gy, gz = 0.0, 0.0, 0.0
             for k in range(1, coefficients):
