@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import torch
 
 from unveil_core.optimize.density import DensityControl, DensitySettings
@@ -34,14 +35,54 @@ def test_values_survive_a_round_trip() -> None:
 def test_moments_follow_their_surfels() -> None:
     trainable = TrainableSurfels(some(10), LearningRates(means=0.1))
     take_step(trainable)
-    before = trainable.optimizer.state[trainable.leaves["means"]]["exp_avg"].clone()
+    before = trainable.first["means"].clone()
     keep = torch.arange(10) % 2 == 0
     trainable.rebuild(keep, some(3))
-    state = trainable.optimizer.state[trainable.leaves["means"]]
     assert len(trainable) == 8
-    assert torch.equal(state["exp_avg"][:5], before[keep])
-    assert float(state["exp_avg"][5:].abs().max()) == 0
+    assert torch.equal(trainable.first["means"][:5], before[keep])
+    assert float(trainable.first["means"][5:].abs().max()) == 0
     take_step(trainable)
+
+
+@pytest.mark.parametrize("moving", [None, torch.ones(200, dtype=torch.bool)])
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_steps_are_those_of_torch(degree: int, moving: torch.Tensor | None) -> None:
+    start, rates = some(200, degree), LearningRates(means=0.1, sh_base=0.03, sh_rest=0.002)
+    trainable = TrainableSurfels(start, rates)
+    names = {"means": 0.1, "quats": rates.quats, "log_scales": rates.log_scales, "opacity_logits": rates.opacity_logits}
+    theirs = {name: getattr(start, name).double().requires_grad_(True) for name in (*names, "sh")}
+    base, rest = theirs["sh"].detach()[:, :1].clone(), theirs["sh"].detach()[:, 1:].clone()
+    groups = [{"params": [theirs[name]], "lr": rate} for name, rate in names.items()]
+    groups += [{"params": [base], "lr": 0.03}, {"params": [rest], "lr": 0.002}]
+    optimizer = torch.optim.Adam(groups, eps=1e-15)
+    g = torch.Generator().manual_seed(1)
+    for _ in range(5):
+        for name, leaf in trainable.leaves.items():
+            gradient = torch.randn(leaf.shape, generator=g) * (10.0 ** torch.randint(-9, 3, leaf.shape, generator=g))
+            leaf.grad = gradient.clone()
+            theirs[name].grad = gradient.double()
+        base.grad, rest.grad = theirs["sh"].grad[:, :1].clone(), theirs["sh"].grad[:, 1:].clone()
+        trainable.step(moving)
+        optimizer.step()
+    for name in names:
+        assert torch.allclose(trainable.leaves[name].double(), theirs[name], rtol=1e-5, atol=1e-6), name
+    assert torch.allclose(trainable.leaves["sh"].double(), torch.cat([base, rest], dim=1), rtol=1e-5, atol=1e-6)
+
+
+def test_surfels_that_do_not_move_keep_values_and_moments() -> None:
+    trainable = TrainableSurfels(some(10), LearningRates(means=0.1))
+    take_step(trainable)
+    values = {name: leaf.detach().clone() for name, leaf in trainable.leaves.items()}
+    moments = {name: m.clone() for name, m in trainable.first.items()}
+    s = trainable.surfels
+    (s.means.square().sum() + s.sh.sum()).backward()
+    moving = torch.arange(10) < 4
+    trainable.step(moving)
+    for name, leaf in trainable.leaves.items():
+        assert torch.equal(leaf[~moving], values[name][~moving])
+        assert torch.equal(trainable.first[name][~moving], moments[name][~moving])
+    assert not torch.equal(trainable.leaves["means"][moving], values["means"][moving])
+    assert trainable.leaves["means"].grad is None
 
 
 def test_density_control_splits_clones_and_drops() -> None:
@@ -68,11 +109,3 @@ def test_budget_is_kept() -> None:
     control.observe(torch.rand(20, 2), torch.ones(20, dtype=torch.bool), 10.0, torch.zeros(20))
     control.act(trainable)
     assert len(trainable) == 23
-
-
-def test_opacity_reset_forgets_momentum() -> None:
-    trainable = TrainableSurfels(some(5), LearningRates(means=0.1))
-    take_step(trainable)
-    trainable.reset_opacity(0.01)
-    assert float(torch.sigmoid(trainable.leaves["opacity_logits"].detach()).max()) <= 0.0101
-    assert float(trainable.optimizer.state[trainable.leaves["opacity_logits"]]["exp_avg"].abs().max()) == 0

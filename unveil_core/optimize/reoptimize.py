@@ -70,7 +70,7 @@ def reoptimize(
         targets: (camera, cleaned frame (H, W, 3) uint8).
         unit: world units per metre; near, far: world units.
     Returns:
-        the scene, fixed surfels first.
+        the scene, in the same order.
     """
     if not movable.any() or settings.iterations == 0:
         return surfels

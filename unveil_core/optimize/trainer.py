@@ -20,7 +20,7 @@ from unveil_core.optimize.views import TrainingView
 from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import Rendered, render
 from unveil_core.surfels.sky import Sky
-from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["TrainSettings", "train"]
 
@@ -83,9 +83,7 @@ def train(
         the fitted surfels, detached, and sky.
     """
     w = settings.weights
-    fixed: Surfels | None = None
     if trainable_mask is not None:
-        fixed, surfels = surfels.select(~trainable_mask), surfels.select(trainable_mask)
         settings = replace(settings, density=None)
     trainable = TrainableSurfels(surfels, rates)
     texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
@@ -102,10 +100,8 @@ def train(
         view = views[order.pop()]
         second_stage = iteration >= settings.geometry_from
         decay = settings.final_rate_share ** (iteration / max(1, settings.iterations))
-        trainable.set_rate("means", rates.means * decay)
 
         current = trainable.surfels
-        scene = current if fixed is None else concatenate([fixed, current])
         planes = ["rgb", "alpha"]
         if w.semantic > 0 and view.labels is not None:
             planes.append("semantics")
@@ -113,7 +109,7 @@ def train(
             planes += ["depth", "normal"] if w.normal > 0 else []
             planes += ["distortion"] if w.distortion > 0 else []
             planes += ["label_distortion"] if w.label_distortion > 0 else []
-        out = render(scene, view.camera, planes, label_count=label_count, near=settings.near, far=settings.far)
+        out = render(current, view.camera, planes, label_count=label_count, near=settings.near, far=settings.far)
         assert out.rgb is not None and out.alpha is not None
         background = sky.sample(view.sky_grid, texture)
         image = out.rgb + (1 - out.alpha)[..., None] * background
@@ -135,14 +131,14 @@ def train(
         running_loss = value if iteration == 0 else 0.95 * running_loss + 0.05 * value
         if density is not None:
             _observe(density, out, current, view)
-        trainable.step()
+        trainable.step(trainable_mask, means_rate=rates.means * decay)
         if sky_optimizer is not None:
             sky_optimizer.step()
             sky_optimizer.zero_grad(set_to_none=True)
         if density is not None and density.due(iteration):
             density.act(trainable)
         turn = iteration - settings.geometry_from
-        if fixed is None and second_stage and turn > 0 and turn % settings.prune_every == 0:
+        if trainable_mask is None and second_stage and turn > 0 and turn % settings.prune_every == 0:
             opacity = torch.sigmoid(trainable.leaves["opacity_logits"].detach())
             keep = (opacity >= settings.prune_opacity) | torch.isin(trainable.labels, spared)
             if not bool(keep.all()):
@@ -150,10 +146,7 @@ def train(
                 if density is not None:
                     density.clear(len(trainable))
         progress(iteration + 1, settings.iterations, loss=running_loss, surfels=float(len(trainable)))
-    final = trainable.surfels.detach()
-    if fixed is not None:
-        final = concatenate([fixed, final]).detach()
-    return final, Sky(texture.detach(), sky.axes)
+    return trainable.surfels.detach(), Sky(texture.detach(), sky.axes)
 
 
 def _observe(density: DensityControl, out: Rendered, surfels: Surfels, view: TrainingView) -> None:

@@ -1,0 +1,74 @@
+"""Adam (Kingma and Ba 2015) for some rows of a tensor, or all.
+
+Surfels that the current view does not show take part: moving only the visible ones would save a little memory traffic, but
+they then take fewer effective steps, and after the same number of iterations the sample street was 0.5 dB worse.
+"""
+
+# mypy: ignore-errors
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from torch import Tensor
+
+from unveil_core.parallel import in_parallel
+
+__all__ = ["adam_step"]
+
+BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
+f32, u64 = np.float32, np.uint64
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rows(start, stop, values, gradient, first, second, rate, rest_rate, moving, bias1, bias2):
+    width = u64(values.shape[1])
+    beta1, beta2, epsilon = f32(BETA1), f32(BETA2), f32(EPSILON)
+    rest1, rest2 = f32(1 - BETA1), f32(1 - BETA2)
+    for n in range(start, stop):
+        if not moving[n]:
+            continue
+        for d in range(width):
+            g = gradient[n, d]
+            m = beta1 * first[n, d] + rest1 * g
+            v = beta2 * second[n, d] + rest2 * g * g
+            first[n, d], second[n, d] = m, v
+            step = rate if d < u64(3) else rest_rate
+            values[n, d] -= step * (m * bias1) / (np.sqrt(v * bias2) + epsilon)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _flat(start, stop, values, gradient, first, second, rate, bias1, bias2):
+    beta1, beta2, epsilon = f32(BETA1), f32(BETA2), f32(EPSILON)
+    rest1, rest2 = f32(1 - BETA1), f32(1 - BETA2)
+    for i in range(u64(start), u64(stop)):
+        g = gradient[i]
+        m = beta1 * first[i] + rest1 * g
+        v = beta2 * second[i] + rest2 * g * g
+        first[i], second[i] = m, v
+        values[i] -= rate * (m * bias1) / (np.sqrt(v * bias2) + epsilon)
+
+
+def adam_step(
+    values: Tensor, gradient: Tensor, first: Tensor, second: Tensor, moving: Tensor | None, *, turn: int, rate: float,
+    rest_rate: float | None = None,
+) -> None:  # fmt: skip
+    """One step in place.
+
+    Args:
+        values, gradient, first, second: (N, ...) float32, contiguous: parameters, gradient, both moments.
+        moving: (N,) bool, the rows that change; None = all.
+        turn: how many steps were taken, this one included.
+        rate: step size; rest_rate: the step size of all numbers of a row but the first three, the same by default.
+    """
+    rows = len(values)
+    if rows == 0 or values.numel() == 0:
+        return
+    arrays = [t.detach().view(rows, -1).numpy() for t in (values, gradient.contiguous(), first, second)]
+    scales = f32(1 / (1 - BETA1**turn)), f32(1 / (1 - BETA2**turn))
+    if moving is None and rest_rate is None:
+        flat = [a.reshape(-1) for a in arrays]
+        in_parallel(_flat, len(flat[0]), 16384, *flat, f32(rate), *scales)
+        return
+    rates = f32(rate), f32(rate if rest_rate is None else rest_rate)
+    mask = np.ones(rows, np.uint8) if moving is None else moving.numpy().view(np.uint8)
+    in_parallel(_rows, rows, 1024, *arrays, *rates, mask, *scales)
