@@ -843,10 +843,13 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         red, green, blue = 0.5 + SH0 * sh[i, 0, 0], 0.5 + SH0 * sh[i, 0, 1], 0.5 + SH0 * sh[i, 0, 2]
         if coefficients > 1:
             basis = sh_basis(dx / distance, dy / distance, dz / distance)
+            r, g, b = ZERO, ZERO, ZERO
             for k in range(1, coefficients):
-                red += basis[k] * sh[i, k, 0]
-                green += basis[k] * sh[i, k, 1]
-                blue += basis[k] * sh[i, k, 2]
+                weight = f32(basis[k])
+                r += weight * sh[i, k, 0]
+                g += weight * sh[i, k, 1]
+                b += weight * sh[i, k, 2]
+            red, green, blue = red + r, green + g, blue + b
         records[i, R_CX] = cx
         records[i, R_CY] = cy
         records[i, R_IZ] = iz
@@ -1043,12 +1046,13 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, 
         g_sh[n, 0, 0], g_sh[n, 0, 1], g_sh[n, 0, 2] = SH0 * red, SH0 * green, SH0 * blue
         if coefficients > 1:
             basis = sh_basis(dx, dy, dz)
-            for k in range(1, coefficients):
-                g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = basis[k] * red, basis[k] * green, basis[k] * blue
             by_x, by_y, by_z = sh_slopes(dx, dy, dz)
+            red32, green32, blue32 = f32(red), f32(green), f32(blue)
             gx, gy, gz = 0.0, 0.0, 0.0
             for k in range(1, coefficients):
-                weight = red * sh[n, k, 0] + green * sh[n, k, 1] + blue * sh[n, k, 2]
+                value = f32(basis[k])
+                g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = value * red32, value * green32, value * blue32
+                weight = red32 * sh[n, k, 0] + green32 * sh[n, k, 1] + blue32 * sh[n, k, 2]
                 gx += weight * by_x[k]
                 gy += weight * by_y[k]
                 gz += weight * by_z[k]
