@@ -63,10 +63,10 @@ L16 = u64(16)
 
 # ---- forward state of one block: planes of 16 lanes; the first KEPT_COLOUR or KEPT_GEOMETRY are what backward needs
 (F_T, F_LAST, F_M1, F_M2, F_MEDIAN_I, F_FIRST, F_LIVE, F_RED, F_GREEN, F_BLUE, F_NX, F_NY, F_NZ, F_DEPTH, F_DIST,
- F_LDIST, F_MEDIAN, F_X, F_Y, F_ALPHA, F_INV, F_DEP, F_SEM, F_LT, F_LM1, F_LM2, F_LFIRST) = (
-    u64(16 * k) for k in range(27)
+ F_LDIST, F_MEDIAN, F_X, F_Y, F_SEM, F_LT, F_LM1, F_LM2, F_LFIRST) = (
+    u64(16 * k) for k in range(24)
 )  # fmt: skip
-F_LABELS = 27 * 16
+F_LABELS = 24 * 16
 """Then per label: its semantics, and with label distortion its transmittance, two moments and first hit."""
 KEPT_COLOUR, KEPT_GEOMETRY, KEPT_LABEL = 2 * 16, 6 * 16, 4 * 16
 
@@ -144,7 +144,11 @@ def _forward_tile(
                 if alive[b] == 0:
                     continue
                 o = u64(b * stride)
-                some, stopping = ZERO, ZERO
+                if semantics:
+                    slot = u64(b * stride + F_LABELS + label * slot_size)
+                    for l in range(u64(slot_size)):
+                        state[o + F_SEM + l] = state[slot + l]
+                some, living = ZERO, ZERO
                 for l in range(L16):
                     j = o + l
                     dx, dy = state[F_X + j] - cx, state[F_Y + j] - cy
@@ -165,39 +169,18 @@ def _forward_tile(
                     alpha = e * opacity
                     alpha = alpha if alpha < A_MAX else A_MAX
                     inv = q * iz if use_exact else iz
-                    alpha = alpha * state[F_LIVE + j]
+                    live, light = state[F_LIVE + j], state[F_T + j]
+                    alpha = alpha * live
                     alpha = alpha if alpha >= A_MIN else ZERO
                     alpha = alpha if inv > ZERO else ZERO
                     alpha = alpha if inv <= inv_near else ZERO
-                    state[F_ALPHA + j] = alpha
-                    if geometry:
-                        state[F_INV + j] = inv
-                        state[F_DEP + j] = r * z if use_exact else z
                     some += alpha
-                    stopping += ONE if state[F_T + j] * (ONE - alpha) < T_MIN else ZERO
-                if some <= ZERO:
-                    continue
-                hit |= 1 << b
-                if stopping > ZERO:
-                    living = 0
-                    for l in range(L16):
-                        j = o + l
-                        alpha = state[F_ALPHA + j]
-                        if alpha > ZERO and state[F_T + j] * (ONE - alpha) < T_MIN:
-                            state[F_ALPHA + j] = ZERO
-                            state[F_LIVE + j] = ZERO
-                        if state[F_LIVE + j] > ZERO:
-                            living += 1
-                    if living == 0:
-                        alive[b] = 0
-                        alive_count -= 1
-                if semantics:
-                    slot = u64(b * stride + F_LABELS + label * slot_size)
-                    for l in range(u64(slot_size)):
-                        state[o + F_SEM + l] = state[slot + l]
-                for l in range(L16):
-                    j = o + l
-                    alpha, light = state[F_ALPHA + j], state[F_T + j]
+                    # The surfel that would bring the light under the limit ends the pixel, and does not count itself.
+                    past = light * (ONE - alpha)
+                    live = live if past >= T_MIN else ZERO
+                    alpha = alpha * live
+                    state[F_LIVE + j] = live
+                    living += live
                     w = alpha * light
                     state[F_RED + j] += w * red
                     state[F_GREEN + j] += w * green
@@ -208,7 +191,7 @@ def _forward_tile(
                     if semantics:
                         state[F_SEM + j] += w
                     if geometry:
-                        inv, d, start = state[F_INV + j], state[F_DEP + j], state[F_FIRST + j]
+                        d, start = r * z if use_exact else z, state[F_FIRST + j]
                         begins = alpha if light >= ONE else ZERO
                         start = inv if begins > ZERO else start
                         state[F_FIRST + j] = start
@@ -225,26 +208,26 @@ def _forward_tile(
                         old, old_i = state[F_MEDIAN + j], state[F_MEDIAN_I + j]
                         state[F_MEDIAN + j] = d if middle > ZERO else old
                         state[F_MEDIAN_I + j] = rank if middle > ZERO else old_i
+                    if label_distortion:
+                        llight, lstart = state[F_LT + j], state[F_LFIRST + j]
+                        lw = alpha * llight
+                        begins = alpha if llight >= ONE else ZERO
+                        lstart = inv if begins > ZERO else lstart
+                        state[F_LFIRST + j] = lstart
+                        m = c1 * (lstart - inv)
+                        m1, m2, mm = state[F_LM1 + j], state[F_LM2 + j], m * m
+                        state[F_LDIST + j] += lw * (mm * (ONE - llight) + m2 - TWO * m * m1)
+                        state[F_LM1 + j] = m1 + lw * m
+                        state[F_LM2 + j] = m2 + lw * mm
+                        state[F_LT + j] = llight * (ONE - alpha)
+                if some <= ZERO:
+                    continue
+                hit |= 1 << b
+                if living == ZERO:
+                    alive[b] = 0
+                    alive_count -= 1
                 if label_distortion:
                     met |= 1 << label
-                    for l in range(L16):
-                        j = o + l
-                        alpha, inv, light, start = (
-                            state[F_ALPHA + j],
-                            state[F_INV + j],
-                            state[F_LT + j],
-                            state[F_LFIRST + j],
-                        )
-                        w = alpha * light
-                        begins = alpha if light >= ONE else ZERO
-                        start = inv if begins > ZERO else start
-                        state[F_LFIRST + j] = start
-                        m = c1 * (start - inv)
-                        m1, m2, mm = state[F_LM1 + j], state[F_LM2 + j], m * m
-                        state[F_LDIST + j] += w * (mm * (ONE - light) + m2 - TWO * m * m1)
-                        state[F_LM1 + j] = m1 + w * m
-                        state[F_LM2 + j] = m2 + w * mm
-                        state[F_LT + j] = light * (ONE - alpha)
                 if semantics:
                     for l in range(u64(slot_size)):
                         state[slot + l] = state[o + F_SEM + l]
