@@ -368,292 +368,219 @@ def _backward_tile(
     minus_two_c1 = f32(-2) * c1
     for back in range(count - 1, -1, -1):
         i = u64(first + back)
-        blocks = i64(hits[i])
-        hit = False
-        previous = u64(0)
-        if blocks != 0:
-            g = u64(ids[i])
-            cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
-            a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
-            a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
-            red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
-            nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
-            label = i64(records[g, R_LABEL])
-            rank = f32(back)
-            bx0 = max(0, i64(records[g, R_X0]) - tx) // BLOCK
-            bx1 = min(TILE - 1, i64(records[g, R_X1]) - 1 - tx) // BLOCK
-            by0 = max(0, i64(records[g, R_Y0]) - ty) // BLOCK
-            by1 = min(TILE - 1, i64(records[g, R_Y1]) - 1 - ty) // BLOCK
-            for by in range(by0, by1 + 1):
-                for bx in range(bx0, bx1 + 1):
-                    b = by * BLOCKS_X + bx
-                    if (blocks >> b) & 1 == 0:
-                        continue
-                    o = u64(b * stride)
-                    # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
-                    if not hit:
-                        for l in range(u64(sums * 16)):
-                            state[o + u64(B_ACC) + l] = ZERO
-                        hit = True
-                    elif previous != o:
-                        for l in range(u64(sums * 16)):
-                            state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
-                    previous = o
-                    if semantics:
-                        slot = u64(B_LABELS + label * slot_size) + o
-                        for l in range(u64(slot_size)):
-                            state[o + B_SEM + l] = state[slot + l]
-                    for l in range(L16):
-                        j = o + l
-                        dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
-                        nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
-                        q = ONE + a2 * dx + b2 * dy
-                        q = q if abs(q) > Q_MIN else Q_MIN
-                        r = ONE / q
-                        u, v = nu * r, nv * r
-                        exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
-                        use_exact = exact <= screen
-                        x = (exact if use_exact else screen) * HALF
-                        x = x if x < X_MAX else X_MAX
-                        x = x * EIGHTH
-                        e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
-                        e = e * e
-                        e = e * e
-                        e = e * e
-                        raw = e * opacity
-                        alpha = raw if raw < A_MAX else A_MAX
-                        inv = q * iz if use_exact else iz
-                        alpha = alpha if state[B_LAST + j] >= rank else ZERO
-                        alpha = alpha if alpha >= A_MIN else ZERO
-                        alpha = alpha if inv > ZERO else ZERO
-                        alpha = alpha if inv <= inv_near else ZERO
-                        ex = ONE if use_exact else ZERO
-                        e = e if raw <= A_MAX else ZERO
-                        ra = ONE / (ONE - alpha)
-                        light = state[B_T + j] * ra
-                        state[B_T + j] = light
-                        w, total = alpha * light, state[B_SUM + j]
-                        gred, ggreen, gblue = state[G_RED + j], state[G_GREEN + j], state[G_BLUE + j]
-                        value = gred * red + ggreen * green + gblue * blue + state[G_ALPHA + j]
-                        if semantics:
-                            value += state[B_SEM + j]
-                        if geometry:
-                            d = r * z if use_exact else z
-                            m = c1 * (state[B_FIRST + j] - inv)
-                            ga, gm = state[B_GA + j], state[B_M1 + j]
-                            gnx, gny, gnz = state[G_NX + j], state[G_NY + j], state[G_NZ + j]
-                            gdepth = state[G_DEPTH + j]
-                            value += gdepth * d
-                            value += gnx * nx + gny * ny + gnz * nz
-                            value += m * (m * ga - TWO * gm)
-                            dm = w * (m * ga - gm)
-                        da = light * value - total * ra
-                        state[B_SUM + j] = total + w * value
-                        if label_distortion:
-                            m = c1 * (state[B_LFIRST + j] - inv)
-                            llight = state[B_LT + j] * ra
-                            state[B_LT + j] = llight
-                            lw, ltotal = alpha * llight, state[B_LSUM + j]
-                            gm, ga = state[B_LM1 + j], state[B_LGA + j]
-                            lvalue = m * (m * ga - TWO * gm) + state[B_LM2 + j]
-                            da += llight * lvalue - ltotal * ra
-                            state[B_LSUM + j] = ltotal + lw * lvalue
-                            dm += lw * (m * ga - gm)
-                        da = da if alpha > ZERO else ZERO
-                        da = da if e > ZERO else ZERO
-                        h = da * alpha
-                        h3 = h * ex
-                        h2 = h - h3
-                        hr = h3 * r
-                        ue, ve = u * ex, v * ex
-                        gnu, gnv, gq = -hr * ue, -hr * ve, hr * (ue * ue + ve * ve)
-                        if geometry:
-                            gmed = state[G_MEDIAN + j]
-                            gmed = gmed if alpha > ZERO else ZERO
-                            gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
-                            ginv = minus_two_c1 * dm - (w * gdepth + gmed) * d * d
-                            ginv = ginv if alpha > ZERO else ZERO
-                            gq += ginv * iz * ex
-                            scaled = ginv * q
-                            state[S_IZ + j] += scaled if ex > ZERO else ginv
-                            state[S_NX + j] += w * gnx
-                            state[S_NY + j] += w * gny
-                            state[S_NZ + j] += w * gnz
-                        state[S_U + j] += gnu
-                        state[S_UX + j] += gnu * dx
-                        state[S_UY + j] += gnu * dy
-                        state[S_V + j] += gnv
-                        state[S_VX + j] += gnv * dx
-                        state[S_VY + j] += gnv * dy
-                        state[S_Q + j] += gq
-                        state[S_QX + j] += gq * dx
-                        state[S_QY + j] += gq * dy
-                        state[S_OPACITY + j] += da * e
-                        state[S_RED + j] += w * gred
-                        state[S_GREEN + j] += w * ggreen
-                        state[S_BLUE + j] += w * gblue
-                        state[S_SX + j] += h2 * dx
-                        state[S_SY + j] += h2 * dy
-                    if label_distortion:
-                        for l in range(u64(96)):
-                            state[slot + L16 + l] = state[o + B_LT + l]
         at = u64(place[i])
         for k in range(ROW):
             rows[at, u64(k)] = ZERO
-        if hit:
-            # Many sums in one loop: one sum alone comes out as adds that wait for each other.
-            t0, t1, t2, t3, t4, t5, t6, t7 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        blocks = i64(hits[i])
+        if blocks == 0:
+            continue
+        g = u64(ids[i])
+        cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
+        a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
+        a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
+        red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
+        nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
+        label = i64(records[g, R_LABEL])
+        rank = f32(back)
+        fresh, previous = True, u64(0)
+        for b in range(BLOCKS):
+            if (blocks >> b) & 1 == 0:
+                continue
+            o = u64(b * stride)
+            # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
+            if fresh:
+                for l in range(u64(sums * 16)):
+                    state[o + u64(B_ACC) + l] = ZERO
+                fresh = False
+            else:
+                for l in range(u64(sums * 16)):
+                    state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
+            previous = o
+            if semantics:
+                slot = u64(B_LABELS + label * slot_size) + o
+                for l in range(u64(slot_size)):
+                    state[o + B_SEM + l] = state[slot + l]
+            for l in range(L16):
+                j = o + l
+                dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
+                nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
+                q = ONE + a2 * dx + b2 * dy
+                q = q if abs(q) > Q_MIN else Q_MIN
+                r = ONE / q
+                u, v = nu * r, nv * r
+                exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
+                use_exact = exact <= screen
+                x = (exact if use_exact else screen) * HALF
+                x = x if x < X_MAX else X_MAX
+                x = x * EIGHTH
+                e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
+                e = e * e
+                e = e * e
+                e = e * e
+                raw = e * opacity
+                alpha = raw if raw < A_MAX else A_MAX
+                inv = q * iz if use_exact else iz
+                alpha = alpha if state[B_LAST + j] >= rank else ZERO
+                alpha = alpha if alpha >= A_MIN else ZERO
+                alpha = alpha if inv > ZERO else ZERO
+                alpha = alpha if inv <= inv_near else ZERO
+                ex = ONE if use_exact else ZERO
+                e = e if raw <= A_MAX else ZERO
+                ra = ONE / (ONE - alpha)
+                light = state[B_T + j] * ra
+                state[B_T + j] = light
+                w, total = alpha * light, state[B_SUM + j]
+                gred, ggreen, gblue = state[G_RED + j], state[G_GREEN + j], state[G_BLUE + j]
+                value = gred * red + ggreen * green + gblue * blue + state[G_ALPHA + j]
+                if semantics:
+                    value += state[B_SEM + j]
+                if geometry:
+                    d = r * z if use_exact else z
+                    m = c1 * (state[B_FIRST + j] - inv)
+                    ga, gm = state[B_GA + j], state[B_M1 + j]
+                    gnx, gny, gnz = state[G_NX + j], state[G_NY + j], state[G_NZ + j]
+                    gdepth = state[G_DEPTH + j]
+                    value += gdepth * d
+                    value += gnx * nx + gny * ny + gnz * nz
+                    value += m * (m * ga - TWO * gm)
+                    dm = w * (m * ga - gm)
+                da = light * value - total * ra
+                state[B_SUM + j] = total + w * value
+                if label_distortion:
+                    m = c1 * (state[B_LFIRST + j] - inv)
+                    llight = state[B_LT + j] * ra
+                    state[B_LT + j] = llight
+                    lw, ltotal = alpha * llight, state[B_LSUM + j]
+                    gm, ga = state[B_LM1 + j], state[B_LGA + j]
+                    lvalue = m * (m * ga - TWO * gm) + state[B_LM2 + j]
+                    da += llight * lvalue - ltotal * ra
+                    state[B_LSUM + j] = ltotal + lw * lvalue
+                    dm += lw * (m * ga - gm)
+                da = da if alpha > ZERO else ZERO
+                da = da if e > ZERO else ZERO
+                h = da * alpha
+                h3 = h * ex
+                h2 = h - h3
+                hr = h3 * r
+                ue, ve = u * ex, v * ex
+                gnu, gnv, gq = -hr * ue, -hr * ve, hr * (ue * ue + ve * ve)
+                if geometry:
+                    gmed = state[G_MEDIAN + j]
+                    gmed = gmed if alpha > ZERO else ZERO
+                    gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
+                    ginv = minus_two_c1 * dm - (w * gdepth + gmed) * d * d
+                    ginv = ginv if alpha > ZERO else ZERO
+                    gq += ginv * iz * ex
+                    scaled = ginv * q
+                    state[S_IZ + j] += scaled if ex > ZERO else ginv
+                    state[S_NX + j] += w * gnx
+                    state[S_NY + j] += w * gny
+                    state[S_NZ + j] += w * gnz
+                state[S_U + j] += gnu
+                state[S_UX + j] += gnu * dx
+                state[S_UY + j] += gnu * dy
+                state[S_V + j] += gnv
+                state[S_VX + j] += gnv * dx
+                state[S_VY + j] += gnv * dy
+                state[S_Q + j] += gq
+                state[S_QX + j] += gq * dx
+                state[S_QY + j] += gq * dy
+                state[S_OPACITY + j] += da * e
+                state[S_RED + j] += w * gred
+                state[S_GREEN + j] += w * ggreen
+                state[S_BLUE + j] += w * gblue
+                state[S_SX + j] += h2 * dx
+                state[S_SY + j] += h2 * dy
+            if label_distortion:
+                for l in range(u64(96)):
+                    state[slot + L16 + l] = state[o + B_LT + l]
+        # Many sums in one loop: one sum alone comes out as adds that wait for each other.
+        t0, t1, t2, t3, t4, t5, t6, t7 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        for l in range(lanes):
+            j = previous + l
+            t0 += state[S_U + j]
+            t1 += state[S_UX + j]
+            t2 += state[S_UY + j]
+            t3 += state[S_V + j]
+            t4 += state[S_VX + j]
+            t5 += state[S_VY + j]
+            t6 += state[S_Q + j]
+            t7 += state[S_QX + j]
+        rows[at, u64(0)] = t0
+        rows[at, u64(1)] = t1
+        rows[at, u64(2)] = t2
+        rows[at, u64(3)] = t3
+        rows[at, u64(4)] = t4
+        rows[at, u64(5)] = t5
+        rows[at, u64(6)] = t6
+        rows[at, u64(7)] = t7
+        t8, t9, t10, t11, t12, t13, t14 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        for l in range(lanes):
+            j = previous + l
+            t8 += state[S_QY + j]
+            t9 += state[S_OPACITY + j]
+            t10 += state[S_RED + j]
+            t11 += state[S_GREEN + j]
+            t12 += state[S_BLUE + j]
+            t13 += state[S_SX + j]
+            t14 += state[S_SY + j]
+        rows[at, u64(8)] = t8
+        rows[at, u64(9)] = t9
+        rows[at, u64(10)] = t10
+        rows[at, u64(11)] = t11
+        rows[at, u64(12)] = t12
+        rows[at, u64(13)] = t13
+        rows[at, u64(14)] = t14
+        if geometry:
+            t15, t16, t17, t18 = ZERO, ZERO, ZERO, ZERO
             for l in range(lanes):
                 j = previous + l
-                t0 += state[S_U + j]
-                t1 += state[S_UX + j]
-                t2 += state[S_UY + j]
-                t3 += state[S_V + j]
-                t4 += state[S_VX + j]
-                t5 += state[S_VY + j]
-                t6 += state[S_Q + j]
-                t7 += state[S_QX + j]
-            rows[at, u64(0)] = t0
-            rows[at, u64(1)] = t1
-            rows[at, u64(2)] = t2
-            rows[at, u64(3)] = t3
-            rows[at, u64(4)] = t4
-            rows[at, u64(5)] = t5
-            rows[at, u64(6)] = t6
-            rows[at, u64(7)] = t7
-            t8, t9, t10, t11, t12, t13, t14 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-            for l in range(lanes):
-                j = previous + l
-                t8 += state[S_QY + j]
-                t9 += state[S_OPACITY + j]
-                t10 += state[S_RED + j]
-                t11 += state[S_GREEN + j]
-                t12 += state[S_BLUE + j]
-                t13 += state[S_SX + j]
-                t14 += state[S_SY + j]
-            rows[at, u64(8)] = t8
-            rows[at, u64(9)] = t9
-            rows[at, u64(10)] = t10
-            rows[at, u64(11)] = t11
-            rows[at, u64(12)] = t12
-            rows[at, u64(13)] = t13
-            rows[at, u64(14)] = t14
-            if geometry:
-                t15, t16, t17, t18 = ZERO, ZERO, ZERO, ZERO
-                for l in range(lanes):
-                    j = previous + l
-                    t15 += state[S_IZ + j]
-                    t16 += state[S_NX + j]
-                    t17 += state[S_NY + j]
-                    t18 += state[S_NZ + j]
-                rows[at, u64(15)] = t15
-                rows[at, u64(16)] = t16
-                rows[at, u64(17)] = t17
-                rows[at, u64(18)] = t18
+                t15 += state[S_IZ + j]
+                t16 += state[S_NX + j]
+                t17 += state[S_NY + j]
+                t18 += state[S_NZ + j]
+            rows[at, u64(15)] = t15
+            rows[at, u64(16)] = t16
+            rows[at, u64(17)] = t17
+            rows[at, u64(18)] = t18
 
 
-# ---- one kernel per group of planes: the switches (geometry, semantics, label_distortion) are constants in each
-@njit(**FAST)
-def forward_colour(
-    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-):  # fmt: skip
-    for t in range(tile, end):
-        _forward_tile(
-            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-        )  # fmt: skip
+# ---- one pair of kernels per group of planes
+def _group(geometry, semantics, label_distortion):
+    """Forward and backward with these switches as constants, after the switches themselves."""
 
+    @njit(**FAST)
+    def forward(
+        tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
+    ):  # fmt: skip
+        for t in range(tile, end):
+            _forward_tile(
+                t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+                geometry, semantics, label_distortion,
+                rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
+            )  # fmt: skip
 
-@njit(**FAST)
-def backward_colour(
-    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    for t in range(tile, end):
-        _backward_tile(
-            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, False, False,
-            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-        )  # fmt: skip
+    @njit(**FAST)
+    def backward(
+        tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+    ):  # fmt: skip
+        for t in range(tile, end):
+            _backward_tile(
+                t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+                geometry, semantics, label_distortion,
+                kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+            )  # fmt: skip
 
-
-@njit(**FAST)
-def forward_semantic(
-    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-):  # fmt: skip
-    for t in range(tile, end):
-        _forward_tile(
-            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-        )  # fmt: skip
-
-
-@njit(**FAST)
-def backward_semantic(
-    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    for t in range(tile, end):
-        _backward_tile(
-            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, False, True, False,
-            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-        )  # fmt: skip
-
-
-@njit(**FAST)
-def forward_geometry(
-    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-):  # fmt: skip
-    for t in range(tile, end):
-        _forward_tile(
-            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-        )  # fmt: skip
-
-
-@njit(**FAST)
-def backward_geometry(
-    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    for t in range(tile, end):
-        _backward_tile(
-            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, False, False,
-            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-        )  # fmt: skip
-
-
-@njit(**FAST)
-def forward_all(
-    tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-    rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-):  # fmt: skip
-    for t in range(tile, end):
-        _forward_tile(
-            t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
-            rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-        )  # fmt: skip
-
-
-@njit(**FAST)
-def backward_all(
-    tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    for t in range(tile, end):
-        _backward_tile(
-            t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, True, True, True,
-            kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-        )  # fmt: skip
+    return geometry, semantics, label_distortion, forward, backward
 
 
 GROUPS = {
-    "colour": (False, False, False, forward_colour, backward_colour),
-    "semantic": (False, True, False, forward_semantic, backward_semantic),
-    "geometry": (True, False, False, forward_geometry, backward_geometry),
-    "all": (True, True, True, forward_all, backward_all),
+    "colour": _group(geometry=False, semantics=False, label_distortion=False),
+    "semantic": _group(geometry=False, semantics=True, label_distortion=False),
+    "geometry": _group(geometry=True, semantics=False, label_distortion=False),
+    "all": _group(geometry=True, semantics=True, label_distortion=True),
 }
 """Name to (geometry, semantics, label_distortion, forward, backward), the cheapest first."""
 
