@@ -19,7 +19,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["in_parallel", "thread_count", "threads"]
+__all__ = ["FAST", "in_parallel", "thread_count", "threads"]
+
+FAST = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
+"""How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
 
 
 def _available() -> int:
@@ -33,14 +36,14 @@ class _Pool:
     """One pool per process, made when first needed and made anew after a fork."""
 
     def __init__(self) -> None:
-        self.count = max(1, int(os.environ.get("UNVEIL_THREADS", 0)) or _available())
+        self.count = _available()
         self.executor: ThreadPoolExecutor | None = None
         self.lock = threading.Lock()
 
     def submit(self, task: Callable[[], None]) -> Future[None]:
         with self.lock:
             if self.executor is None:
-                self.executor = ThreadPoolExecutor(max(1, _available()), thread_name_prefix="unveil")
+                self.executor = ThreadPoolExecutor(_available(), thread_name_prefix="unveil")
             return self.executor.submit(task)
 
     def forget(self) -> None:
@@ -53,7 +56,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def thread_count() -> int:
-    """How many threads share the work: the processors this process may use, or ``UNVEIL_THREADS``."""
+    """How many threads share the work: the processors this process may use, unless :func:`threads` says otherwise."""
     return _pool.count
 
 

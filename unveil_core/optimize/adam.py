@@ -19,33 +19,32 @@ BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
 f32, u64 = np.float32, np.uint64
 
 
+@njit(inline="always")
+def _moved(g, m, v, bias1, bias2):
+    """Both new moments, and the step over the rate as a fraction."""
+    m = f32(BETA1) * m + f32(1 - BETA1) * g
+    v = f32(BETA2) * v + f32(1 - BETA2) * g * g
+    return m, v, m * bias1, np.sqrt(v * bias2) + f32(EPSILON)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _rows(start, stop, values, gradient, first, second, rate, rest_rate, moving, bias1, bias2):
     width = u64(values.shape[1])
-    beta1, beta2, epsilon = f32(BETA1), f32(BETA2), f32(EPSILON)
-    rest1, rest2 = f32(1 - BETA1), f32(1 - BETA2)
     for n in range(start, stop):
         if not moving[n]:
             continue
         for d in range(width):
-            g = gradient[n, d]
-            m = beta1 * first[n, d] + rest1 * g
-            v = beta2 * second[n, d] + rest2 * g * g
+            m, v, above, below = _moved(gradient[n, d], first[n, d], second[n, d], bias1, bias2)
             first[n, d], second[n, d] = m, v
-            step = rate if d < u64(3) else rest_rate
-            values[n, d] -= step * (m * bias1) / (np.sqrt(v * bias2) + epsilon)
+            values[n, d] -= (rate if d < u64(3) else rest_rate) * above / below
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _flat(start, stop, values, gradient, first, second, rate, bias1, bias2):
-    beta1, beta2, epsilon = f32(BETA1), f32(BETA2), f32(EPSILON)
-    rest1, rest2 = f32(1 - BETA1), f32(1 - BETA2)
     for i in range(u64(start), u64(stop)):
-        g = gradient[i]
-        m = beta1 * first[i] + rest1 * g
-        v = beta2 * second[i] + rest2 * g * g
+        m, v, above, below = _moved(gradient[i], first[i], second[i], bias1, bias2)
         first[i], second[i] = m, v
-        values[i] -= rate * (m * bias1) / (np.sqrt(v * bias2) + epsilon)
+        values[i] -= rate * above / below
 
 
 def adam_step(

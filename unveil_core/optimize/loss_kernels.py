@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-FAST = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
+from unveil_core.parallel import FAST
+
 f32, u64 = np.float32, np.uint64
 REACH = 5
 """The structural term's Gaussian window is 11 pixels wide, sigma 1.5 (Wang et al. 2004)."""
@@ -38,33 +39,35 @@ def _across(column, out, m, taps):
             out[m, i] += tap * column[m, i + shift]
 
 
+@njit(inline="always")
+def _down(column, m, a, b, product, r, taps):
+    """Row ``m`` of ``column`` becomes ``a``, or the product of ``a`` and ``b``, blurred down the columns at row ``r``."""
+    rows, n, pad = a.shape[0], u64(a.shape[1]), u64(PAD)
+    for i in range(n):
+        column[m, pad + i] = ZERO
+    for k in range(2 * REACH + 1):
+        s = r + k - REACH
+        if s < 0 or s >= rows:
+            continue
+        tap = taps[k]
+        for i in range(n):
+            column[m, pad + i] += tap * (a[s, i] * b[s, i] if product else a[s, i])
+
+
 @njit(**FAST)
 def ssim_rows(start, stop, x, y, taps, ssim_sum, l1_sum, d_mean, d_square, d_product):
     """Sums of |x - y| and of SSIM per row, and SSIM's derivatives by the blurred x, x*x and x*y (Wang et al. 2004,
     equation 13). All images (H, 3 W); a zero border makes the blur its own adjoint."""
-    rows, width = x.shape
-    n, pad = u64(width), u64(PAD)
+    width = x.shape[1]
+    n = u64(width)
     column = np.zeros((5, width + 2 * PAD), f32)
     blurred = np.empty((5, width), f32)
     for r in range(start, stop):
-        for m in range(5):
-            for i in range(n):
-                column[m, pad + i] = ZERO
-        for k in range(2 * REACH + 1):
-            s = r + k - REACH
-            if s < 0 or s >= rows:
-                continue
-            tap = taps[k]
-            for i in range(n):
-                column[0, pad + i] += tap * x[s, i]
-            for i in range(n):
-                column[1, pad + i] += tap * y[s, i]
-            for i in range(n):
-                column[2, pad + i] += tap * (x[s, i] * x[s, i])
-            for i in range(n):
-                column[3, pad + i] += tap * (y[s, i] * y[s, i])
-            for i in range(n):
-                column[4, pad + i] += tap * (x[s, i] * y[s, i])
+        _down(column, 0, x, x, False, r, taps)
+        _down(column, 1, y, y, False, r, taps)
+        _down(column, 2, x, x, True, r, taps)
+        _down(column, 3, y, y, True, r, taps)
+        _down(column, 4, x, y, True, r, taps)
         for m in range(5):
             _across(column, blurred, m, taps)
         total, difference = ZERO, ZERO
@@ -97,25 +100,14 @@ def ssim_rows(start, stop, x, y, taps, ssim_sum, l1_sum, d_mean, d_square, d_pro
 @njit(**FAST)
 def l1_dssim_gradient(start, stop, x, y, taps, d_mean, d_square, d_product, l1_scale, dssim_scale, gradient):
     """Gradient (H, 3 W) of ``l1_scale * sum |x - y| - dssim_scale * sum SSIM``."""
-    rows, width = x.shape
-    n, pad = u64(width), u64(PAD)
+    width = x.shape[1]
+    n = u64(width)
     column = np.zeros((3, width + 2 * PAD), f32)
     blurred = np.empty((3, width), f32)
     for r in range(start, stop):
-        for m in range(3):
-            for i in range(n):
-                column[m, pad + i] = ZERO
-        for k in range(2 * REACH + 1):
-            s = r + k - REACH
-            if s < 0 or s >= rows:
-                continue
-            tap = taps[k]
-            for i in range(n):
-                column[0, pad + i] += tap * d_mean[s, i]
-            for i in range(n):
-                column[1, pad + i] += tap * d_square[s, i]
-            for i in range(n):
-                column[2, pad + i] += tap * d_product[s, i]
+        _down(column, 0, d_mean, d_mean, False, r, taps)
+        _down(column, 1, d_square, d_square, False, r, taps)
+        _down(column, 2, d_product, d_product, False, r, taps)
         for m in range(3):
             _across(column, blurred, m, taps)
         for i in range(n):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.buffers import borrow, give_back
@@ -37,33 +38,27 @@ _TAPS = kernels.window()
 _EVERYWHERE = np.zeros((0, 0), np.float32)
 
 
-class _L1Dssim(torch.autograd.Function):
+class _WithGradients(torch.autograd.Function):
+    """A scalar whose gradients by its inputs are known already."""
+
     @staticmethod
-    def forward(ctx: Any, image: Tensor, target: Tensor, weight: Tensor | None, dssim: float) -> Tensor:
-        height, width = image.shape[:2]
-        x, y = (t.detach().contiguous().numpy().reshape(height, 3 * width) for t in (image, target))
-        w = None if weight is None else np.repeat(weight.numpy(), 3, axis=1)
-        if w is not None:
-            # Pixels that do not count show the target itself, so that the window carries nothing of them.
-            x = x * w + y * (1 - w)
-        count = float(x.size if w is None else max(float(w.sum()), 1.0))
-        buffers = borrow()
-        maps = [buffers.array(name, x.shape) for name in ("by_mean", "by_square", "by_product")]
-        ssim, difference = np.empty(height, np.float32), np.empty(height, np.float32)
-        in_parallel(kernels.ssim_rows, height, ROWS_AT_ONCE, x, y, _TAPS, ssim, difference, *maps)
-        gradient = np.empty_like(x)
-        scales = np.float32((1 - dssim) / count), np.float32(dssim / count)
-        in_parallel(kernels.l1_dssim_gradient, height, ROWS_AT_ONCE, x, y, _TAPS, *maps, *scales, gradient)
-        give_back(buffers)
-        if w is not None:
-            gradient *= w
-        ctx.gradient = torch.from_numpy(gradient.reshape(height, width, 3))
-        l1, structure = float(difference.sum(dtype=np.float64)), x.size - float(ssim.sum(dtype=np.float64))
-        return image.new_tensor(((1 - dssim) * l1 + dssim * structure) / count)
+    def forward(ctx: Any, value: float, gradients: tuple[NDArray[np.float32], ...], *inputs: Tensor) -> Tensor:
+        ctx.gradients = gradients
+        return inputs[0].new_tensor(value)
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        return ctx.gradient * grad_outputs[0], None, None, None
+        return None, None, *(torch.from_numpy(g) * grad_outputs[0] for g in ctx.gradients)
+
+
+def _with_gradients(value: float, gradients: tuple[NDArray[np.float32], ...], *inputs: Tensor) -> Tensor:
+    result: Tensor = _WithGradients.apply(value, gradients, *inputs)  # type: ignore[no-untyped-call]
+    return result
+
+
+def _array(tensor: Tensor) -> NDArray[Any]:
+    array: NDArray[Any] = tensor.detach().contiguous().numpy()
+    return array
 
 
 def l1_dssim(image: Tensor, target: Tensor, weight: Tensor | None = None, *, dssim: float = 0.2) -> Tensor:
@@ -74,8 +69,26 @@ def l1_dssim(image: Tensor, target: Tensor, weight: Tensor | None = None, *, dss
         weight: (H, W) float32 in [0, 1], 0 = the pixel does not count; None = all count.
         dssim: share of the structural term (3DGS: 0.2).
     """
-    result: Tensor = _L1Dssim.apply(image, target, weight, dssim)  # type: ignore[no-untyped-call]
-    return result
+    height, width = image.shape[:2]
+    x, y = _array(image).reshape(height, 3 * width), _array(target).reshape(height, 3 * width)
+    w = None if weight is None else np.repeat(weight.numpy(), 3, axis=1)
+    if w is not None:
+        # Pixels that do not count show the target itself, so that the window carries nothing of them.
+        x = x * w + y * (1 - w)
+    count = float(x.size if w is None else max(float(w.sum()), 1.0))
+    buffers = borrow()
+    maps = [buffers.array(name, x.shape) for name in ("by_mean", "by_square", "by_product")]
+    ssim, difference = np.empty(height, np.float32), np.empty(height, np.float32)
+    in_parallel(kernels.ssim_rows, height, ROWS_AT_ONCE, x, y, _TAPS, ssim, difference, *maps)
+    gradient = np.empty_like(x)
+    scales = np.float32((1 - dssim) / count), np.float32(dssim / count)
+    in_parallel(kernels.l1_dssim_gradient, height, ROWS_AT_ONCE, x, y, _TAPS, *maps, *scales, gradient)
+    give_back(buffers)
+    if w is not None:
+        gradient *= w
+    l1, structure = float(difference.sum(dtype=np.float64)), x.size - float(ssim.sum(dtype=np.float64))
+    value = ((1 - dssim) * l1 + dssim * structure) / count
+    return _with_gradients(value, (gradient.reshape(height, width, 3),), image)
 
 
 def semantic_cross_entropy(
@@ -91,30 +104,16 @@ def semantic_cross_entropy(
         target: (H, W) int64 compact labels, negative = ignore.
         sky_label: the compact label of the sky, or None.
     """
-    result: Tensor = _CrossEntropy.apply(  # type: ignore[no-untyped-call]
-        semantics, alpha, target, -1 if sky_label is None else sky_label, weight
-    )
-    return result
-
-
-class _CrossEntropy(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, semantics: Tensor, alpha: Tensor, target: Tensor, sky: int, weight: Tensor | None) -> Tensor:
-        known = target.numpy() >= 0
-        w = _EVERYWHERE if weight is None else weight.numpy()
-        count = max(1.0, float(known.sum() if weight is None else (w * known).sum(dtype=np.float64)))
-        sums = np.empty(len(known))
-        gradients = np.empty(semantics.shape, np.float32), np.empty(alpha.shape, np.float32)
-        in_parallel(
-            kernels.cross_entropy_rows, len(known), ROWS_AT_ONCE, semantics.detach().contiguous().numpy(),
-            alpha.detach().contiguous().numpy(), target.numpy(), w, sky, np.float32(1 / count), sums, *gradients,
-        )  # fmt: skip
-        ctx.gradients = tuple(torch.from_numpy(g) for g in gradients)
-        return semantics.new_tensor(float(sums.sum()) / count)
-
-    @staticmethod
-    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        return *(g * grad_outputs[0] for g in ctx.gradients), None, None, None
+    known = target.numpy() >= 0
+    w = _EVERYWHERE if weight is None else weight.numpy()
+    count = max(1.0, float(known.sum() if weight is None else (w * known).sum(dtype=np.float64)))
+    sums = np.empty(len(known))
+    gradients = np.empty(semantics.shape, np.float32), np.empty(alpha.shape, np.float32)
+    in_parallel(
+        kernels.cross_entropy_rows, len(known), ROWS_AT_ONCE, _array(semantics), _array(alpha), target.numpy(), w,
+        -1 if sky_label is None else sky_label, np.float32(1 / count), sums, *gradients,
+    )  # fmt: skip
+    return _with_gradients(float(sums.sum()) / count, gradients, semantics, alpha)
 
 
 def camera_rays(camera: Camera) -> Tensor:
@@ -134,28 +133,16 @@ def normal_consistency(
         normal: (H, W, 3) accumulated normals in the camera's frame; depth: (H, W) accumulated; alpha: (H, W).
         rays: (H, W, 3) of :func:`camera_rays`.
     """
-    result: Tensor = _NormalConsistency.apply(normal, depth, alpha, rays, weight)  # type: ignore[no-untyped-call]
-    return result
-
-
-class _NormalConsistency(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, normal: Tensor, depth: Tensor, alpha: Tensor, rays: Tensor, weight: Tensor | None) -> Tensor:
-        n, d, a, r = (t.detach().contiguous().numpy() for t in (normal, depth, alpha, rays))
-        height, width = d.shape
-        count = max(1, (height - 2) * (width - 2))
-        w = _EVERYWHERE if weight is None else weight.numpy()
-        buffers = borrow()
-        along, down = buffers.array("along", n.shape), buffers.array("down", n.shape)
-        sums, g_normal = np.empty(height), np.empty_like(n)
-        scale = np.float32(1 / count)
-        in_parallel(kernels.normal_rows, height, ROWS_AT_ONCE, n, d, a, r, w, scale, sums, g_normal, along, down)
-        g_depth, g_alpha = np.empty_like(d), np.empty_like(d)
-        in_parallel(kernels.normal_to_depth, height, ROWS_AT_ONCE, d, a, r, along, down, g_depth, g_alpha)
-        give_back(buffers)
-        ctx.gradients = tuple(torch.from_numpy(g) for g in (g_normal, g_depth, g_alpha))
-        return normal.new_tensor(float(sums.sum()) / count)
-
-    @staticmethod
-    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
-        return *(g * grad_outputs[0] for g in ctx.gradients), None, None
+    n, d, a, r = _array(normal), _array(depth), _array(alpha), _array(rays)
+    height, width = d.shape
+    count = max(1, (height - 2) * (width - 2))
+    w = _EVERYWHERE if weight is None else weight.numpy()
+    buffers = borrow()
+    along, down = buffers.array("along", n.shape), buffers.array("down", n.shape)
+    sums, g_normal = np.empty(height), np.empty_like(n)
+    scale = np.float32(1 / count)
+    in_parallel(kernels.normal_rows, height, ROWS_AT_ONCE, n, d, a, r, w, scale, sums, g_normal, along, down)
+    g_depth, g_alpha = np.empty_like(d), np.empty_like(d)
+    in_parallel(kernels.normal_to_depth, height, ROWS_AT_ONCE, d, a, r, along, down, g_depth, g_alpha)
+    give_back(buffers)
+    return _with_gradients(float(sums.sum()) / count, (g_normal, g_depth, g_alpha), normal, depth, alpha)

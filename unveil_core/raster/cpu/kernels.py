@@ -26,6 +26,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from unveil_core.parallel import FAST
 from unveil_core.raster.spec import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -38,7 +39,6 @@ from unveil_core.raster.spec import (
 )
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
-FAST = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
 INLINED = {**FAST, "forceinline": True}
 
 TILE, BLOCK, LANES, BLOCKS_X, BLOCKS = 16, 4, 16, 4, 16
