@@ -379,6 +379,17 @@ def sign(s: float, side: int, materials) -> None:  # type: ignore[no-untyped-def
 # --------------------------------------------------------------------------------------------------------- what is removed
 
 
+def smooth_object(name: str, vertices, faces, material):  # type: ignore[no-untyped-def]
+    """An object of smoothly shaded faces, linked into the scene."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    mesh.materials.append(material)
+    mesh.shade_smooth()
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    return obj
+
+
 def loft(name: str, sections, material, close: bool = True):  # type: ignore[no-untyped-def]
     """A body lofted through cross sections [(x, [(y, z), …]), …] in the object's own frame."""
     vertices = [(x, y, z) for x, ring in sections for y, z in ring]
@@ -390,12 +401,7 @@ def loft(name: str, sections, material, close: bool = True):  # type: ignore[no-
             faces.append((i * w + j, i * w + k, (i + 1) * w + k, (i + 1) * w + j))
     if close:
         faces += [tuple(range(w - 1, -1, -1)), tuple(range((len(sections) - 1) * w, len(sections) * w))]
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices, [], faces)
-    mesh.materials.append(material)
-    mesh.shade_smooth()
-    obj = bpy.data.objects.new(name, mesh)
-    bpy.context.collection.objects.link(obj)
+    obj = smooth_object(name, vertices, faces, material)
     bevel = obj.modifiers.new("soft", "SUBSURF")
     bevel.levels = bevel.render_levels = 2
     return obj
@@ -504,13 +510,7 @@ def person(shirt, trousers, materials):  # type: ignore[no-untyped-def]
         for i in range(len(path) - 1):
             faces += [(i * 10 + j, i * 10 + (j + 1) % 10, (i + 1) * 10 + (j + 1) % 10, (i + 1) * 10 + j) for j in range(10)]
         faces += [tuple(range(9, -1, -1)), tuple(range((len(path) - 1) * 10, len(path) * 10))]
-        mesh = bpy.data.meshes.new(name)
-        mesh.from_pydata(vertices, [], faces)
-        mesh.materials.append(material)
-        mesh.shade_smooth()
-        obj = bpy.data.objects.new(name, mesh)
-        bpy.context.collection.objects.link(obj)
-        return obj
+        return smooth_object(name, vertices, faces, material)
 
     parts = [
         limb("torso", [(0, 0, 0.86, 0.11, 0.16), (0, 0, 1.05, 0.11, 0.15), (0, 0, 1.3, 0.13, 0.2), (0, 0, 1.44, 0.1, 0.19),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.pavement import box, tiles
 from unveil_core.evaluate import baselines
 from unveil_core.evaluate.baselines import GROWN_PX, navier_stokes, shift_map, telea
 from unveil_core.evaluate.metrics import psnr
@@ -16,19 +17,6 @@ EVERY = pytest.mark.parametrize("fill", [telea, navier_stokes, shift_map])
 def ramp(height: int = 48, width: int = 64) -> np.ndarray:
     y, x = np.mgrid[:height, :width]
     return np.stack([60 + x, 80 + y, 200 - x], axis=-1).astype(np.uint8)
-
-
-def tiles(height: int = 96, width: int = 128) -> np.ndarray:
-    """A periodic pavement: the true filling is known."""
-    y, x = np.mgrid[:height, :width]
-    joint = (y % 16 < 2) | ((x + 8 * (y // 16 % 2)) % 16 < 2)
-    return np.where(joint[..., None], (50, 45, 40), (190, 150, 120)).astype(np.uint8)
-
-
-def box(shape: tuple[int, ...], y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
-    mask = np.zeros(shape[:2], dtype=bool)
-    mask[y0:y1, x0:x1] = True
-    return mask
 
 
 @EVERY

@@ -5,30 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.pavement import box, tiles
+from unveil_core.evaluate.metrics import psnr
 from unveil_core.inpaint.patch_fill import patch_fill
 from unveil_core.inpaint.single_image import exemplar, telea
 
 
-def tiles(height: int = 96, width: int = 128) -> np.ndarray:
-    """A periodic pavement: the true filling is known."""
-    y, x = np.mgrid[:height, :width]
-    joint = (y % 16 < 2) | ((x + 8 * (y // 16 % 2)) % 16 < 2)
-    return np.where(joint[..., None], (50, 45, 40), (190, 150, 120)).astype(np.uint8)
-
-
-def psnr(a: np.ndarray, b: np.ndarray, where: np.ndarray) -> float:
-    return float(10 * np.log10(255**2 / max(((a.astype(float) - b)[where] ** 2).mean(), 1e-9)))
-
-
-def hole(shape: tuple[int, ...], y0: int, y1: int, x0: int, x1: int) -> np.ndarray:
-    mask = np.zeros(shape[:2], bool)
-    mask[y0:y1, x0:x1] = True
-    return mask
-
-
 def test_a_pavement_keeps_its_lattice() -> None:
     image = tiles()
-    mask = hole(image.shape, 30, 62, 40, 90)
+    mask = box(image.shape, 30, 62, 40, 90)
     spoiled = image.copy()
     spoiled[mask] = (255, 0, 255)
     filled = patch_fill(spoiled, mask)
@@ -39,7 +24,7 @@ def test_a_pavement_keeps_its_lattice() -> None:
 
 def test_noise_stays_as_rough_as_it_is_around() -> None:
     image = np.random.default_rng(0).integers(60, 160, (64, 80, 3)).astype(np.uint8)
-    mask = hole(image.shape, 25, 40, 30, 50)
+    mask = box(image.shape, 25, 40, 30, 50)
     spoiled = np.where(mask[..., None], 0, image).astype(np.uint8)
     filled = exemplar(spoiled, mask)
     assert filled[mask].std() > 0.6 * image[~mask].std()
@@ -48,7 +33,7 @@ def test_noise_stays_as_rough_as_it_is_around() -> None:
 
 def test_what_lies_in_the_hole_does_not_matter() -> None:
     image = tiles()
-    mask = hole(image.shape, 0, 20, 100, 128)
+    mask = box(image.shape, 0, 20, 100, 128)
     results = [patch_fill(np.where(mask[..., None], v, image).astype(np.uint8), mask) for v in (0, 255)]
     assert results[0] is not None and np.array_equal(results[0], results[1])
 
@@ -57,8 +42,8 @@ def test_what_lies_in_the_hole_does_not_matter() -> None:
 def test_masks_of_every_kind(name: str) -> None:
     image = np.random.default_rng(1).integers(1, 255, (40, 48, 3), dtype=np.uint8)
     masks = {
-        "none": np.zeros((40, 48), bool), "all": np.ones((40, 48), bool), "corner known": ~hole((40, 48), 0, 9, 0, 9),
-        "one pixel": hole((40, 48), 5, 6, 5, 6), "border": ~hole((40, 48), 6, 34, 6, 42),
+        "none": np.zeros((40, 48), bool), "all": np.ones((40, 48), bool), "corner known": ~box((40, 48), 0, 9, 0, 9),
+        "one pixel": box((40, 48), 5, 6, 5, 6), "border": ~box((40, 48), 6, 34, 6, 42),
         "stripes": np.broadcast_to(np.arange(48) % 4 == 0, (40, 48)).copy(),
     }  # fmt: skip
     mask = masks[name]

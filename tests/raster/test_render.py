@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
-from unveil_core import buffers as workspace
+from unveil_core import buffers
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import threads
 from unveil_core.raster.api import PLANES, render
@@ -144,17 +144,17 @@ def test_two_live_passes_do_not_disturb_each_other() -> None:
 def test_buffers_come_back_to_the_pool() -> None:
     surfels = random_surfels(50, 1)
     render(surfels, camera())
-    assert 1 <= len(workspace._pool) <= workspace.POOL_SIZE
-    before = len(workspace._pool)
+    assert 1 <= len(buffers._pool) <= buffers.POOL_SIZE
+    before = len(buffers._pool)
     out = render(with_gradients(surfels), camera())
-    assert len(workspace._pool) == before - 1, "held while the graph lives"
+    assert len(buffers._pool) == before - 1, "held while the graph lives"
     del out
     gc.collect()
-    assert len(workspace._pool) == before, "returned when the graph is dropped without backward"
+    assert len(buffers._pool) == before, "returned when the graph is dropped without backward"
     lives = [render(with_gradients(surfels), camera()) for _ in range(4)]
     for out in lives:
         out.alpha.sum().backward()  # type: ignore[union-attr, no-untyped-call]
-    assert len(workspace._pool) == workspace.POOL_SIZE
+    assert len(buffers._pool) == buffers.POOL_SIZE
 
 
 def test_no_graph_without_gradients() -> None:

@@ -63,7 +63,8 @@ def shift_map(image: Picture, mask: Mask) -> Picture:
         lab = cv2.cvtColor(image[window], cv2.COLOR_RGB2Lab)
         valid = np.where(hole[window], 0, 255).astype(np.uint8)
         filled = np.zeros_like(lab)
-        # The method draws random numbers from OpenCV's generator of this thread: seeded, the result is reproducible.
+        # The method draws random numbers from OpenCV's generator of this thread. Seeded, results repeat mostly, not always:
+        # it has been seen to fill the same picture differently within one process.
         cv2.setRNGSeed(0)
         cv2.xphoto.inpaint(lab, valid, filled, cv2.xphoto.INPAINT_SHIFTMAP)
         # Black with zero chroma offset, (0, 0, 0) in 8-bit Lab, is no colour that an image can have.

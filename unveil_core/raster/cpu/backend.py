@@ -33,6 +33,11 @@ def group_for(wanted: Collection[str]) -> str:
     return next((group for group, members in _MEMBERS.items() if members.issuperset(wanted)), "all")
 
 
+def _tiles(width: int, height: int) -> tuple[int, int]:
+    """How many tiles cover an image, across and down."""
+    return -(-width // k.TILE), -(-height // k.TILE)
+
+
 def _plane_shapes(group: str, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:
     """Shapes in the kernels' order; planes that the group does not make are empty."""
     geometry, semantics, label_distortion, *_ = k.GROUPS[group]
@@ -121,7 +126,7 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     order = k.depth_order(depths.view(np.uint32), visible)
     packed = buffers.array("packed", (len(order), k.RECORD))
     in_parallel(k.pack, len(order), 4096, records, order, packed)
-    tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
+    tiles_x, tiles_y = _tiles(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
     total = k.count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets)
@@ -168,7 +173,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> t
     shapes = _plane_shapes(settings.group, width, height, settings.label_count)
     incoming = [grads[name] if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
     rows = buffers.array("rows", (len(done.ids), k.ROW))
-    tiles_x, tiles_y = -(-width // k.TILE), -(-height // k.TILE)
+    tiles_x, tiles_y = _tiles(width, height)
     in_parallel(
         k.GROUPS[settings.group][4], tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.packed, done.offsets, done.ids, width,
         height, done.c1, done.inv_near, settings.label_count, done.kept, done.hits, *incoming, done.place, rows,
