@@ -12,6 +12,8 @@ from unveil_core.buffers import Buffers, borrow, give_back
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel, thread_count
 from unveil_core.raster.cpu import kernels as k
+from unveil_core.raster.cpu import tiles
+from unveil_core.raster.cpu.records import RECORD
 
 __all__ = ["Inputs", "Pass", "Settings", "backward_pass", "forward_pass", "group_for", "release"]
 
@@ -40,7 +42,7 @@ def _tiles(width: int, height: int) -> tuple[int, int]:
 
 def _plane_shapes(group: str, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:
     """Shapes in the kernels' order; planes that the group does not make are empty."""
-    geometry, semantics, label_distortion, *_ = k.GROUPS[group]
+    geometry, semantics, label_distortion, *_ = tiles.GROUPS[group]
     flat = (height, width)
     return {
         "rgb": (*flat, 3),
@@ -59,7 +61,7 @@ class Settings:
     """What to render.
 
     Attributes:
-        group: name in ``kernels.GROUPS``.
+        group: name in ``tiles.GROUPS``.
         label_count: K.
         coefficients: how many spherical-harmonic coefficients are used.
         near, far: world units.
@@ -110,13 +112,13 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     buffers = borrow()
     count, width, height = len(labels), camera.width, camera.height
     group, label_count, near, far = settings.group, settings.label_count, settings.near, settings.far
-    geometry, semantics, label_distortion, forward, _ = k.GROUPS[group]
+    geometry, semantics, label_distortion, forward, _ = tiles.GROUPS[group]
     pose = (
         np.ascontiguousarray(camera.world_to_camera[:3, :3], dtype=np.float64),
         np.ascontiguousarray(camera.world_to_camera[:3, 3], dtype=np.float64),
         np.ascontiguousarray(camera.centre, dtype=np.float64),
     )
-    records = buffers.array("records", (count, k.RECORD))
+    records = buffers.array("records", (count, RECORD))
     boxes, depths = buffers.array("boxes", (count, 4), np.int16), buffers.array("depths", (count,))
     visible = np.empty(count, np.uint8)
     in_parallel(
@@ -124,7 +126,7 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
         float(camera.cy), width, height, float(near), settings.coefficients, records, boxes, depths, visible,
     )  # fmt: skip
     order = k.depth_order(depths.view(np.uint32), visible)
-    packed = buffers.array("packed", (len(order), k.RECORD))
+    packed = buffers.array("packed", (len(order), RECORD))
     in_parallel(k.pack, len(order), 4096, records, order, packed)
     tiles_x, tiles_y = _tiles(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
@@ -142,15 +144,15 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     shapes = _plane_shapes(group, width, height, label_count)
     planes = {name: np.empty(shape, np.float32) for name, shape in shapes.items()}
     kept = buffers.array(
-        "kept", (tiles_x * tiles_y if keep else 0, k.kept_size(label_count, geometry, label_distortion))
+        "kept", (tiles_x * tiles_y if keep else 0, tiles.kept_size(label_count, geometry, label_distortion))
     )
     template = _templates.get((label_count, group))
     if template is None:
-        template = _templates[label_count, group] = k.forward_template(label_count, semantics, label_distortion)
+        template = _templates[label_count, group] = tiles.template(label_count, geometry, semantics, label_distortion)
     # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
     in_parallel(
-        forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, template, packed, offsets, ids, width, height, c1, inv_near,
+        forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, template, packed.ravel(), offsets, ids, width, height, c1, inv_near,
         label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
@@ -172,11 +174,11 @@ def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> t
     width, height = camera.width, camera.height
     shapes = _plane_shapes(settings.group, width, height, settings.label_count)
     incoming = [grads[name] if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
-    rows = buffers.array("rows", (len(done.ids), k.ROW))
+    rows = buffers.array("rows", (len(done.ids), tiles.row_size(tiles.GROUPS[settings.group][0])))
     tiles_x, tiles_y = _tiles(width, height)
     in_parallel(
-        k.GROUPS[settings.group][4], tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.packed, done.offsets, done.ids, width,
-        height, done.c1, done.inv_near, settings.label_count, done.kept, done.hits, *incoming, done.place, rows,
+        tiles.GROUPS[settings.group][4], tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.packed.ravel(), done.offsets, done.ids, width,
+        height, done.c1, done.inv_near, settings.label_count, done.kept, done.hits, *incoming, done.place, rows.ravel(),
     )  # fmt: skip
     gradients = (*(np.empty_like(a) for a in inputs), np.empty((len(done.visible), 2), np.float32))
     in_parallel(

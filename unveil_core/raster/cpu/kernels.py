@@ -1,22 +1,6 @@
-"""The CPU rasterizer in numba: project, sort, bin, forward, backward, reduce. See ``raster.spec`` for the mathematics.
+"""What is done per surfel: project, sort, bin, and carry gradients back. See ``raster.spec`` for the mathematics.
 
-One file, because numba's cache is keyed by the file that holds a kernel. What makes it fast, and what silently
-unmakes it:
-
-* A tile is 16x16 pixels in 4x4 blocks of 16 lanes; every inner loop runs over the 16 lanes of one block. All
-  per-pixel state of a tile lies in ONE float32 buffer, block after block, so that LLVM sees constant distances
-  between streams and vectorizes without alias checks. The slot of the surfel's label is copied to a fixed place and
-  back for the same reason.
-* Index arithmetic is unsigned (no wrap-around selects); constants are float32 (no float64 creeps in); "any lane" is a
-  sum.
-* The tile kernels are written once and inlined with constant switches into one kernel per group of planes
-  (``GROUPS``), each compiled when it is first needed: a plane that was not asked for leaves no instruction behind.
-* Each surfel-tile intersection writes its own gradient row; rows are then summed per surfel in a fixed order. No
-  atomics, no per-thread buffers: results are bitwise the same for any number of threads.
-* Per-surfel code is scalar, and float64 between the parameters and the records: edge-on discs cancel digits there.
-
-``tests/raster/test_vectorization.py`` counts packed against scalar operations, because losing vectorization costs a
-factor of four and breaks nothing else.
+Scalar code, and float64 between the parameters and the records: edge-on discs cancel digits there.
 """
 
 # ruff: noqa: E741
@@ -27,565 +11,19 @@ import numpy as np
 from numba import njit
 
 from unveil_core.parallel import FAST
-from unveil_core.raster.spec import (
-    ALPHA_MAX,
-    ALPHA_MIN,
-    DEPTH_MAX,
-    EDGE_ON,
-    LOG_SCALE_MAX,
-    OFFSET_MAX,
-    SCALE_MIN_PX,
-    TRANSMITTANCE_MIN,
-)
+from unveil_core.raster.cpu.records import (
+    R_A0, R_A1, R_A2, R_B0, R_B1, R_B2, R_BLUE, R_CX, R_CY, R_E0, R_E1, R_E2, R_EX, R_EY, R_GREEN, R_IZ, R_LABEL,
+    R_LOW, R_NX, R_NY, R_NZ, R_OPACITY, R_RED, R_Z, RECORD,
+)  # fmt: skip
+from unveil_core.raster.spec import ALPHA_MIN, DEPTH_MAX, EDGE_ON, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
 INLINED = {**FAST, "forceinline": True}
 
-TILE, BLOCK, LANES, BLOCKS_X, BLOCKS = 16, 4, 16, 4, 16
-RECORD = 24
-"""Floats of a surfel's record: see the ``R_`` offsets."""
-ROW = 20
-"""Floats of a gradient row: 3 x (n_u, n_v, q) moments, 1/z, opacity, rgb, normal, screen."""
-
-(R_CX, R_CY, R_IZ, R_A0, R_B0, R_A1, R_B1, R_A2, R_B2, R_OPACITY, R_RED, R_GREEN, R_BLUE, R_NX, R_NY, R_NZ, R_Z,
- R_X0, R_X1, R_Y0, R_Y1, R_LABEL) = (u64(k) for k in range(22))  # fmt: skip
-
-ZERO, ONE, TWO, HALF = f32(0), f32(1), f32(2), f32(0.5)
-A_MIN, A_MAX, T_MIN = f32(ALPHA_MIN), f32(ALPHA_MAX), f32(TRANSMITTANCE_MIN)
-# exp(-x) on [0, 5.7] as (p(-x / 8))^8: beyond 5.7 alpha is under 1/255 whatever the opacity. Relative error 2e-6.
-X_MAX, EIGHTH = f32(5.7), f32(0.125)
-E0, E1, E2, E3, E4, E5 = (
-    f32(0.999999903), f32(-0.999991289), f32(0.499867671), f32(-0.16591143), f32(0.0396654613), f32(-0.00578264651),
-)  # fmt: skip
-# A ray in the disc's own plane has q = 0. Held away from it, masked lanes stay finite and zero times them is zero.
-Q_MIN = f32(1e-10)
-L16 = u64(16)
-
-# ---- forward state of one block: planes of 16 lanes; the first KEPT_COLOUR or KEPT_GEOMETRY are what backward needs
-(F_T, F_LAST, F_M1, F_M2, F_MEDIAN_I, F_FIRST, F_LIVE, F_RED, F_GREEN, F_BLUE, F_NX, F_NY, F_NZ, F_DEPTH, F_DIST,
- F_LDIST, F_MEDIAN, F_X, F_Y, F_SEM, F_LT, F_LM1, F_LM2, F_LFIRST) = (
-    u64(16 * k) for k in range(24)
-)  # fmt: skip
-F_LABELS = 24 * 16
-"""Then per label: its semantics, and with label distortion its transmittance, two moments and first hit."""
-KEPT_COLOUR, KEPT_GEOMETRY, KEPT_LABEL = 2 * 16, 6 * 16, 4 * 16
+TILE = 16
+ZERO = f32(0)
 
 
-def forward_template(label_count: int, semantics: bool, label_distortion: bool) -> np.ndarray:
-    """Initial forward state of a whole tile, flat float32."""
-    slot = (80 if label_distortion else 16) if semantics else 0
-    state = np.zeros((BLOCKS, F_LABELS + label_count * slot), np.float32)
-    block, lane = np.mgrid[0:BLOCKS, 0:LANES]
-    state[:, int(F_X) : int(F_X) + 16] = (block % BLOCKS_X) * BLOCK + lane % BLOCK + 0.5
-    state[:, int(F_Y) : int(F_Y) + 16] = (block // BLOCKS_X) * BLOCK + lane // BLOCK + 0.5
-    for plane, value in ((F_T, 1), (F_LAST, -1), (F_MEDIAN_I, -1), (F_LIVE, 1)):
-        state[:, int(plane) : int(plane) + 16] = value
-    if label_distortion:
-        for k in range(label_count):
-            start = F_LABELS + k * slot + 16
-            state[:, start : start + 16] = 1
-    return state.ravel()
-
-
-def kept_size(label_count: int, geometry: bool, label_distortion: bool) -> int:
-    """Floats that a tile keeps for backward; the last one is the mask of labels met."""
-    block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
-    return BLOCKS * (block + (label_count * KEPT_LABEL if label_distortion else 0)) + 1
-
-
-@njit(inline="always")
-def _forward_tile(
-    t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics,
-    label_distortion, rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-):  # fmt: skip
-    slot_size = (80 if label_distortion else 16) if semantics else 0
-    stride = F_LABELS + label_count * slot_size
-    tx, ty = (t % tiles_x) * TILE, (t // tiles_x) * TILE
-    first, last = offsets[t], offsets[t + 1]
-    state = np.empty(BLOCKS * stride, f32)
-    for i in range(u64(BLOCKS * stride)):
-        state[i] = template[i]
-    alive = np.ones(BLOCKS, np.int32)
-    alive_count = BLOCKS
-    ftx, fty = f32(tx), f32(ty)
-    if tx + TILE > width or ty + TILE > height:
-        alive_count = 0
-        for b in range(BLOCKS):
-            alive[b] = 0
-            for l in range(16):
-                x, y = tx + (b % BLOCKS_X) * BLOCK + l % BLOCK, ty + (b // BLOCKS_X) * BLOCK + l // BLOCK
-                inside = ONE if (x < width and y < height) else ZERO
-                state[u64(b * stride + l) + F_LIVE] = inside
-                if inside > ZERO:
-                    alive[b] = 1
-            alive_count += alive[b]
-    met = 0
-    for i in range(first, last):
-        if alive_count == 0:
-            for rest in range(i, last):
-                hits[u64(rest)] = 0
-            break
-        g = u64(ids[i])
-        hit = 0
-        cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
-        a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
-        a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
-        red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
-        nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
-        label = i64(records[g, R_LABEL])
-        rank = f32(i - first)
-        bx0 = max(0, i64(records[g, R_X0]) - tx) // BLOCK
-        bx1 = min(TILE - 1, i64(records[g, R_X1]) - 1 - tx) // BLOCK
-        by0 = max(0, i64(records[g, R_Y0]) - ty) // BLOCK
-        by1 = min(TILE - 1, i64(records[g, R_Y1]) - 1 - ty) // BLOCK
-        for by in range(by0, by1 + 1):
-            for bx in range(bx0, bx1 + 1):
-                b = by * BLOCKS_X + bx
-                if alive[b] == 0:
-                    continue
-                o = u64(b * stride)
-                if semantics:
-                    slot = u64(b * stride + F_LABELS + label * slot_size)
-                    for l in range(u64(slot_size)):
-                        state[o + F_SEM + l] = state[slot + l]
-                some, living = ZERO, ZERO
-                for l in range(L16):
-                    j = o + l
-                    dx, dy = state[F_X + j] - cx, state[F_Y + j] - cy
-                    nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
-                    q = ONE + a2 * dx + b2 * dy
-                    q = q if abs(q) > Q_MIN else Q_MIN
-                    r = ONE / q
-                    u, v = nu * r, nv * r
-                    exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
-                    use_exact = exact <= screen
-                    x = (exact if use_exact else screen) * HALF
-                    x = x if x < X_MAX else X_MAX
-                    x = x * EIGHTH
-                    e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
-                    e = e * e
-                    e = e * e
-                    e = e * e
-                    alpha = e * opacity
-                    alpha = alpha if alpha < A_MAX else A_MAX
-                    inv = q * iz if use_exact else iz
-                    live, light = state[F_LIVE + j], state[F_T + j]
-                    alpha = alpha * live
-                    alpha = alpha if alpha >= A_MIN else ZERO
-                    alpha = alpha if inv > ZERO else ZERO
-                    alpha = alpha if inv <= inv_near else ZERO
-                    some += alpha
-                    # The surfel that would bring the light under the limit ends the pixel, and does not count itself.
-                    past = light * (ONE - alpha)
-                    live = live if past >= T_MIN else ZERO
-                    alpha = alpha * live
-                    state[F_LIVE + j] = live
-                    living += live
-                    w = alpha * light
-                    state[F_RED + j] += w * red
-                    state[F_GREEN + j] += w * green
-                    state[F_BLUE + j] += w * blue
-                    state[F_T + j] = light * (ONE - alpha)
-                    old = state[F_LAST + j]
-                    state[F_LAST + j] = rank if alpha > ZERO else old
-                    if semantics:
-                        state[F_SEM + j] += w
-                    if geometry:
-                        d, start = r * z if use_exact else z, state[F_FIRST + j]
-                        begins = alpha if light >= ONE else ZERO
-                        start = inv if begins > ZERO else start
-                        state[F_FIRST + j] = start
-                        m = c1 * (start - inv)
-                        m1, m2, mm = state[F_M1 + j], state[F_M2 + j], m * m
-                        state[F_NX + j] += w * nx
-                        state[F_NY + j] += w * ny
-                        state[F_NZ + j] += w * nz
-                        state[F_DEPTH + j] += w * d
-                        state[F_DIST + j] += w * (mm * (ONE - light) + m2 - TWO * m * m1)
-                        state[F_M1 + j] = m1 + w * m
-                        state[F_M2 + j] = m2 + w * mm
-                        middle = alpha if light > HALF else ZERO
-                        old, old_i = state[F_MEDIAN + j], state[F_MEDIAN_I + j]
-                        state[F_MEDIAN + j] = d if middle > ZERO else old
-                        state[F_MEDIAN_I + j] = rank if middle > ZERO else old_i
-                    if label_distortion:
-                        llight, lstart = state[F_LT + j], state[F_LFIRST + j]
-                        lw = alpha * llight
-                        begins = alpha if llight >= ONE else ZERO
-                        lstart = inv if begins > ZERO else lstart
-                        state[F_LFIRST + j] = lstart
-                        m = c1 * (lstart - inv)
-                        m1, m2, mm = state[F_LM1 + j], state[F_LM2 + j], m * m
-                        state[F_LDIST + j] += lw * (mm * (ONE - llight) + m2 - TWO * m * m1)
-                        state[F_LM1 + j] = m1 + lw * m
-                        state[F_LM2 + j] = m2 + lw * mm
-                        state[F_LT + j] = llight * (ONE - alpha)
-                if some <= ZERO:
-                    continue
-                hit |= 1 << b
-                if living == ZERO:
-                    alive[b] = 0
-                    alive_count -= 1
-                if label_distortion:
-                    met |= 1 << label
-                if semantics:
-                    for l in range(u64(slot_size)):
-                        state[slot + l] = state[o + F_SEM + l]
-        hits[u64(i)] = hit
-    for b in range(BLOCKS):
-        for row in range(BLOCK):
-            y = ty + (b // BLOCKS_X) * BLOCK + row
-            x0 = tx + (b % BLOCKS_X) * BLOCK
-            count = min(BLOCK, width - x0)
-            if y >= height:
-                continue
-            for c in range(count):
-                j, yy, xx = u64(b * stride + row * BLOCK + c), u64(y), u64(x0 + c)
-                rgb[yy, xx, u64(0)] = state[F_RED + j]
-                rgb[yy, xx, u64(1)] = state[F_GREEN + j]
-                rgb[yy, xx, u64(2)] = state[F_BLUE + j]
-                alphas[yy, xx] = ONE - state[F_T + j]
-                if geometry:
-                    depth[yy, xx] = state[F_DEPTH + j]
-                    median[yy, xx] = state[F_MEDIAN + j]
-                    normal[yy, xx, u64(0)] = state[F_NX + j]
-                    normal[yy, xx, u64(1)] = state[F_NY + j]
-                    normal[yy, xx, u64(2)] = state[F_NZ + j]
-                    distortion[yy, xx] = state[F_DIST + j]
-                if label_distortion:
-                    label_dist[yy, xx] = state[F_LDIST + j]
-                if semantics:
-                    for k in range(u64(label_count)):
-                        labels[yy, xx, k] = state[u64(F_LABELS) + k * u64(slot_size) + j]
-    if kept.shape[0] > 0:
-        keep = kept[t]
-        block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
-        kept_stride = block + (label_count * KEPT_LABEL if label_distortion else 0)
-        for b in range(BLOCKS):
-            for l in range(u64(block)):
-                keep[u64(b * kept_stride) + l] = state[u64(b * stride) + l]
-            if label_distortion:
-                for k in range(label_count):
-                    if (met >> k) & 1:
-                        target, source = (
-                            u64(b * kept_stride + block + k * KEPT_LABEL),
-                            u64(b * stride + F_LABELS + k * 80 + 16),
-                        )
-                        for l in range(u64(KEPT_LABEL)):
-                            keep[target + l] = state[source + l]
-        keep[u64(BLOCKS * kept_stride)] = f32(met)
-
-
-# ---- backward state of one block
-(B_T, B_LAST, B_M1, B_M2, B_MEDIAN_I, B_FIRST, B_SUM, B_GA, B_X, B_Y, B_SEM, B_LT, B_LM1, B_LM2, B_LFIRST, B_LSUM,
- B_LGA, G_RED, G_GREEN, G_BLUE, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_NY, G_NZ, G_DIST, G_LDIST) = (
-    u64(16 * k) for k in range(28)
-)  # fmt: skip
-B_ACC = 28 * 16
-"""19 lane accumulators of the surfel at hand; the first 15 are all that colour and semantics need."""
-(S_U, S_UX, S_UY, S_V, S_VX, S_VY, S_Q, S_QX, S_QY, S_OPACITY, S_RED, S_GREEN, S_BLUE, S_SX, S_SY,
- S_IZ, S_NX, S_NY, S_NZ) = (
-    u64(B_ACC + 16 * k) for k in range(19)
-)  # fmt: skip
-B_LABELS = B_ACC + 19 * 16
-"""Then per label: its semantic gradient, and with label distortion six planes."""
-
-
-@njit(inline="always")
-def _backward_tile(
-    t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count, geometry, semantics, label_distortion,
-    kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-):  # fmt: skip
-    slot_size = (112 if label_distortion else 16) if semantics else 0
-    sums = 19 if geometry else 15
-    # Sixteen, but the compiler must not know: it would unroll the shorter loops into single operations.
-    lanes = u64(rows.shape[1]) - u64(ROW - 16)
-    stride = B_LABELS + label_count * slot_size
-    tx, ty = (t % tiles_x) * TILE, (t // tiles_x) * TILE
-    first = offsets[t]
-    count = offsets[t + 1] - first
-    block = KEPT_GEOMETRY if geometry else KEPT_COLOUR
-    kept_stride = block + (label_count * KEPT_LABEL if label_distortion else 0)
-    state = np.empty(BLOCKS * stride, f32)
-    ftx, fty = f32(tx), f32(ty)
-    keep = kept[t]
-    met = i64(keep[u64(BLOCKS * kept_stride)])
-    for b in range(BLOCKS):
-        o = u64(b * stride)
-        for l in range(u64(block)):
-            state[o + l] = keep[u64(b * kept_stride) + l]
-        for l in range(16):
-            x, y = tx + (b % BLOCKS_X) * BLOCK + l % BLOCK, ty + (b // BLOCKS_X) * BLOCK + l // BLOCK
-            j, yy, xx = o + u64(l), u64(y), u64(x)
-            state[B_X + j] = f32(x - tx) + HALF
-            state[B_Y + j] = f32(y - ty) + HALF
-            state[B_SUM + j] = ZERO
-            if x < width and y < height:
-                state[G_RED + j] = g_rgb[yy, xx, u64(0)]
-                state[G_GREEN + j] = g_rgb[yy, xx, u64(1)]
-                state[G_BLUE + j] = g_rgb[yy, xx, u64(2)]
-                state[G_ALPHA + j] = g_alpha[yy, xx]
-                if geometry:
-                    state[G_DEPTH + j] = g_depth[yy, xx]
-                    state[G_MEDIAN + j] = g_median[yy, xx]
-                    state[G_NX + j] = g_normal[yy, xx, u64(0)]
-                    state[G_NY + j] = g_normal[yy, xx, u64(1)]
-                    state[G_NZ + j] = g_normal[yy, xx, u64(2)]
-                    state[G_DIST + j] = g_distortion[yy, xx]
-                if label_distortion:
-                    state[G_LDIST + j] = g_label_dist[yy, xx]
-                if semantics:
-                    for k in range(u64(label_count)):
-                        state[u64(B_LABELS) + k * u64(slot_size) + j] = g_labels[yy, xx, k]
-            else:
-                for k in range(u64(11)):
-                    state[G_RED + k * L16 + j] = ZERO
-                if semantics:
-                    for k in range(u64(label_count)):
-                        state[u64(B_LABELS) + k * u64(slot_size) + j] = ZERO
-        if geometry:
-            # dL_d/dw_i = m_i^2 A + Q - 2 m_i M with the totals A, M, Q: scaled by the incoming gradient once, here.
-            for l in range(lanes):
-                j = o + l
-                gd = state[G_DIST + j]
-                state[B_GA + j] = gd * (ONE - state[B_T + j])
-                state[G_ALPHA + j] += gd * state[B_M2 + j]
-                state[B_M1 + j] *= gd
-        if label_distortion:
-            for k in range(label_count):
-                if (met >> k) & 1:
-                    source = u64(b * kept_stride + block + k * KEPT_LABEL)
-                    slot = o + u64(B_LABELS + k * 112 + 16)
-                    for l in range(u64(KEPT_LABEL)):
-                        state[slot + l] = keep[source + l]
-                    for l in range(lanes):
-                        j = slot + l
-                        gd, light = state[G_LDIST + o + l], state[j]
-                        state[u64(16) + j] *= gd
-                        state[u64(32) + j] *= gd
-                        state[u64(64) + j] = ZERO
-                        state[u64(80) + j] = gd * (ONE - light)
-    minus_two_c1 = f32(-2) * c1
-    for back in range(count - 1, -1, -1):
-        i = u64(first + back)
-        at = u64(place[i])
-        for k in range(ROW):
-            rows[at, u64(k)] = ZERO
-        blocks = i64(hits[i])
-        if blocks == 0:
-            continue
-        g = u64(ids[i])
-        cx, cy, iz = records[g, R_CX] - ftx, records[g, R_CY] - fty, records[g, R_IZ]
-        a0, b0, a1, b1 = records[g, R_A0], records[g, R_B0], records[g, R_A1], records[g, R_B1]
-        a2, b2, opacity = records[g, R_A2], records[g, R_B2], records[g, R_OPACITY]
-        red, green, blue = records[g, R_RED], records[g, R_GREEN], records[g, R_BLUE]
-        nx, ny, nz, z = records[g, R_NX], records[g, R_NY], records[g, R_NZ], records[g, R_Z]
-        label = i64(records[g, R_LABEL])
-        rank = f32(back)
-        fresh, previous = True, u64(0)
-        for b in range(BLOCKS):
-            if (blocks >> b) & 1 == 0:
-                continue
-            o = u64(b * stride)
-            # The lane accumulators travel with the block that is worked on: one horizontal sum per surfel.
-            if fresh:
-                for l in range(u64(sums * 16)):
-                    state[o + u64(B_ACC) + l] = ZERO
-                fresh = False
-            else:
-                for l in range(u64(sums * 16)):
-                    state[o + u64(B_ACC) + l] = state[previous + u64(B_ACC) + l]
-            previous = o
-            if semantics:
-                slot = u64(B_LABELS + label * slot_size) + o
-                for l in range(u64(slot_size)):
-                    state[o + B_SEM + l] = state[slot + l]
-            for l in range(L16):
-                j = o + l
-                dx, dy = state[B_X + j] - cx, state[B_Y + j] - cy
-                nu, nv = a0 * dx + b0 * dy, a1 * dx + b1 * dy
-                q = ONE + a2 * dx + b2 * dy
-                q = q if abs(q) > Q_MIN else Q_MIN
-                r = ONE / q
-                u, v = nu * r, nv * r
-                exact, screen = u * u + v * v, TWO * (dx * dx + dy * dy)
-                use_exact = exact <= screen
-                x = (exact if use_exact else screen) * HALF
-                x = x if x < X_MAX else X_MAX
-                x = x * EIGHTH
-                e = ((((E5 * x + E4) * x + E3) * x + E2) * x + E1) * x + E0
-                e = e * e
-                e = e * e
-                e = e * e
-                raw = e * opacity
-                alpha = raw if raw < A_MAX else A_MAX
-                inv = q * iz if use_exact else iz
-                alpha = alpha if state[B_LAST + j] >= rank else ZERO
-                alpha = alpha if alpha >= A_MIN else ZERO
-                alpha = alpha if inv > ZERO else ZERO
-                alpha = alpha if inv <= inv_near else ZERO
-                ex = ONE if use_exact else ZERO
-                e = e if raw <= A_MAX else ZERO
-                ra = ONE / (ONE - alpha)
-                light = state[B_T + j] * ra
-                state[B_T + j] = light
-                w, total = alpha * light, state[B_SUM + j]
-                gred, ggreen, gblue = state[G_RED + j], state[G_GREEN + j], state[G_BLUE + j]
-                value = gred * red + ggreen * green + gblue * blue + state[G_ALPHA + j]
-                if semantics:
-                    value += state[B_SEM + j]
-                if geometry:
-                    d = r * z if use_exact else z
-                    m = c1 * (state[B_FIRST + j] - inv)
-                    ga, gm = state[B_GA + j], state[B_M1 + j]
-                    gnx, gny, gnz = state[G_NX + j], state[G_NY + j], state[G_NZ + j]
-                    gdepth = state[G_DEPTH + j]
-                    value += gdepth * d
-                    value += gnx * nx + gny * ny + gnz * nz
-                    value += m * (m * ga - TWO * gm)
-                    dm = w * (m * ga - gm)
-                da = light * value - total * ra
-                state[B_SUM + j] = total + w * value
-                if label_distortion:
-                    m = c1 * (state[B_LFIRST + j] - inv)
-                    llight = state[B_LT + j] * ra
-                    state[B_LT + j] = llight
-                    lw, ltotal = alpha * llight, state[B_LSUM + j]
-                    gm, ga = state[B_LM1 + j], state[B_LGA + j]
-                    lvalue = m * (m * ga - TWO * gm) + state[B_LM2 + j]
-                    da += llight * lvalue - ltotal * ra
-                    state[B_LSUM + j] = ltotal + lw * lvalue
-                    dm += lw * (m * ga - gm)
-                da = da if alpha > ZERO else ZERO
-                da = da if e > ZERO else ZERO
-                h = da * alpha
-                h3 = h * ex
-                h2 = h - h3
-                hr = h3 * r
-                ue, ve = u * ex, v * ex
-                gnu, gnv, gq = -hr * ue, -hr * ve, hr * (ue * ue + ve * ve)
-                if geometry:
-                    gmed = state[G_MEDIAN + j]
-                    gmed = gmed if alpha > ZERO else ZERO
-                    gmed = gmed if state[B_MEDIAN_I + j] == rank else ZERO
-                    ginv = minus_two_c1 * dm - (w * gdepth + gmed) * d * d
-                    ginv = ginv if alpha > ZERO else ZERO
-                    gq += ginv * iz * ex
-                    scaled = ginv * q
-                    state[S_IZ + j] += scaled if ex > ZERO else ginv
-                    state[S_NX + j] += w * gnx
-                    state[S_NY + j] += w * gny
-                    state[S_NZ + j] += w * gnz
-                state[S_U + j] += gnu
-                state[S_UX + j] += gnu * dx
-                state[S_UY + j] += gnu * dy
-                state[S_V + j] += gnv
-                state[S_VX + j] += gnv * dx
-                state[S_VY + j] += gnv * dy
-                state[S_Q + j] += gq
-                state[S_QX + j] += gq * dx
-                state[S_QY + j] += gq * dy
-                state[S_OPACITY + j] += da * e
-                state[S_RED + j] += w * gred
-                state[S_GREEN + j] += w * ggreen
-                state[S_BLUE + j] += w * gblue
-                state[S_SX + j] += h2 * dx
-                state[S_SY + j] += h2 * dy
-            if label_distortion:
-                for l in range(u64(96)):
-                    state[slot + L16 + l] = state[o + B_LT + l]
-        # Many sums in one loop: one sum alone comes out as adds that wait for each other.
-        t0, t1, t2, t3, t4, t5, t6, t7 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-        for l in range(lanes):
-            j = previous + l
-            t0 += state[S_U + j]
-            t1 += state[S_UX + j]
-            t2 += state[S_UY + j]
-            t3 += state[S_V + j]
-            t4 += state[S_VX + j]
-            t5 += state[S_VY + j]
-            t6 += state[S_Q + j]
-            t7 += state[S_QX + j]
-        rows[at, u64(0)] = t0
-        rows[at, u64(1)] = t1
-        rows[at, u64(2)] = t2
-        rows[at, u64(3)] = t3
-        rows[at, u64(4)] = t4
-        rows[at, u64(5)] = t5
-        rows[at, u64(6)] = t6
-        rows[at, u64(7)] = t7
-        t8, t9, t10, t11, t12, t13, t14 = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-        for l in range(lanes):
-            j = previous + l
-            t8 += state[S_QY + j]
-            t9 += state[S_OPACITY + j]
-            t10 += state[S_RED + j]
-            t11 += state[S_GREEN + j]
-            t12 += state[S_BLUE + j]
-            t13 += state[S_SX + j]
-            t14 += state[S_SY + j]
-        rows[at, u64(8)] = t8
-        rows[at, u64(9)] = t9
-        rows[at, u64(10)] = t10
-        rows[at, u64(11)] = t11
-        rows[at, u64(12)] = t12
-        rows[at, u64(13)] = t13
-        rows[at, u64(14)] = t14
-        if geometry:
-            t15, t16, t17, t18 = ZERO, ZERO, ZERO, ZERO
-            for l in range(lanes):
-                j = previous + l
-                t15 += state[S_IZ + j]
-                t16 += state[S_NX + j]
-                t17 += state[S_NY + j]
-                t18 += state[S_NZ + j]
-            rows[at, u64(15)] = t15
-            rows[at, u64(16)] = t16
-            rows[at, u64(17)] = t17
-            rows[at, u64(18)] = t18
-
-
-# ---- one pair of kernels per group of planes
-def _group(geometry, semantics, label_distortion):
-    """Forward and backward with these switches as constants, after the switches themselves."""
-
-    @njit(**FAST)
-    def forward(
-        tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-    ):  # fmt: skip
-        for t in range(tile, end):
-            _forward_tile(
-                t, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
-                geometry, semantics, label_distortion,
-                rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-            )  # fmt: skip
-
-    @njit(**FAST)
-    def backward(
-        tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-        kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-    ):  # fmt: skip
-        for t in range(tile, end):
-            _backward_tile(
-                t, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
-                geometry, semantics, label_distortion,
-                kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
-            )  # fmt: skip
-
-    return geometry, semantics, label_distortion, forward, backward
-
-
-GROUPS = {
-    "colour": _group(geometry=False, semantics=False, label_distortion=False),
-    "semantic": _group(geometry=False, semantics=True, label_distortion=False),
-    "geometry": _group(geometry=True, semantics=False, label_distortion=False),
-    "all": _group(geometry=True, semantics=True, label_distortion=True),
-}
-"""Name to (geometry, semantics, label_distortion, forward, backward), the cheapest first."""
-
-
-# ---- project, sort, bin, reduce (scalar code)
 
 SH0, SH1 = 0.28209479177387814, 0.4886025119029199
 SH2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
@@ -678,6 +116,10 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
     return low, high
 
 
+GENEROUS = 1.002
+"""Bounds are wider than exact by this, squared, so that float32 loses no pixel."""
+
+
 @njit(**FAST)
 def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
             coefficients, records, boxes, depths, visible):  # fmt: skip
@@ -722,18 +164,22 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         V0, V1 = fy * (h01 - yn * h02), fy * (h11 - yn * h12)
         # Exact support: G falls under 1/(255 o) at radius sqrt(k2). The bounds of what it projects to, and never
         # smaller than the low-pass filter's circle.
-        k2 = 2.0 * np.log(opacity / ALPHA_MIN)
+        k2 = max(2.0 * np.log(opacity / ALPHA_MIN), 1e-6)
         low = np.sqrt(0.5 * k2)
         x0, x1, y0, y1 = -low, low, -low, low
+        # Edge-on: no ellipse. Cut by the near plane: no bounded one, so that every block is reached.
+        mx, my, e0, e1, e2 = 0.0, 0.0, 1e6, 0.0, 1e6
         if not edge_on:
-            if Z - np.sqrt(k2 * (h02 * h02 + h12 * h12)) > near:
-                g = 1.0 / (Z * Z - k2 * (h02 * h02 + h12 * h12))
-                ex, ey = -k2 * (U0 * h02 + U1 * h12) * g, -k2 * (V0 * h02 + V1 * h12) * g
-                hx = np.sqrt(max(ex * ex + k2 * (U0 * U0 + U1 * U1) * g, 0.0))
-                hy = np.sqrt(max(ey * ey + k2 * (V0 * V0 + V1 * V1) * g, 0.0))
-                x0, x1 = min(ex - hx, -low), max(ex + hx, low)
-                y0, y1 = min(ey - hy, -low), max(ey + hy, low)
+            slant = k2 * (h02 * h02 + h12 * h12)
+            if Z - np.sqrt(slant) > near:
+                g = 1.0 / (Z * Z - slant)
+                mx, my = -k2 * (U0 * h02 + U1 * h12) * g, -k2 * (V0 * h02 + V1 * h12) * g
+                hx = np.sqrt(max(mx * mx + k2 * (U0 * U0 + U1 * U1) * g, 0.0))
+                hy = np.sqrt(max(my * my + k2 * (V0 * V0 + V1 * V1) * g, 0.0))
+                x0, x1 = min(mx - hx, -low), max(mx + hx, low)
+                y0, y1 = min(my - hy, -low), max(my + hy, low)
             else:
+                e0, e2 = 1e-12, 1e-12
                 ex0, ex1 = clipped_extent(U0, U1, h02, h12, Z, near, k2)
                 ey0, ey1 = clipped_extent(V0, V1, h02, h12, Z, near, k2)
                 x0, x1, y0, y1 = min(ex0, -low), max(ex1, low), min(ey0, -low), max(ey1, low)
@@ -749,6 +195,13 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
             g = Z / (U0 * V1 - U1 * V0)
             a0, b0, a1, b1 = V1 * g, -U1 * g, -V0 * g, U0 * g
             a2, b2 = -(h02 * a0 + h12 * a1) * iz, -(h02 * b0 + h12 * b1) * iz
+            if e0 == 1e6:
+                # The quadratic form A^T A - k2 (a2, b2) (a2, b2)^T, by its known determinant: nothing cancels.
+                level = GENEROUS * k2 * Z * Z / (Z * Z - slant)
+                xx, xy = a0 * a0 + a1 * a1 - k2 * a2 * a2, a0 * b0 + a1 * b1 - k2 * a2 * b2
+                det = (a0 * b1 - a1 * b0) * (a0 * b1 - a1 * b0) * (1.0 - slant * iz * iz)
+                e0 = np.sqrt(xx / level)
+                e1, e2 = xy / (level * e0), np.sqrt(det / (xx * level))
         dx, dy, dz = means[i, 0] - eye[0], means[i, 1] - eye[1], means[i, 2] - eye[2]
         red, green, blue = 0.5 + SH0 * sh[i, 0, 0], 0.5 + SH0 * sh[i, 0, 1], 0.5 + SH0 * sh[i, 0, 2]
         if coefficients > 1:
@@ -777,10 +230,12 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         records[i, R_NY] = ny
         records[i, R_NZ] = nz
         records[i, R_Z] = Z
-        records[i, R_X0] = x0
-        records[i, R_X1] = x1
-        records[i, R_Y0] = y0
-        records[i, R_Y1] = y1
+        records[i, R_EX] = cx + mx
+        records[i, R_EY] = cy + my
+        records[i, R_E0] = e0
+        records[i, R_E1] = e1
+        records[i, R_E2] = e2
+        records[i, R_LOW] = GENEROUS * low * low
         records[i, R_LABEL] = f32(labels[i])
         boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
         boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
@@ -887,9 +342,9 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, 
                 g_screen[n, k] = ZERO
             g_opacity_logits[n] = ZERO
             continue
-        a = np.zeros(ROW, f32)
+        a = np.zeros(20, f32)
         for s in range(surfel_start[n], surfel_start[n + 1]):
-            for k in range(ROW):
+            for k in range(rows.shape[1]):
                 a[k] += rows[s, k]
         X = R[0, 0] * means[n, 0] + R[0, 1] * means[n, 1] + R[0, 2] * means[n, 2] + t[0]
         Y = R[1, 0] * means[n, 0] + R[1, 1] * means[n, 1] + R[1, 2] * means[n, 2] + t[1]
@@ -993,9 +448,8 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, 
         g_quats[n, 1] = (gx - along * x) * inverse
         g_quats[n, 2] = (gy - along * y) * inverse
         g_quats[n, 3] = (gz - along * z) * inverse
-        # sigmoid' without cancellation near 1
-        decay = np.exp(-abs(f64(opacity_logits[n])))
-        g_opacity_logits[n] = a[9] * decay / ((1.0 + decay) * (1.0 + decay))
+        # The row holds opacity times its gradient; sigmoid' = opacity (1 - opacity), without cancellation near 1.
+        g_opacity_logits[n] = a[9] / (1.0 + np.exp(min(f64(opacity_logits[n]), 700.0)))
         g_screen[n, 0], g_screen[n, 1] = g_cx, g_cy
 
 
