@@ -177,10 +177,11 @@ class Floats:
     def __init__(self, builder: ir.IRBuilder, data: ir.Value) -> None:
         self.builder, self.data = builder, data
 
-    def _pointer(self, index: ir.Value, offset: int) -> ir.Value:
+    def _pointer(self, index: ir.Value, offset: int, lanes: int = 1) -> ir.Value:
         if offset:
             index = self.builder.add(index, ir.Constant(index.type, offset))
-        return self.builder.gep(self.data, [index])
+        pointer = self.builder.gep(self.data, [index])
+        return pointer if lanes == 1 else self.builder.bitcast(pointer, ir.VectorType(FLOAT, lanes).as_pointer())
 
     def one(self, index: ir.Value, offset: int = 0) -> Vector:
         """The float at index + offset, in every lane."""
@@ -188,19 +189,46 @@ class Floats:
 
     def load(self, index: ir.Value, offset: int = 0) -> Vector:
         """Sixteen floats from index + offset on."""
-        pointer = self.builder.bitcast(self._pointer(index, offset), FLOATS.as_pointer())
-        return Vector(self.builder, self.builder.load(pointer, align=4))
+        return Vector(self.builder, self.builder.load(self._pointer(index, offset, LANES), align=4))
 
     def store(self, vector: Vector, index: ir.Value, offset: int = 0) -> None:
         """The sixteen lanes to index + offset and on."""
-        pointer = self.builder.bitcast(self._pointer(index, offset), FLOATS.as_pointer())
-        self.builder.store(vector.value, pointer, align=4)
+        self.builder.store(vector.value, self._pointer(index, offset, LANES), align=4)
 
-    def store_four(self, vector: Vector, index: ir.Value, offset: int = 0) -> None:
-        """The first four lanes to index + offset and on."""
-        four = self.builder.shuffle_vector(vector.value, vector.value, ir.Constant(ir.VectorType(WORD, 4), [0, 1, 2, 3]))
-        pointer = self.builder.bitcast(self._pointer(index, offset), ir.VectorType(FLOAT, 4).as_pointer())
-        self.builder.store(four, pointer, align=4)
+    def store_four(self, vector: Vector, index: ir.Value, first: int = 0, offset: int = 0) -> None:
+        """Four lanes, from ``first`` on, to index + offset and on."""
+        chosen = ir.Constant(ir.VectorType(WORD, 4), [first + k for k in range(4)])
+        four = self.builder.shuffle_vector(vector.value, vector.value, chosen)
+        self.builder.store(four, self._pointer(index, offset, 4), align=4)
+
+    def gather(self, rows: list[ir.Value], spread: ir.Value | None) -> Vector:
+        """Four floats of each of four rows: those at ``spread`` from one another, or next to one another."""
+        if spread is None:
+            fours = [self.builder.load(self._pointer(row, 0, 4), align=4) for row in rows]
+            eight = ir.Constant(ir.VectorType(WORD, 8), list(range(8)))
+            halves = [self.builder.shuffle_vector(a, b, eight) for a, b in (fours[:2], fours[2:])]
+            return Vector(self.builder, self.builder.shuffle_vector(*halves, ir.Constant(WORDS, list(range(LANES)))))
+        value = ir.Constant(FLOATS, ir.Undefined)
+        for lane, at in enumerate(self._spread(rows, spread)):
+            value = self.builder.insert_element(value, self.builder.load(self._pointer(at, 0)), WORD(lane))
+        return Vector(self.builder, value)
+
+    def scatter(self, vector: Vector, rows: list[ir.Value], spread: ir.Value | None) -> None:
+        """The way back of :meth:`gather`."""
+        if spread is None:
+            for k, row in enumerate(rows):
+                self.store_four(vector, row, 4 * k)
+            return
+        for lane, at in enumerate(self._spread(rows, spread)):
+            self.builder.store(self.builder.extract_element(vector.value, WORD(lane)), self._pointer(at, 0))
+
+    def _spread(self, rows: list[ir.Value], spread: ir.Value) -> list[ir.Value]:
+        places = []
+        for row in rows:
+            places.append(row)
+            for _ in range(3):
+                places.append(self.builder.add(places[-1], spread))
+        return places
 
     def prefetch(self, index: ir.Value, offset: int = 0) -> None:
         """Ask the memory for what lies at index + offset."""

@@ -123,6 +123,37 @@ class Splat:
         return self.is_exact.where(self.r, 1.0) * self.z
 
 
+def _four_rows(builder, first, step):
+    rows = [first]
+    for _ in range(3):
+        rows.append(builder.add(rows[-1], step))
+    return rows
+
+
+@lane_function(lambda: types.void)
+def _put(builder, memory, at, plane, first, step, spread):
+    """A block's values to an image: (row r, column c) to ``first + r step + c spread``."""
+    plane.scatter(memory.load(at), _four_rows(builder, first, step), spread)
+
+
+@lane_function(lambda: types.void)
+def _put_next(builder, memory, at, plane, first, step):
+    """The same, where a row's values lie next to one another."""
+    plane.scatter(memory.load(at), _four_rows(builder, first, step), None)
+
+
+@lane_function(lambda: types.void)
+def _get(builder, memory, at, plane, first, step, spread):
+    """A block's values from an image, the way back of :func:`_put`."""
+    memory.store(plane.gather(_four_rows(builder, first, step), spread), at)
+
+
+@lane_function(lambda: types.void)
+def _get_next(builder, memory, at, plane, first, step):
+    """The same, where a row's values lie next to one another."""
+    memory.store(plane.gather(_four_rows(builder, first, step), None), at)
+
+
 # ---- forward: the first planes of a block's state are what backward needs
 def _forward_planes(geometry, distortion_of_labels):
     names = ["T", "LAST"]
@@ -258,7 +289,7 @@ def _store_row(builder, Geometry, sums, rows, at):
     """The sums over the lanes to a gradient row."""
     rows.store(add_across(list(sums[:16])), at)
     if Geometry:
-        rows.store_four(add_across(list(sums[16:])), at, 16)
+        rows.store_four(add_across(list(sums[16:])), at, 0, 16)
 
 
 @lane_function(lambda Geometry: types.void)
@@ -267,7 +298,7 @@ def _store_empty_row(builder, Geometry, rows, at):
     zero = Vector.of(builder, 0.0)
     rows.store(zero, at)
     if Geometry:
-        rows.store_four(zero, at, 16)
+        rows.store_four(zero, at, 0, 16)
 
 
 @lane_function(lambda: types.void)
@@ -444,29 +475,6 @@ def _group(geometry, semantics, distortion_of_labels):
                     for i in range(low, high):
                         if hits[u64(i)] != 0:
                             met |= 1 << np.int64(records[u64(ids[u64(i)]) * u64(RECORD) + u64(R_LABEL)])
-            for b in range(BLOCKS):
-                for row in range(BLOCK):
-                    y, x0 = ty + b // 4 * 4 + row, tx + b % 4 * 4
-                    if y >= height:
-                        continue
-                    for c in range(min(BLOCK, width - x0)):
-                        j, yy, xx = base + u64(b * size + row * BLOCK + c), u64(y), u64(x0 + c)
-                        rgb[yy, xx, u64(0)] = memory[F_RED + j]
-                        rgb[yy, xx, u64(1)] = memory[F_RED + u64(16) + j]
-                        rgb[yy, xx, u64(2)] = memory[F_RED + u64(32) + j]
-                        alphas[yy, xx] = ONE - memory[F_T + j]
-                        if geometry:
-                            depth[yy, xx] = memory[F_DEPTH + j]
-                            median[yy, xx] = memory[F_MEDIAN + j]
-                            normal[yy, xx, u64(0)] = memory[F_NX + j]
-                            normal[yy, xx, u64(1)] = memory[F_NX + u64(16) + j]
-                            normal[yy, xx, u64(2)] = memory[F_NX + u64(32) + j]
-                            distortion[yy, xx] = memory[F_DIST + j]
-                        if distortion_of_labels:
-                            label_dist[yy, xx] = memory[F_LDIST + j]
-                        if semantics:
-                            for k in range(u64(label_count)):
-                                labels[yy, xx, k] = memory[j + u64(planes) + k * u64(slot_size)]
             if kept.shape[0] > 0:
                 keep = kept[t]
                 stride = kept_planes + (label_count * KEPT_LABEL if distortion_of_labels else 0)
@@ -481,6 +489,50 @@ def _group(geometry, semantics, distortion_of_labels):
                                 for l in range(u64(KEPT_LABEL)):
                                     keep[target + l] = memory[source + l]
                 keep[u64(BLOCKS * stride)] = f32(met)
+            for b in range(BLOCKS):
+                x0, y0, at = tx + b % 4 * 4, ty + b // 4 * 4, base + u64(b * size)
+                for l in range(u64(16)):
+                    memory[at + F_T + l] = ONE - memory[at + F_T + l]
+                if x0 + BLOCK <= width and y0 + BLOCK <= height:
+                    one, step = u64(y0 * width + x0), u64(width)
+                    for c in range(u64(3)):
+                        _put(memory, at + F_RED + c * u64(16), rgb, u64(3) * one + c, u64(3) * step, u64(3))
+                    _put_next(memory, at + F_T, alphas, one, step)
+                    if geometry:
+                        _put_next(memory, at + F_DEPTH, depth, one, step)
+                        _put_next(memory, at + F_MEDIAN, median, one, step)
+                        for c in range(u64(3)):
+                            _put(memory, at + F_NX + c * u64(16), normal, u64(3) * one + c, u64(3) * step, u64(3))
+                        _put_next(memory, at + F_DIST, distortion, one, step)
+                    if distortion_of_labels:
+                        _put_next(memory, at + F_LDIST, label_dist, one, step)
+                    if semantics:
+                        n = u64(label_count)
+                        for k in range(n):
+                            _put(memory, at + u64(planes) + k * u64(slot_size), labels, n * one + k, n * step, n)
+                    continue
+                for row in range(BLOCK):
+                    y = y0 + row
+                    if y >= height:
+                        continue
+                    for c in range(min(BLOCK, width - x0)):
+                        j, yy, xx = base + u64(b * size + row * BLOCK + c), u64(y), u64(x0 + c)
+                        rgb[yy, xx, u64(0)] = memory[F_RED + j]
+                        rgb[yy, xx, u64(1)] = memory[F_RED + u64(16) + j]
+                        rgb[yy, xx, u64(2)] = memory[F_RED + u64(32) + j]
+                        alphas[yy, xx] = memory[F_T + j]
+                        if geometry:
+                            depth[yy, xx] = memory[F_DEPTH + j]
+                            median[yy, xx] = memory[F_MEDIAN + j]
+                            normal[yy, xx, u64(0)] = memory[F_NX + j]
+                            normal[yy, xx, u64(1)] = memory[F_NX + u64(16) + j]
+                            normal[yy, xx, u64(2)] = memory[F_NX + u64(32) + j]
+                            distortion[yy, xx] = memory[F_DIST + j]
+                        if distortion_of_labels:
+                            label_dist[yy, xx] = memory[F_LDIST + j]
+                        if semantics:
+                            for k in range(u64(label_count)):
+                                labels[yy, xx, k] = memory[j + u64(planes) + k * u64(slot_size)]
 
     @njit(**FAST)
     def backward(
@@ -504,7 +556,26 @@ def _group(geometry, semantics, distortion_of_labels):
                     memory[at + l] = keep[source + l]
                 for l in range(u64(16)):
                     memory[at + B_SUM + l] = ZERO
-                for l in range(16):
+                x0, y0 = tx + b % 4 * 4, ty + b // 4 * 4
+                whole = x0 + BLOCK <= width and y0 + BLOCK <= height
+                if whole:
+                    one, step = u64(y0 * width + x0), u64(width)
+                    for c in range(u64(3)):
+                        _get(memory, at + G_RED + c * u64(16), g_rgb, u64(3) * one + c, u64(3) * step, u64(3))
+                    _get_next(memory, at + G_ALPHA, g_alpha, one, step)
+                    if geometry:
+                        _get_next(memory, at + G_DEPTH, g_depth, one, step)
+                        _get_next(memory, at + G_MEDIAN, g_median, one, step)
+                        for c in range(u64(3)):
+                            _get(memory, at + G_NX + c * u64(16), g_normal, u64(3) * one + c, u64(3) * step, u64(3))
+                        _get_next(memory, at + G_DIST, g_distortion, one, step)
+                    if distortion_of_labels:
+                        _get_next(memory, at + G_LDIST, g_label_dist, one, step)
+                    if semantics:
+                        n = u64(label_count)
+                        for k in range(n):
+                            _get(memory, at + u64(back_planes) + k * u64(back_slot), g_labels, n * one + k, n * step, n)
+                for l in range(0 if whole else 16):
                     x, y = tx + b % 4 * 4 + l % 4, ty + b // 4 * 4 + l // 4
                     j, yy, xx = at + u64(l), u64(y), u64(x)
                     if x < width and y < height:
