@@ -12,7 +12,7 @@ from torch import Tensor
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel
 from unveil_core.raster.autograd import rasterize
-from unveil_core.raster.cpu.kernels import CHUNK, count_not_finite
+from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite
 from unveil_core.raster.reference import render_reference
 from unveil_core.raster.spec import MAX_LABELS, PLANES
 from unveil_core.surfels.surfels import Surfels

@@ -288,7 +288,9 @@ def lane_function(result: Callable[..., types.Type]) -> Callable[[Callable[..., 
 
         typer.__name__, typer.__doc__, typer.__module__ = body.__name__, body.__doc__, body.__module__
         # numba reads the names of the arguments off the signature.
-        typer.__signature__ = inspect.Signature([inspect.Parameter(n, inspect.Parameter.POSITIONAL_OR_KEYWORD) for n in ["context", *names]])
+        typer.__signature__ = inspect.Signature(
+            [inspect.Parameter(n, inspect.Parameter.POSITIONAL_OR_KEYWORD) for n in ["context", *names]]
+        )
         return intrinsic(prefer_literal=True)(typer)
 
     return decorate

@@ -3,7 +3,6 @@
 Scalar code, and float64 between the parameters and the records: edge-on discs cancel digits there.
 """
 
-# ruff: noqa: E741
 # mypy: ignore-errors
 from __future__ import annotations
 
@@ -11,10 +10,7 @@ import numpy as np
 from numba import njit
 
 from unveil_core.parallel import FAST
-from unveil_core.raster.cpu.records import (
-    R_A0, R_A1, R_A2, R_B0, R_B1, R_B2, R_BLUE, R_CX, R_CY, R_E0, R_E1, R_E2, R_EX, R_EY, R_GREEN, R_IZ, R_LABEL,
-    R_LOW, R_NX, R_NY, R_NZ, R_OPACITY, R_RED, R_Z, RECORD,
-)  # fmt: skip
+from unveil_core.raster.cpu import records as rec
 from unveil_core.raster.spec import ALPHA_MIN, DEPTH_MAX, EDGE_ON, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
@@ -22,7 +18,6 @@ INLINED = {**FAST, "forceinline": True}
 
 TILE = 16
 ZERO = f32(0)
-
 
 
 SH0, SH1 = 0.28209479177387814, 0.4886025119029199
@@ -213,77 +208,65 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
                 g += weight * sh[i, k, 1]
                 b += weight * sh[i, k, 2]
             red, green, blue = red + r, green + g, blue + b
-        records[i, R_CX] = cx
-        records[i, R_CY] = cy
-        records[i, R_IZ] = iz
-        records[i, R_A0] = a0
-        records[i, R_B0] = b0
-        records[i, R_A1] = a1
-        records[i, R_B1] = b1
-        records[i, R_A2] = a2
-        records[i, R_B2] = b2
-        records[i, R_OPACITY] = opacity
-        records[i, R_RED] = max(red, 0.0)
-        records[i, R_GREEN] = max(green, 0.0)
-        records[i, R_BLUE] = max(blue, 0.0)
-        records[i, R_NX] = nx
-        records[i, R_NY] = ny
-        records[i, R_NZ] = nz
-        records[i, R_Z] = Z
-        records[i, R_EX] = cx + mx
-        records[i, R_EY] = cy + my
-        records[i, R_E0] = e0
-        records[i, R_E1] = e1
-        records[i, R_E2] = e2
-        records[i, R_LOW] = GENEROUS * low * low
-        records[i, R_LABEL] = f32(labels[i])
+        records[i, rec.CX] = cx
+        records[i, rec.CY] = cy
+        records[i, rec.IZ] = iz
+        records[i, rec.A0] = a0
+        records[i, rec.B0] = b0
+        records[i, rec.A1] = a1
+        records[i, rec.B1] = b1
+        records[i, rec.A2] = a2
+        records[i, rec.B2] = b2
+        records[i, rec.OPACITY] = opacity
+        records[i, rec.RED] = max(red, 0.0)
+        records[i, rec.GREEN] = max(green, 0.0)
+        records[i, rec.BLUE] = max(blue, 0.0)
+        records[i, rec.NX] = nx
+        records[i, rec.NY] = ny
+        records[i, rec.NZ] = nz
+        records[i, rec.Z] = Z
+        records[i, rec.EX] = cx + mx
+        records[i, rec.EY] = cy + my
+        records[i, rec.E0] = e0
+        records[i, rec.E1] = e1
+        records[i, rec.E2] = e2
+        records[i, rec.LOW] = GENEROUS * low * low
+        records[i, rec.LABEL] = f32(labels[i])
         boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
         boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
         depths[i] = Z
         visible[i] = 1
 
 
-@njit(**FAST)
-def depth_order(depth_bits, visible):
-    """Indices of the visible surfels by depth, ties by index: a radix sort of the bits of positive floats."""
+@njit(**INLINED)
+def depth_order(depth_bits, visible, keys, spare, order):
+    """Indices of the visible surfels by depth into ``order``, ties by index, and how many there are: a radix sort of
+    the bits of positive floats."""
     count = 0
     for i in range(len(visible)):
-        count += visible[i]
-    a, b = np.empty(count, np.uint64), np.empty(count, np.uint64)
-    k = 0
-    for i in range(len(visible)):
         if visible[i]:
-            a[k] = (u64(depth_bits[i]) << u64(32)) | u64(i)
-            k += 1
+            keys[count] = (u64(depth_bits[i]) << u64(32)) | u64(i)
+            count += 1
     for turn in range(3):
         shift = u64(32 + 11 * turn)
         start = np.zeros(2049, np.int64)
         for i in range(count):
-            start[i64((a[i] >> shift) & u64(2047)) + 1] += 1
+            start[i64((keys[i] >> shift) & u64(2047)) + 1] += 1
         for i in range(2048):
             start[i + 1] += start[i]
         for i in range(count):
-            digit = i64((a[i] >> shift) & u64(2047))
-            b[start[digit]] = a[i]
+            digit = i64((keys[i] >> shift) & u64(2047))
+            spare[start[digit]] = keys[i]
             start[digit] += 1
-        a, b = b, a
-    order = np.empty(count, np.int32)
+        keys, spare = spare, keys
     for i in range(count):
-        order[i] = np.int32(a[i] & u64(0xFFFFFFFF))
-    return order
+        order[i] = np.int32(keys[i] & u64(0xFFFFFFFF))
+    return count
 
 
-@njit(**FAST)
-def pack(first, end, records, order, packed):
-    """Records in depth order: a tile's list then walks through memory in one direction."""
-    for i in range(first, end):
-        for k in range(RECORD):
-            packed[i, k] = records[order[i], k]
-
-
-@njit(**FAST)
+@njit(**INLINED)
 def count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets):
-    """Intersections before each surfel (N + 1,) and before each tile; returns how many there are."""
+    """Intersections before each surfel (N + 1,) and before each tile (T + 1,)."""
     per_tile = np.zeros(tiles_x * tiles_y, np.int64)
     total = 0
     for n in range(len(visible)):
@@ -298,18 +281,26 @@ def count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets):
     offsets[0] = 0
     for t in range(tiles_x * tiles_y):
         offsets[t + 1] = offsets[t] + per_tile[t]
-    return total
+
+
+@njit(**FAST)
+def arrange(first, end, depth_bits, visible, keys, spare, order, found, boxes, tiles_x, tiles_y, surfel_start, offsets):
+    """Two tasks that need nothing of each other: number 0 sorts (``found[0]`` surfels), number 1 counts."""
+    for task in range(first, end):
+        if task == 0:
+            found[0] = depth_order(depth_bits, visible, keys, spare, order)
+        else:
+            count_tiles(boxes, visible, tiles_x, tiles_y, surfel_start, offsets)
 
 
 @njit(**FAST)
 def fill_tiles(low, high, order, boxes, tiles_x, surfel_start, offsets, ids, place):
-    """Tile lists in depth order for a band of tile rows, and for each entry the place of its gradient row.
+    """Tile lists of surfels in depth order for a band of tile rows, and for each entry the place of its gradient row.
 
     Rows lie surfel after surfel: scattered stores in backward wait for nobody, scattered loads in the reduction would.
     """
     cursor = offsets[low * tiles_x : high * tiles_x].copy()
-    for i in range(len(order)):
-        n = order[i]
+    for n in order:
         y0, y1 = i64(boxes[n, 2]), i64(boxes[n, 3])
         if y1 < low or y0 >= high:
             continue
@@ -320,12 +311,12 @@ def fill_tiles(low, high, order, boxes, tiles_x, surfel_start, offsets, ids, pla
                 k = (y - low) * tiles_x + x
                 entry = cursor[k]
                 cursor[k] = entry + 1
-                ids[entry] = i
+                ids[entry] = n
                 place[entry] = surfel_start[n] + (y - y0) * across + (x - x0)
 
 
 @njit(**FAST)
-def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, log_scales, opacity_logits, sh, R, t, eye,
+def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means, quats, log_scales, opacity_logits, sh, R, t, eye,
                 fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
     """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
     for n in range(first, end):
@@ -344,8 +335,9 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, 
             continue
         a = np.zeros(20, f32)
         for s in range(surfel_start[n], surfel_start[n + 1]):
-            for k in range(rows.shape[1]):
-                a[k] += rows[s, k]
+            if touched[s]:
+                for k in range(rows.shape[1]):
+                    a[k] += rows[s, k]
         X = R[0, 0] * means[n, 0] + R[0, 1] * means[n, 1] + R[0, 2] * means[n, 2] + t[0]
         Y = R[1, 0] * means[n, 0] + R[1, 1] * means[n, 1] + R[1, 2] * means[n, 2] + t[1]
         Z = R[2, 0] * means[n, 0] + R[2, 1] * means[n, 1] + R[2, 2] * means[n, 2] + t[2]
@@ -400,9 +392,9 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, means, quats, 
         gm1 = R[0, 1] * g_X + R[1, 1] * g_Y + R[2, 1] * g_Z
         gm2 = R[0, 2] * g_X + R[1, 2] * g_Y + R[2, 2] * g_Z
         # Colour: no gradient where the clamp at zero held it.
-        red = f64(a[10]) if records[n, R_RED] > ZERO else 0.0
-        green = f64(a[11]) if records[n, R_GREEN] > ZERO else 0.0
-        blue = f64(a[12]) if records[n, R_BLUE] > ZERO else 0.0
+        red = f64(a[10]) if records[n, rec.RED] > ZERO else 0.0
+        green = f64(a[11]) if records[n, rec.GREEN] > ZERO else 0.0
+        blue = f64(a[12]) if records[n, rec.BLUE] > ZERO else 0.0
         dx, dy, dz = (
             (means[n, 0] - eye[0]) / distance,
             (means[n, 1] - eye[1]) / distance,
