@@ -18,7 +18,7 @@ from unveil_core import buffers
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import threads
 from unveil_core.raster.api import PLANES, render
-from unveil_core.raster.cpu.backend import group_for
+from unveil_core.raster.passes import group_for
 from unveil_core.surfels.surfels import Surfels
 
 

@@ -14,7 +14,7 @@ from numba import njit, typeof
 from tests.raster.scenes import camera, random_surfels, with_gradients
 from unveil_core.parallel import FAST
 from unveil_core.raster.api import PLANES, render
-from unveil_core.raster.cpu.groups import GROUPS
+from unveil_core.raster.cpu.groups import KERNELS
 
 ARITHMETIC = re.compile(r"= (fadd|fsub|fmul|fdiv) (?:\w+ )*(float|double|<\d+ x float>|<\d+ x double>)")
 # What is scalar is done once per block. A lane operation that fell apart would count sixteen times.
@@ -33,7 +33,7 @@ def optimized(function: Callable[..., Any], types: tuple[Any, ...]) -> str:
 def argument_types() -> dict[str, tuple[Any, ...]]:
     """Types that the "all" group is called with, seen by rendering once."""
     seen: dict[str, tuple[Any, ...]] = {}
-    group = GROUPS["all"]
+    group = KERNELS["all"]
 
     def recorded(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
@@ -42,20 +42,20 @@ def argument_types() -> dict[str, tuple[Any, ...]]:
 
         return call
 
-    GROUPS["all"] = group._replace(
+    KERNELS["all"] = group._replace(
         forward=recorded("forward", group.forward), backward=recorded("backward", group.backward)
     )
     try:
         out = render(with_gradients(random_surfels(20, 0)), camera(), PLANES, label_count=8)
         torch.autograd.backward([getattr(out, p) for p in PLANES], [torch.ones_like(getattr(out, p)) for p in PLANES])
     finally:
-        GROUPS["all"] = group
+        KERNELS["all"] = group
     return seen
 
 
 @pytest.mark.parametrize("kind", ["forward", "backward"])
 def test_tile_kernels_are_packed(kind: str, argument_types: dict[str, tuple[Any, ...]]) -> None:
-    code = optimized(getattr(GROUPS["all"], kind).py_func, argument_types[kind])
+    code = optimized(getattr(KERNELS["all"], kind).py_func, argument_types[kind])
     counts = Counter(ARITHMETIC.findall(code))
     assert not [width for _, width in counts if "double" in width], "float64 crept in"
     packed = sum(n for (_, width), n in counts.items() if width != "float")

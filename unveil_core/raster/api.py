@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
@@ -11,15 +12,15 @@ from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel
-from unveil_core.raster.autograd import rasterize
-from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite
+from unveil_core.raster.autograd import can_render_on, rasterize
+from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite, label_ends
 from unveil_core.raster.reference import render_reference
 from unveil_core.raster.spec import MAX_LABELS, PLANES
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["BACKENDS", "PLANES", "Rendered", "render"]
 
-BACKENDS = ("auto", "cpu", "reference")
+BACKENDS = ("auto", "cpu", "triton", "reference")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class Rendered:
         """
         gradients = self._screen_gradients()
         if gradients is None:
-            raise RuntimeError("screen_gradients() needs a backward pass of the cpu backend first")
+            raise RuntimeError("screen_gradients() needs a backward pass of the cpu or triton backend first")
         return gradients
 
 
@@ -89,7 +90,7 @@ def _check_finite(name: str, values: Tensor) -> None:
         raise ValueError(f"{name} is not finite in row {int((~good).nonzero()[0])}")
 
 
-def _check_surfels(surfels: Surfels, *, float32: bool) -> None:
+def _check_surfels(surfels: Surfels, backend: str) -> None:
     n = len(surfels)
     shapes = {"means": (n, 3), "quats": (n, 4), "log_scales": (n, 2), "opacity_logits": (n,), "labels": (n,)}
     for name, shape in shapes.items():
@@ -107,14 +108,29 @@ def _check_surfels(surfels: Surfels, *, float32: bool) -> None:
         raise ValueError(f"labels are {surfels.labels.dtype}, torch.int64 is needed")
     for name in ("means", "quats", "log_scales", "opacity_logits", "sh"):
         values = getattr(surfels, name)
-        if float32 and (values.dtype != torch.float32 or values.device.type != "cpu"):
+        if backend == "cpu" and (values.dtype != torch.float32 or values.device.type != "cpu"):
             raise ValueError(f"{name} is {values.dtype} on {values.device}; the cpu backend needs torch.float32 on cpu")
+        if backend == "triton" and (values.dtype != torch.float32 or not can_render_on(values.device)):
+            raise ValueError(
+                f"{name} is {values.dtype} on {values.device}; the triton backend needs torch.float32 on cuda"
+            )
         if n:
             _check_finite(name, values)
 
 
+def _label_range(labels: Tensor) -> tuple[int, int]:
+    if len(labels) == 0:
+        return 0, 0
+    if labels.device.type != "cpu":
+        return int(labels.min()), int(labels.max())
+    array = labels.contiguous().numpy()
+    ends = np.empty((-(-len(array) // CHUNK), 2), np.int64)
+    in_parallel(label_ends, len(array), 8 * CHUNK, array, ends)
+    return int(ends[:, 0].min()), int(ends[:, 1].max())
+
+
 def _label_count(surfels: Surfels, label_count: int | None) -> int:
-    low, high = (int(surfels.labels.min()), int(surfels.labels.max())) if len(surfels) else (0, 0)
+    low, high = _label_range(surfels.labels)
     count = high + 1 if label_count is None else label_count
     if not 1 <= count <= MAX_LABELS:
         raise ValueError(f"label_count {count}; 1 to {MAX_LABELS} labels are possible")
@@ -145,17 +161,17 @@ def render(
     """Render surfels, differentiable in means, quats, log_scales, opacity_logits and sh.
 
     Args:
-        surfels: N surfels, float32. camera: the view. outputs: names of planes, see :class:`Rendered`. The cheapest
-        group of kernels that makes them all is run: colour (rgb,
-            alpha), colour with semantics, colour with geometry, or all.
+        surfels: N surfels, float32. camera: the view.
+        outputs: names of planes, see :class:`Rendered`. The cheapest group of kernels that makes them all is run:
+            colour (rgb, alpha), colour with semantics, colour with geometry, or all.
         label_count: K for the label planes; the highest label plus one by default.
         near, far: world units; nearer contributions do not count, and distortion maps depth between them.
-        backend: "auto", "cpu" or "reference" (dense float64, small scenes only).
+        backend: "cpu", "triton" (NVIDIA GPUs), "reference" (dense float64, small scenes only), or "auto": where the
+            surfels are.
         sh_degree: use spherical harmonics up to this degree only; all that there are by default.
     Raises:
         ValueError: an unknown plane or backend, a wrong shape, a label out of range, or a value that is not finite,
-        named
-            with its first bad row.
+            named with its first bad row.
     """
     names = (outputs,) if isinstance(outputs, str) else tuple(dict.fromkeys(outputs))
     for name in names:
@@ -166,14 +182,18 @@ def render(
     if not 0 < near < far < np.inf:
         raise ValueError(f"near {near} and far {far}; 0 < near < far is needed")
     _check_camera(camera)
-    _check_surfels(surfels, float32=backend != "reference")
+    if backend == "auto":
+        backend = "triton" if surfels.means.is_cuda else "cpu"
+    if backend == "triton" and importlib.util.find_spec("triton") is None:
+        raise ValueError("the triton backend needs the package triton; install unveil-core[gpu]")
+    _check_surfels(surfels, backend)
     count, coefficients = _label_count(surfels, label_count), _coefficients(surfels, sh_degree)
     if backend == "reference":
         planes = render_reference(surfels, camera, count, near=near, far=far, coefficients=coefficients)
         planes, visible, screen = {name: planes[name] for name in names}, planes["visible"], None
     else:
         planes, screen = rasterize(
-            surfels, camera, names, label_count=count, coefficients=coefficients, near=near, far=far
+            surfels, camera, names, label_count=count, coefficients=coefficients, near=near, far=far, backend=backend
         )
         visible = screen.visible
     return Rendered(

@@ -54,7 +54,7 @@ there (*3D StreetUnveiler*, section 3.1), in the one pass; a pixel that is finis
 from __future__ import annotations
 
 __all__ = [
-    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "EDGE_ON", "LOG_SCALE_MAX", "LOW_PASS", "MAX_LABELS", "OFFSET_MAX", "PLANES",
+    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "EDGE_ON", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS", "MAX_LABELS", "OFFSET_MAX", "PLANES",
     "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
 ]  # fmt: skip
 
@@ -67,6 +67,8 @@ DEPTH_MAX = 1e12
 OFFSET_MAX = 1e6
 EDGE_ON = 1e-5
 SCALE_MIN_PX = 1e-6
+GENEROUS = 1.002
+"""Bounds are wider than exact by this, squared, so that float32 loses no pixel."""
 LOG_SCALE_MAX = 20.0
 MAX_LABELS = 19
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-__all__ = ["basis", "evaluate"]
+__all__ = ["SH0", "SH1", "SH2", "SH3", "basis", "evaluate"]
 
-_C0 = 0.28209479177387814
-_C1 = 0.4886025119029199
-_C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
-_C3 = (
+SH0 = 0.28209479177387814
+SH1 = 0.4886025119029199
+SH2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
+SH3 = (
     -0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154, -0.4570457994644658,
     1.445305721320277, -0.5900435899266435,
 )  # fmt: skip
@@ -26,17 +26,17 @@ def basis(directions: Tensor, degree: int) -> Tensor:
     if not 0 <= degree <= 3:
         raise ValueError(f"spherical harmonics of degree {degree}; 0 to 3 are known")
     x, y, z = directions.unbind(-1)
-    terms = [torch.full_like(x, _C0)]
+    terms = [torch.full_like(x, SH0)]
     if degree >= 1:
-        terms += [-_C1 * y, _C1 * z, -_C1 * x]
+        terms += [-SH1 * y, SH1 * z, -SH1 * x]
     if degree >= 2:
         xx, yy, zz = x * x, y * y, z * z
-        terms += [_C2[0] * x * y, _C2[1] * y * z, _C2[2] * (2 * zz - xx - yy), _C2[3] * x * z, _C2[4] * (xx - yy)]
+        terms += [SH2[0] * x * y, SH2[1] * y * z, SH2[2] * (2 * zz - xx - yy), SH2[3] * x * z, SH2[4] * (xx - yy)]
     if degree >= 3:
         terms += [
-            _C3[0] * y * (3 * xx - yy), _C3[1] * x * y * z, _C3[2] * y * (4 * zz - xx - yy),
-            _C3[3] * z * (2 * zz - 3 * xx - 3 * yy), _C3[4] * x * (4 * zz - xx - yy), _C3[5] * z * (xx - yy),
-            _C3[6] * x * (xx - 3 * yy),
+            SH3[0] * y * (3 * xx - yy), SH3[1] * x * y * z, SH3[2] * y * (4 * zz - xx - yy),
+            SH3[3] * z * (2 * zz - 3 * xx - 3 * yy), SH3[4] * x * (4 * zz - xx - yy), SH3[5] * z * (xx - yy),
+            SH3[6] * x * (xx - 3 * yy),
         ]  # fmt: skip
     return torch.stack(terms, dim=-1)
 
@@ -45,5 +45,5 @@ def evaluate(sh: Tensor, directions: Tensor) -> Tensor:
     """Colours (N, 3) = max(0, 0.5 + sum of basis * sh), for sh (N, (L+1)^2, 3) and unit directions (N, 3)."""
     degree = round(sh.shape[1] ** 0.5) - 1
     if degree == 0:
-        return (0.5 + _C0 * sh[:, 0]).clamp_min(0.0)
+        return (0.5 + SH0 * sh[:, 0]).clamp_min(0.0)
     return (0.5 + torch.bmm(basis(directions, degree)[:, None], sh)[:, 0]).clamp_min(0.0)

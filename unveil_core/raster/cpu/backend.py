@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from unveil_core.buffers import Buffers, borrow, give_back, lend
 from unveil_core.geometry.camera import Camera
@@ -16,15 +19,14 @@ from unveil_core.raster.cpu import per_surfel
 from unveil_core.raster.cpu.backward import row_size
 from unveil_core.raster.cpu.block import TILE, kept_size
 from unveil_core.raster.cpu.forward import template
-from unveil_core.raster.cpu.groups import GROUPS, group_for, plane_shapes
-from unveil_core.raster.cpu.records import SIZE as RECORD
+from unveil_core.raster.cpu.groups import KERNELS
+from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes
+from unveil_core.raster.records import SIZE as RECORD
 
-__all__ = ["Inputs", "Pass", "Settings", "backward_pass", "forward_pass", "group_for", "release"]
+__all__ = ["Pass", "backward_pass", "forward_pass", "release"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
-Inputs = tuple[Float32, Float32, Float32, Float32, Float32]
-"""means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32, contiguous."""
 TILES_AT_ONCE = 8
 
 
@@ -40,35 +42,17 @@ def _tiles(width: int, height: int) -> tuple[int, int]:
     return -(-width // TILE), -(-height // TILE)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What to render.
-
-    Attributes:
-        group: name in ``groups.GROUPS``.
-        label_count: K.
-        coefficients: how many spherical-harmonic coefficients are used.
-        near, far: world units.
-    """
-
-    group: str
-    label_count: int
-    coefficients: int
-    near: float
-    far: float
-
-
 @dataclass(eq=False)
 class Pass:
     """One forward pass: its planes, and everything that a backward pass needs of it.
 
     Attributes:
-        planes: every plane of the group by name, fresh arrays in their public shapes.
+        planes: every plane of the group by name, in its public shape.
         visible: (N,) bool.
     """
 
-    planes: dict[str, Float32]
-    visible: NDArray[np.bool_]
+    planes: dict[str, Tensor]
+    visible: Tensor
     buffers: Buffers
     settings: Settings
     camera: Camera
@@ -85,11 +69,16 @@ class Pass:
     released: bool = False
 
 
-def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, settings: Settings, *, keep: bool) -> Pass:
+def _array(tensor: Tensor) -> NDArray[Any]:
+    array: NDArray[Any] = tensor.detach().contiguous().numpy()
+    return array
+
+
+def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings, *, keep: bool) -> Pass:
     """Render one group of planes.
 
     Args:
-        labels: (N,) int64, contiguous.
+        labels: (N,) int64.
         keep: whether a backward pass will follow; if not, the buffers are given back at once.
     """
     buffers = borrow()
@@ -105,8 +94,9 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     boxes, depths = buffers.array("boxes", (count, 4), np.int16), buffers.array("depths", (count,))
     visible = lend((count,), np.uint8)
     in_parallel(
-        per_surfel.project, count, 4096, *inputs, labels, *pose, float(camera.fx), float(camera.fy), float(camera.cx),
-        float(camera.cy), width, height, float(near), settings.coefficients, records, boxes, depths, visible,
+        per_surfel.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
+        float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(near), settings.coefficients,
+        records, boxes, depths, visible,
     )  # fmt: skip
     tiles_x, tiles_y = _tiles(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
@@ -132,11 +122,12 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
     in_parallel(
-        group.forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, _start(settings), records.ravel(), offsets, ids, width,
-        height, c1, inv_near, label_count, *planes.values(), kept, hits,
+        KERNELS[settings.group].forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, _start(settings), records.ravel(),
+        offsets, ids, width, height, c1, inv_near, label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
-        planes, visible.view(np.bool_), buffers, settings, camera, pose, c1, inv_near,
+        {name: torch.from_numpy(plane) for name, plane in planes.items()},
+        torch.from_numpy(visible.view(np.bool_)), buffers, settings, camera, pose, c1, inv_near,
         records, surfel_start, offsets, ids, place, hits, kept,
     )  # fmt: skip
     if not keep:
@@ -144,29 +135,31 @@ def forward_pass(inputs: Inputs, labels: NDArray[np.int64], camera: Camera, sett
     return done
 
 
-def backward_pass(done: Pass, grads: Mapping[str, Float32], inputs: Inputs) -> tuple[Float32, ...]:
+def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tuple[Tensor, ...]:
     """Gradients in the order and shapes of the inputs, then by the projected means (N, 2).
 
     Args:
-        grads: gradient of the loss by each plane that has one, in the plane's shape, contiguous.
+        grads: gradient of the loss by each plane that has one, in the plane's shape.
     """
     camera, buffers, group = done.camera, done.buffers, GROUPS[done.settings.group]
     width, height, label_count = camera.width, camera.height, done.settings.label_count
     shapes = plane_shapes(group, width, height, label_count)
-    incoming = [grads[name] if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
+    incoming = [_array(grads[name]) if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
     rows = buffers.array("rows", (len(done.ids), row_size(group.geometry)))
     touched = buffers.array("touched", (len(done.ids),), np.uint8)
     tiles_x, tiles_y = _tiles(width, height)
     in_parallel(
-        group.backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.records.ravel(), done.offsets, done.ids, width,
-        height, done.c1, done.inv_near, label_count, done.kept, done.hits, *incoming, done.place, rows.ravel(), touched,
+        KERNELS[done.settings.group].backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.records.ravel(),
+        done.offsets, done.ids, width, height, done.c1, done.inv_near, label_count, done.kept, done.hits, *incoming,
+        done.place, rows.ravel(), touched,
     )  # fmt: skip
-    gradients = (*(lend(a.shape) for a in inputs), lend((len(done.visible), 2)))
+    arrays, visible = [_array(t) for t in inputs], _array(done.visible).view(np.uint8)
+    gradients = (*(lend(a.shape) for a in arrays), lend((len(visible), 2)))
     in_parallel(
-        per_surfel.reduce_rows, len(done.visible), 2048, done.records, done.visible.view(np.uint8), done.surfel_start,
-        rows, touched, *inputs, *done.pose, float(camera.fx), float(camera.fy), done.settings.coefficients, *gradients,
+        per_surfel.reduce_rows, len(visible), 2048, done.records, visible, done.surfel_start,
+        rows, touched, *arrays, *done.pose, float(camera.fx), float(camera.fy), done.settings.coefficients, *gradients,
     )  # fmt: skip
-    return gradients
+    return tuple(torch.from_numpy(g) for g in gradients)
 
 
 def release(done: Pass) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit, types
 
 from unveil_core.parallel import FAST
-from unveil_core.raster.cpu import records as rec
+from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
 from unveil_core.raster.spec import ALPHA_MAX
 
@@ -170,5 +170,5 @@ def sources() -> int:
     numba's cache looks at a kernel's own file and at the values it closes over, so the kernels close over this.
     """
     here = Path(__file__).parent
-    texts = (here / name for name in ("lanes.py", "records.py", "block.py", "../spec.py"))
+    texts = (here / name for name in ("lanes.py", "block.py", "../records.py", "../spec.py"))
     return int(hashlib.sha256(b"".join(text.read_bytes() for text in texts)).hexdigest()[:12], 16)

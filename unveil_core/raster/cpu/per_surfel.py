@@ -10,22 +10,15 @@ import numpy as np
 from numba import njit
 
 from unveil_core.parallel import FAST
-from unveil_core.raster.cpu import records as rec
-from unveil_core.raster.spec import ALPHA_MIN, DEPTH_MAX, EDGE_ON, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
+from unveil_core.raster import records as rec
+from unveil_core.raster.spec import ALPHA_MIN, DEPTH_MAX, EDGE_ON, GENEROUS, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
+from unveil_core.raster.spherical_harmonics import SH0, SH1, SH2, SH3
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
 INLINED = {**FAST, "forceinline": True}
 
 TILE = 16
 ZERO = f32(0)
-
-
-SH0, SH1 = 0.28209479177387814, 0.4886025119029199
-SH2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
-SH3 = (
-    -0.5900435899266435, 2.890611442640554, -0.4570457994644658, 0.3731763325901154, -0.4570457994644658,
-    1.445305721320277, -0.5900435899266435,
-)  # fmt: skip
 
 
 @njit(**INLINED)
@@ -109,10 +102,6 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
                     if Z + touch * (h0 * n0 + h1 * n1) >= near:
                         low, high = min(low, slope), max(high, slope)
     return low, high
-
-
-GENEROUS = 1.002
-"""Bounds are wider than exact by this, squared, so that float32 loses no pixel."""
 
 
 @njit(**FAST)
@@ -457,3 +446,13 @@ def count_not_finite(first, end, bits, bad):
         for i in range(u64(chunk * CHUNK), u64(min(bits.size, (chunk + 1) * CHUNK))):
             here += np.uint32((bits[i] & np.uint32(0x7F800000)) == np.uint32(0x7F800000))
         bad[chunk] = here
+
+
+@njit(**FAST)
+def label_ends(first, end, labels, ends):
+    """Least and greatest label of each chunk of ``CHUNK``, as the columns of ``ends``."""
+    for chunk in range(first // CHUNK, (end + CHUNK - 1) // CHUNK):
+        low = high = labels[chunk * CHUNK]
+        for i in range(u64(chunk * CHUNK), u64(min(labels.size, (chunk + 1) * CHUNK))):
+            low, high = min(low, labels[i]), max(high, labels[i])
+        ends[chunk, 0], ends[chunk, 1] = low, high

@@ -1,0 +1,73 @@
+"""What every backend agrees on: which planes are made together, their shapes, and the settings of a pass."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from torch import Tensor
+
+__all__ = ["GROUPS", "Group", "Inputs", "Settings", "group_for", "plane_shapes"]
+
+Inputs = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
+"""means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32."""
+
+
+class Group(NamedTuple):
+    """Planes that are made together: rgb and alpha, and what the switches add."""
+
+    geometry: bool
+    semantics: bool
+    label_distortion: bool
+
+
+GROUPS = {
+    "colour": Group(geometry=False, semantics=False, label_distortion=False),
+    "semantic": Group(geometry=False, semantics=True, label_distortion=False),
+    "geometry": Group(geometry=True, semantics=False, label_distortion=False),
+    "all": Group(geometry=True, semantics=True, label_distortion=True),
+}
+"""By name, the cheapest first."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What to render.
+
+    Attributes:
+        group: name in ``GROUPS``.
+        label_count: K.
+        coefficients: how many spherical-harmonic coefficients are used.
+        near, far: world units.
+    """
+
+    group: str
+    label_count: int
+    coefficients: int
+    near: float
+    far: float
+
+
+def plane_shapes(group: Group, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:
+    """Shapes in the kernels' order; planes that the group does not make are empty."""
+    flat = (height, width)
+    return {
+        "rgb": (*flat, 3),
+        "alpha": flat,
+        "depth": flat if group.geometry else (0, 0),
+        "median_depth": flat if group.geometry else (0, 0),
+        "normal": (*flat, 3) if group.geometry else (0, 0, 0),
+        "distortion": flat if group.geometry else (0, 0),
+        "semantics": (*flat, label_count) if group.semantics else (0, 0, 0),
+        "label_distortion": flat if group.label_distortion else (0, 0),
+    }
+
+
+def group_for(wanted: Collection[str]) -> str:
+    """The cheapest group that makes all these planes."""
+    for name, group in GROUPS.items():
+        made = {plane for plane, shape in plane_shapes(group, 1, 1, 1).items() if 0 not in shape}
+        if made.issuperset(wanted):
+            return name
+    raise ValueError(f"no group makes {', '.join(wanted)}")
