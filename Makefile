@@ -28,5 +28,5 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,bpy]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,bpy,gpu]"
 	touch $@

@@ -1,0 +1,100 @@
+"""Stage by stage, the Triton backend's arrays are the CPU backend's: records, tile lists, gradient rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+import torch
+
+from sample_scenes.hard_cases.hard_cases import CASES
+from tests.raster.scenes import camera, random_surfels
+from unveil_core.geometry.camera import Camera
+from unveil_core.raster import records as rec
+from unveil_core.raster.cpu import backend as cpu
+from unveil_core.raster.passes import GROUPS, Inputs, Settings
+from unveil_core.surfels.surfels import Surfels
+
+pytest.importorskip("triton")
+from unveil_core.raster.triton import backend as gpu
+
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+MOST_INTERSECTIONS = 500
+
+
+def inputs_of(surfels: Surfels) -> Inputs:
+    return surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh
+
+
+def passes(surfels: Surfels, view: Camera, group: str, label_count: int = 5) -> tuple[cpu.Pass, gpu.Pass]:
+    settings = Settings(group, label_count, surfels.sh.shape[1], 0.2, 100.0)
+    inputs = inputs_of(surfels)
+    on_device = tuple(t.to(DEVICE) for t in inputs)
+    a = cpu.forward_pass(inputs, surfels.labels, view, settings, keep=True)
+    b = gpu.forward_pass(on_device, surfels.labels.to(DEVICE), view, settings, keep=True)  # type: ignore[arg-type]
+    assert len(a.ids) <= MOST_INTERSECTIONS
+    return a, b
+
+
+def gradients_of(planes: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    g = torch.Generator().manual_seed(3)
+    return {name: torch.randn(plane.shape, generator=g) for name, plane in planes.items() if plane.numel()}
+
+
+def assert_close(a: object, b: torch.Tensor, limit: float, name: str) -> None:
+    x, y = torch.as_tensor(np.asarray(a)).double(), b.cpu().double()
+    assert x.shape == y.shape, name
+    if x.numel():
+        assert float((x - y).abs().max()) <= limit * max(1.0, float(x.abs().max())), name
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_array_is_the_cpu_backends(group: str) -> None:
+    surfels, view = random_surfels(70, 4, degree=3), camera(50, 35, 42.0)
+    a, b = passes(surfels, view, group)
+    seen = a.visible.numpy()
+    assert 20 < seen.sum() < 70
+    np.testing.assert_array_equal(seen, b.visible.cpu().numpy())
+    for k in range(rec.SIZE):
+        # Float64 until it is rounded: two roundings may differ in the last digit.
+        assert_close(a.records[seen, k], b.records[b.visible][:, k], 2e-7, f"record {k}")
+    np.testing.assert_array_equal(a.surfel_start, b.surfel_start.cpu().numpy())
+    np.testing.assert_array_equal(a.offsets, b.offsets.cpu().numpy())
+    np.testing.assert_array_equal(a.ids, b.ids.cpu().numpy())
+    np.testing.assert_array_equal(a.place, b.place.cpu().numpy())
+    for name, plane in a.planes.items():
+        assert_close(plane, b.planes[name], 5e-6, name)
+    inputs = inputs_of(surfels)
+    grads = gradients_of(a.planes)
+    ours = cpu.backward_pass(a, grads, inputs)
+    theirs = gpu.backward_pass(b, {n: g.to(DEVICE) for n, g in grads.items()}, tuple(t.to(DEVICE) for t in inputs))  # type: ignore[arg-type]
+    for name, x, y in zip(
+        ("means", "quats", "log_scales", "opacity_logits", "sh", "screen"), ours, theirs, strict=True
+    ):
+        assert x.shape == y.shape
+        assert float((x.double() - y.cpu().double()).norm() / x.double().norm()) < 1e-5, name
+    cpu.release(a)
+
+
+@pytest.mark.parametrize("name", ["crosses the camera's plane", "a kilometre", "edge-on, lying", "empty"])
+def test_bounds_of_hard_cases_are_the_cpu_backends(name: str) -> None:
+    case = CASES[name]
+    a, b = passes(case.surfels, case.camera(37, 21), "colour", case.label_count)
+    np.testing.assert_array_equal(a.visible.numpy(), b.visible.cpu().numpy())
+    np.testing.assert_array_equal(a.offsets, b.offsets.cpu().numpy())
+    np.testing.assert_array_equal(a.ids, b.ids.cpu().numpy())
+    cpu.release(a)
+
+
+def test_two_runs_give_the_same_bits() -> None:
+    surfels, view = random_surfels(40, 5), camera(40, 25, 34.0)
+    inputs = tuple(t.to(DEVICE) for t in inputs_of(surfels))
+    settings = Settings("all", 5, surfels.sh.shape[1], 0.2, 100.0)
+    results = []
+    for _ in range(2):
+        done = gpu.forward_pass(inputs, surfels.labels.to(DEVICE), view, settings, keep=True)  # type: ignore[arg-type]
+        planes = {name: plane.clone() for name, plane in done.planes.items()}
+        grads = {name: g.to(DEVICE) for name, g in gradients_of(planes).items()}
+        results.append([*planes.values(), *gpu.backward_pass(done, grads, inputs)])  # type: ignore[arg-type]
+    assert all(torch.equal(x, y) for x, y in zip(*results, strict=True))
