@@ -15,11 +15,12 @@ from unveil_core.parallel import in_parallel
 from unveil_core.raster.autograd import can_render_on, rasterize
 from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite, label_ends
 from unveil_core.raster.reference import render_reference
-from unveil_core.raster.spec import MAX_LABELS, PLANES
+from unveil_core.raster.spec import MAX_LABELS, PLANES, Limits
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["BACKENDS", "PLANES", "Rendered", "render"]
 
+SPECIFIED = Limits()
 BACKENDS = ("auto", "cpu", "triton", "reference")
 
 
@@ -157,6 +158,7 @@ def render(
     far: float = 100.0,
     backend: str = "auto",
     sh_degree: int | None = None,
+    limits: Limits = SPECIFIED,
 ) -> Rendered:
     """Render surfels, differentiable in means, quats, log_scales, opacity_logits and sh.
 
@@ -168,6 +170,7 @@ def render(
         near, far: world units; nearer contributions do not count, and distortion maps depth between them.
         backend: "cpu", "triton" (NVIDIA GPUs), "reference" (dense float64, small scenes only), or "auto": where the
             surfels are.
+        limits: of the cpu backend, for measuring what precision costs.
         sh_degree: use spherical harmonics up to this degree only; all that there are by default.
     Raises:
         ValueError: an unknown plane or backend, a wrong shape, a label out of range, or a value that is not finite,
@@ -186,6 +189,8 @@ def render(
         backend = "triton" if surfels.means.is_cuda else "cpu"
     if backend == "triton" and importlib.util.find_spec("triton") is None:
         raise ValueError("the triton backend needs the package triton; install unveil-core[gpu]")
+    if backend != "cpu" and limits != SPECIFIED:
+        raise ValueError(f"limits other than the specified ones are known to the cpu backend only, not to {backend}")
     _check_surfels(surfels, backend)
     count, coefficients = _label_count(surfels, label_count), _coefficients(surfels, sh_degree)
     if backend == "reference":
@@ -193,7 +198,15 @@ def render(
         planes, visible, screen = {name: planes[name] for name in names}, planes["visible"], None
     else:
         planes, screen = rasterize(
-            surfels, camera, names, label_count=count, coefficients=coefficients, near=near, far=far, backend=backend
+            surfels,
+            camera,
+            names,
+            label_count=count,
+            coefficients=coefficients,
+            near=near,
+            far=far,
+            backend=backend,
+            limits=limits,
         )
         visible = screen.visible
     return Rendered(

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.passes import Settings, group_for
+from unveil_core.raster.spec import Limits
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Screen", "can_render_on", "rasterize"]
@@ -70,7 +71,7 @@ class _Rasterize(torch.autograd.Function):
 
 def rasterize(
     surfels: Surfels, camera: Camera, names: tuple[str, ...], *, label_count: int, coefficients: int, near: float,
-    far: float, backend: str,
+    far: float, backend: str, limits: Limits,
 ) -> tuple[dict[str, Tensor], Screen]:  # fmt: skip
     """The named planes, with a gradient where torch records one, and what the pass tells beside them.
 
@@ -78,7 +79,7 @@ def rasterize(
         backend: "cpu" or "triton", a folder with a module ``backend`` beside this one.
     """
     module = importlib.import_module(f"unveil_core.raster.{backend}.backend")
-    settings = Settings(group_for(names), label_count, coefficients, near, far)
+    settings = Settings(group_for(names), label_count, coefficients, near, far, limits)
     inputs = (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh)
     screen = Screen()
     if not (torch.is_grad_enabled() and any(t.requires_grad for t in inputs)):

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from torch import Tensor
 
+from unveil_core.raster.spec import Limits
+
 __all__ = ["GROUPS", "Group", "Inputs", "Settings", "group_for", "plane_shapes"]
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
@@ -40,6 +42,7 @@ class Settings:
         label_count: K.
         coefficients: how many spherical-harmonic coefficients are used.
         near, far: world units.
+        limits: where a backend stops counting.
     """
 
     group: str
@@ -47,6 +50,7 @@ class Settings:
     coefficients: int
     near: float
     far: float
+    limits: Limits = Limits()
 
 
 def plane_shapes(group: Group, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:

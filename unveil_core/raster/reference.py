@@ -6,6 +6,9 @@ form of the fast backends, so that the two can check each other. Memory is pixel
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -25,7 +28,7 @@ from unveil_core.raster.spec import (
 from unveil_core.raster.spherical_harmonics import evaluate
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["render_reference"]
+__all__ = ["render_reference", "render_reference_in_tiles"]
 
 
 def _rotation(quats: Tensor) -> Tensor:
@@ -49,20 +52,21 @@ def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
 
 
 def render_reference(
-    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None
-) -> dict[str, Tensor]:
-    """All planes in float64.
+    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None,
+    dtype: torch.dtype = torch.float64,
+) -> dict[str, Tensor]:  # fmt: skip
+    """All planes.
 
     Args:
         surfels: N surfels of any float type; gradients flow back to them.
         label_count: K.
         coefficients: how many of the spherical-harmonic coefficients are used; all by default.
+        dtype: float32 makes plain vectorized torch of it, as a thing to compare speeds with.
     Returns:
-        plane name to (H, W) or (H, W, C) float64; "visible" (N,) bool; "undecided" (H, W) bool, pixels where a
+        plane name to (H, W) or (H, W, C); "visible" (N,) bool; "undecided" (H, W) bool, pixels where a
         decision (contribution counted, light used up, which of the two filters) hangs on less than a ten-thousandth,
         so that float32 may rightly decide otherwise.
     """
-    dtype = torch.float64
     width, height = camera.width, camera.height
     pose = torch.from_numpy(camera.world_to_camera).to(dtype)
     means, log_scales = surfels.means.to(dtype), surfels.log_scales.to(dtype)
@@ -146,3 +150,82 @@ def render_reference(
     }
     shaped = {k: p.reshape(height, width, *p.shape[1:]) for k, p in planes.items()}
     return {**shaped, "visible": visible, "undecided": undecided.any(dim=1).reshape(height, width)}
+
+
+def _reach(surfels: Surfels, camera: Camera, near: float) -> Tensor:
+    """(N, 4) pixel bounds (x0, x1, y0, y1) that hold all of a surfel, by the sphere around it; float64."""
+    pose = torch.from_numpy(camera.world_to_camera)
+    local = surfels.means.detach().double() @ pose[:3, :3].T + pose[:3, 3]
+    # Three and a third standard deviations: beyond, even opacity 1 is under 1/255.
+    radius = 3.4 * surfels.log_scales.detach().double().clamp_max(LOG_SCALE_MAX).exp().amax(dim=1)
+    front, back = (local[:, 2] - radius).clamp_min(1e-9), local[:, 2] + radius
+    bounds = []
+    for axis, focal, centre in ((0, camera.fx, camera.cx), (1, camera.fy, camera.cy)):
+        low, high = local[:, axis] - radius, local[:, axis] + radius
+        bounds += [
+            centre + focal * torch.minimum(low / front, low / back) - 3.0,
+            centre + focal * torch.maximum(high / front, high / back) + 3.0,
+        ]
+    all_over = local[:, 2] - radius <= near
+    return torch.stack(
+        [torch.where(all_over, b.new_tensor(s * torch.inf), b) for b, s in zip(bounds, (-1, 1) * 2, strict=True)], 1
+    )
+
+
+def _like(mask: Tensor, plane: Tensor) -> Tensor:
+    return mask if plane.dim() == 2 else mask[..., None]
+
+
+def render_reference_in_tiles(
+    surfels: Surfels,
+    camera: Camera,
+    label_count: int,
+    *,
+    near: float,
+    far: float,
+    gradients: Mapping[str, Tensor] | None = None,
+    tiles: Collection[int] | None = None,
+    side: int = 16,
+    dtype: torch.dtype = torch.float64,
+) -> tuple[dict[str, Tensor], dict[str, dict[str, Tensor]]]:
+    """The reference for large scenes: dense within each tile, over the surfels that may reach it.
+
+    A tile is a camera of its own, with the principal point moved; which surfels may reach it is decided by a sphere
+    around each, so nothing is shared with the bounds of the fast backends.
+
+    Args:
+        gradients: by plane, a gradient of the loss in the plane's shape; undecided pixels get none.
+        tiles: numbers of the tiles to render, row by row; all by default. side: pixels along a tile.
+    Returns:
+        planes in full size (zero in other tiles), with "undecided"; and by each plane of ``gradients``, the gradients of
+        means, quats, log_scales, opacity_logits and sh, (N, ...), of that plane's loss alone.
+    """
+    names = ("means", "quats", "log_scales", "opacity_logits", "sh")
+    width, height = camera.width, camera.height
+    across = -(-width // side)
+    bounds = _reach(surfels, camera, near)
+    planes: dict[str, Tensor] = {}
+    sums = {p: {n: torch.zeros_like(getattr(surfels, n), dtype=dtype) for n in names} for p in gradients or {}}
+    for tile in range(across * -(-height // side)) if tiles is None else tiles:
+        x, y = tile % across * side, tile // across * side
+        w, h = min(side, width - x), min(side, height - y)
+        crop = replace(camera, width=w, height=h, cx=camera.cx - x, cy=camera.cy - y)
+        touching = (bounds[:, 0] < x + w) & (bounds[:, 1] > x) & (bounds[:, 2] < y + h) & (bounds[:, 3] > y)
+        index = touching.nonzero()[:, 0]
+        leaves = {n: getattr(surfels, n).detach()[index].to(dtype).requires_grad_(bool(gradients)) for n in names}
+        made = render_reference(
+            Surfels(**leaves, labels=surfels.labels[index]), crop, label_count, near=near, far=far, dtype=dtype
+        )
+        made.pop("visible")
+        decided = ~made["undecided"]
+        for name, plane in made.items():
+            whole = planes.setdefault(name, torch.zeros(height, width, *plane.shape[2:], dtype=plane.dtype))
+            whole[y : y + h, x : x + w] = plane.detach()
+        for name, gradient in (gradients or {}).items():
+            weight = gradient[y : y + h, x : x + w].to(dtype)
+            loss = (made[name] * torch.where(_like(decided, weight), weight, torch.zeros_like(weight))).sum()
+            found = torch.autograd.grad(loss, list(leaves.values()), retain_graph=True, allow_unused=True)
+            for parameter, value in zip(names, found, strict=True):
+                if value is not None:
+                    sums[name][parameter][index] += value
+    return planes, sums

@@ -53,9 +53,11 @@ there (*3D StreetUnveiler*, section 3.1), in the one pass; a pixel that is finis
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 __all__ = [
-    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "EDGE_ON", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS", "MAX_LABELS", "OFFSET_MAX", "PLANES",
-    "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
+    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "EDGE_ON", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS", "Limits", "MAX_LABELS",
+    "OFFSET_MAX", "PLANES", "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
 ]  # fmt: skip
 
 ALPHA_MIN = 1.0 / 255.0
@@ -71,6 +73,33 @@ GENEROUS = 1.002
 """Bounds are wider than exact by this, squared, so that float32 loses no pixel."""
 LOG_SCALE_MAX = 20.0
 MAX_LABELS = 19
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where a backend stops counting. The defaults are the specification; others are for measuring what they cost.
+
+    Attributes:
+        alpha_min: contributions under this do not count, 1/255 at least; transmittance_min: light under this ends a
+            pixel.
+        exact_reach: whether a surfel is held against each block of 4x4 pixels exactly; if not, every block of the tiles
+            in its bounding box is evaluated, with the same result.
+        exp_degree: 3, 4 or 5: of the polynomial for the exponential; relative errors 7e-4, 3e-5 and 3e-6.
+    """
+
+    alpha_min: float = ALPHA_MIN
+    transmittance_min: float = TRANSMITTANCE_MIN
+    exact_reach: bool = True
+    exp_degree: int = 5
+
+    def __post_init__(self) -> None:
+        if not ALPHA_MIN <= self.alpha_min < ALPHA_MAX:
+            raise ValueError(f"alpha_min {self.alpha_min}; 1/255 to {ALPHA_MAX} is possible")
+        if not 0 < self.transmittance_min < 1 or self.exp_degree not in (3, 4, 5):
+            raise ValueError(
+                f"transmittance_min {self.transmittance_min} and exp_degree {self.exp_degree}; 0 to 1, and 3, 4 or 5"
+            )
+
 
 PLANES = (
     "rgb", "alpha", "semantics", "depth", "median_depth", "normal", "distortion", "label_distortion",

@@ -19,7 +19,7 @@ from unveil_core.raster.cpu import per_surfel
 from unveil_core.raster.cpu.backward import row_size
 from unveil_core.raster.cpu.block import TILE, kept_size
 from unveil_core.raster.cpu.forward import template
-from unveil_core.raster.cpu.groups import KERNELS
+from unveil_core.raster.cpu.groups import kernels_for
 from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes
 from unveil_core.raster.records import SIZE as RECORD
 
@@ -33,7 +33,7 @@ TILES_AT_ONCE = 8
 @lru_cache(32)
 def _start(settings: Settings) -> Float32:
     group = GROUPS[settings.group]
-    start: Float32 = template(settings.label_count, group.geometry, group.semantics, group.label_distortion)
+    start: Float32 = template(settings.label_count, *group, settings.limits)
     return start
 
 
@@ -84,6 +84,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     buffers = borrow()
     count, width, height = len(labels), camera.width, camera.height
     label_count, near, far = settings.label_count, settings.near, settings.far
+    limits = settings.limits
     group = GROUPS[settings.group]
     pose = (
         np.ascontiguousarray(camera.world_to_camera[:3, :3], dtype=np.float64),
@@ -96,6 +97,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     in_parallel(
         per_surfel.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
         float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(near), settings.coefficients,
+        limits.alpha_min, limits.exact_reach,
         records, boxes, depths, visible,
     )  # fmt: skip
     tiles_x, tiles_y = _tiles(width, height)
@@ -122,8 +124,9 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
     c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
     in_parallel(
-        KERNELS[settings.group].forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, _start(settings), records.ravel(),
-        offsets, ids, width, height, c1, inv_near, label_count, *planes.values(), kept, hits,
+        kernels_for(settings.group, limits.exp_degree).forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
+        _start(settings), records.ravel(),
+        offsets, ids, width, height, c1, inv_near, np.float32(limits.transmittance_min), label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
         {name: torch.from_numpy(plane) for name, plane in planes.items()},
@@ -142,6 +145,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         grads: gradient of the loss by each plane that has one, in the plane's shape.
     """
     camera, buffers, group = done.camera, done.buffers, GROUPS[done.settings.group]
+    limits = done.settings.limits
     width, height, label_count = camera.width, camera.height, done.settings.label_count
     shapes = plane_shapes(group, width, height, label_count)
     incoming = [_array(grads[name]) if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
@@ -149,9 +153,9 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     touched = buffers.array("touched", (len(done.ids),), np.uint8)
     tiles_x, tiles_y = _tiles(width, height)
     in_parallel(
-        KERNELS[done.settings.group].backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x, done.records.ravel(),
-        done.offsets, done.ids, width, height, done.c1, done.inv_near, label_count, done.kept, done.hits, *incoming,
-        done.place, rows.ravel(), touched,
+        kernels_for(done.settings.group, limits.exp_degree).backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
+        done.records.ravel(), done.offsets, done.ids, width, height, done.c1, done.inv_near,
+        np.float32(limits.alpha_min), label_count, done.kept, done.hits, *incoming, done.place, rows.ravel(), touched,
     )  # fmt: skip
     arrays, visible = [_array(t) for t in inputs], _array(done.visible).view(np.uint8)
     gradients = (*(lend(a.shape) for a in arrays), lend((len(visible), 2)))

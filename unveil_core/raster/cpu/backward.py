@@ -32,7 +32,7 @@ from unveil_core.raster.cpu.block import (
     sources,
 )  # fmt: skip
 from unveil_core.raster.cpu.lanes import Vector, add_across, lane_function, lane_type
-from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN
+from unveil_core.raster.spec import ALPHA_MAX
 
 __all__ = ["backward_kernel", "row_size"]
 
@@ -73,16 +73,32 @@ def _store_row(builder, Geometry, sums, rows, at):
         rows.store_four(add_across(list(sums[16:])), at, 0, 16)
 
 
-@lane_function(lambda G, S, L: _sums_type(G))
+@lane_function(lambda G, S, L, D: _sums_type(G))
 def _unblend(
-    builder, Geometry, Semantics, Labels, sums, memory, start, slot, records, at, block_x, block_y, rank, c1, inv_near
+    builder,
+    Geometry,
+    Semantics,
+    Labels,
+    Degree,
+    sums,
+    memory,
+    start,
+    slot,
+    records,
+    at,
+    block_x,
+    block_y,
+    rank,
+    c1,
+    inv_near,
+    least_alpha,
 ):
     """One surfel off one block: its sums with what this block adds; the block's light and sums behind, updated."""
     offset = {name: 16 * k for k, name in enumerate(_planes(Geometry, Semantics, Labels))}
     plane = lambda name: memory.load(start, offset[name])  # noqa: E731
     one = lambda k: records.one(at, k)  # noqa: E731
-    p = Splat(builder, records, at, block_x, block_y, inv_near)
-    counts = (plane("LAST") >= rank) & (p.alpha >= ALPHA_MIN) & p.in_front
+    p = Splat(builder, Degree, records, at, block_x, block_y, inv_near)
+    counts = (plane("LAST") >= rank) & (p.alpha >= least_alpha) & p.in_front
     alpha = counts.where(p.alpha, 0.0)
     ra = 1.0 / (1.0 - alpha)
     light = plane("T") * ra
@@ -230,7 +246,7 @@ def _read(
                     )  # fmt: skip
 
 
-def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> Callable[..., None]:
+def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degree: int) -> Callable[..., None]:
     """The kernel for tiles, with these switches as constants."""
     code = sources()
     planes = _planes(geometry, semantics, label_distortion)
@@ -240,7 +256,7 @@ def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> 
 
     @njit(**FAST)
     def backward(
-        tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, label_count,
+        tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, least_alpha, label_count,
         kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
         touched,
     ):  # fmt: skip
@@ -268,15 +284,15 @@ def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> 
                 g = u64(ids[i]) * u64(rec.SIZE)
                 label_slot = 0
                 if semantics:
-                    label_slot = state_size + np.int64(records[g + u64(rec.LABEL)]) * slot_size
+                    label_slot = state_size + np.int64(records[g + u64(rec.LABEL_LOW)] / f32(rec.LOW_RANGE)) * slot_size
                 sums = _no_sums(geometry)
                 while blocks != u64(0):
                     b = np.int64(trailing_zeros(blocks))
                     blocks &= blocks - u64(1)
                     at = base + u64(b * size)
                     sums = _unblend(
-                        geometry, semantics, label_distortion, sums, memory, at, at + u64(label_slot), records, g,
-                        f32(tx + b % 4 * 4), f32(ty + b // 4 * 4), f32(back), c1, inv_near,
+                        geometry, semantics, label_distortion, degree, sums, memory, at, at + u64(label_slot), records, g,
+                        f32(tx + b % 4 * 4), f32(ty + b // 4 * 4), f32(back), c1, inv_near, least_alpha,
                     )  # fmt: skip
                 _store_row(geometry, sums, rows, row * row_floats)
 

@@ -7,7 +7,9 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
+from llvmlite import ir
 from numba import njit, types
+from numba.core import cgutils
 
 from unveil_core.parallel import FAST
 from unveil_core.raster import records as rec
@@ -23,9 +25,14 @@ u64 = np.uint64
 TILE, BLOCK, BLOCKS = 16, 4, 16
 AHEAD = 12
 """How many surfels before its turn a record is asked for: it lies anywhere in memory."""
-# exp(-x) on [0, 5.7] as (p(-x / 8))^8: beyond 5.7 alpha is under 1/255 whatever the opacity. Relative error 2e-6.
+# exp(-x) on [0, 5.7] as (p(-x / 8))^8: beyond 5.7 alpha is under 1/255 whatever the opacity.
 X_MAX = 5.7
-EXP = (0.999999903, -0.999991289, 0.499867671, -0.16591143, 0.0396654613, -0.00578264651)
+EXP = {
+    3: (0.999916539, -0.996679945, 0.477770812, -0.115977704),
+    4: (0.999997025, -0.999812178, 0.498007646, -0.158996021, 0.0290251283),
+    5: (0.999999903, -0.999991289, 0.499867671, -0.16591143, 0.0396654613, -0.00578264651),
+}
+"""By degree; relative errors 7e-4, 3e-5 and 3e-6."""
 # A ray in the disc's own plane has q = 0. Held away from it, masked lanes stay finite and zero times them is zero.
 Q_MIN = 1e-10
 LANE_X = [k % BLOCK + 0.5 for k in range(16)]
@@ -35,7 +42,7 @@ BLOCK_Y = [k // BLOCK * BLOCK + 0.5 for k in range(16)]
 
 
 @lane_function(lambda: types.uint64)
-def reached(builder, records, at, tile_x, tile_y):
+def reached(builder, records, at, low, tile_x, tile_y):
     """Bit b: does the surfel of the record at ``at`` reach between the pixel centres of block b?
 
     Its ellipse is ``|(e0 x + e1 y, e2 y)| <= 1`` about (ex, ey). A convex function is least over a box at the box's
@@ -58,8 +65,27 @@ def reached(builder, records, at, tile_x, tile_y):
     met = inside((0.0 - near_y * lean).most(low_x).least(high_x), near_y)
     met |= inside(near_x, (0.0 - near_x * turn).most(low_y).least(high_y))
     *_, near_x, near_y = box(records.one(at, rec.CX), records.one(at, rec.CY))
-    met |= near_x * near_x + near_y * near_y <= records.one(at, rec.LOW)
+    met |= near_x * near_x + near_y * near_y <= low
     return met.bits()
+
+
+def _from_mean(builder, records, at, block_x, block_y):
+    """A block's corner less the projected mean, with the digits that the mean's own float32 has not.
+
+    Single numbers, and strictly in this order: the first difference is exact.
+    """
+    base = ir.FloatType()(rec.REST_BASE)
+    floor = cgutils.get_or_insert_function(
+        builder.module, ir.FunctionType(ir.FloatType(), [ir.FloatType()]), "llvm.floor.f32"
+    )
+    rest = records.number(at, rec.REST)
+    rest_x = builder.call(floor, [builder.fadd(builder.fdiv(rest, base), ir.FloatType()(0.5))])
+    rests = rest_x, builder.fsub(rest, builder.fmul(rest_x, base))
+    corner = []
+    for block, field, left in zip((block_x, block_y), (rec.CX, rec.CY), rests, strict=True):
+        whole = builder.fsub(block.number(), records.number(at, field))
+        corner.append(Vector.of(builder, builder.fsub(whole, builder.fmul(left, ir.FloatType()(rec.REST_UNIT)))))
+    return corner
 
 
 class Splat:
@@ -73,10 +99,10 @@ class Splat:
         inv: one over the depth; in_front: whether that is a depth that counts.
     """
 
-    def __init__(self, builder, records, at, block_x, block_y, inv_near):
+    def __init__(self, builder, Degree, records, at, block_x, block_y, inv_near):
         one = lambda k: records.one(at, k)  # noqa: E731
-        self.dx = Vector.of(builder, LANE_X) + (block_x - one(rec.CX))
-        self.dy = Vector.of(builder, LANE_Y) + (block_y - one(rec.CY))
+        x, y = _from_mean(builder, records, at, block_x, block_y)
+        self.dx, self.dy = Vector.of(builder, LANE_X) + x, Vector.of(builder, LANE_Y) + y
         nu, nv = one(rec.A0) * self.dx + one(rec.B0) * self.dy, one(rec.A1) * self.dx + one(rec.B1) * self.dy
         q = 1.0 + one(rec.A2) * self.dx + one(rec.B2) * self.dy
         self.q = (q.magnitude() > Q_MIN).where(q, Q_MIN)
@@ -86,8 +112,9 @@ class Splat:
         self.is_exact = exact <= screen
         self.square = exact.least(screen)
         x = (self.square * 0.5).least(X_MAX) * 0.125
-        e = Vector.of(builder, EXP[5])
-        for c in EXP[4::-1]:
+        *rest, highest = EXP[Degree]
+        e = Vector.of(builder, highest)
+        for c in reversed(rest):
             e = e * x + c
         for _ in range(3):
             e = e * e

@@ -38,7 +38,7 @@ from unveil_core.raster.cpu.block import (
     sources,
 )  # fmt: skip
 from unveil_core.raster.cpu.lanes import FLOATS, lane_function, lane_type
-from unveil_core.raster.spec import ALPHA_MIN, TRANSMITTANCE_MIN
+from unveil_core.raster.spec import Limits
 
 __all__ = ["forward_kernel", "template"]
 
@@ -72,19 +72,34 @@ def _store_state(builder, Geometry, Labels, memory, at, state):
         memory.store(vector, at, 16 * k)
 
 
-@lane_function(lambda G, S, L: types.Tuple((_state_type(G, L), types.uint64)))
+@lane_function(lambda G, S, L, D: types.Tuple((_state_type(G, L), types.uint64)))
 def _blend(
-    builder, Geometry, Semantics, Labels, state, memory, slot, records, at, block_x, block_y, rank, c1, inv_near
+    builder,
+    Geometry,
+    Semantics,
+    Labels,
+    Degree,
+    state,
+    memory,
+    slot,
+    records,
+    at,
+    block_x,
+    block_y,
+    rank,
+    c1,
+    inv_near,
+    least_light,
 ):
     """One surfel onto one block; also its lanes that had a part (low 16 bits) and those that go on (high 16 bits)."""
     names = _planes(Geometry, Labels)
     s = dict(zip(names, state, strict=True))
-    p = Splat(builder, records, at, block_x, block_y, inv_near)
+    p = Splat(builder, Degree, records, at, block_x, block_y, inv_near)
     light = s["T"]
     valid = (p.alpha >= s["LEAST"]) & p.in_front
     # The surfel that would bring the light under the limit ends the pixel, and does not count itself.
     past = light * (1.0 - p.alpha)
-    lasts = past >= TRANSMITTANCE_MIN
+    lasts = past >= least_light
     s["LEAST"] = valid.where(lasts.where(s["LEAST"], FINISHED), s["LEAST"])
     counts = valid & lasts
     alpha = counts.where(p.alpha, 0.0)
@@ -126,10 +141,10 @@ def _blend(
     return packed, told
 
 
-def template(label_count: int, geometry: bool, semantics: bool, label_distortion: bool) -> np.ndarray:
+def template(label_count: int, geometry: bool, semantics: bool, label_distortion: bool, limits: Limits) -> np.ndarray:
     """A block's state before the first surfel, as flat float32."""
     names = _planes(geometry, label_distortion)
-    starts = {"T": 1.0, "LAST": -1.0, "MEDIAN_I": -1.0, "LEAST": ALPHA_MIN}
+    starts = {"T": 1.0, "LAST": -1.0, "MEDIAN_I": -1.0, "LEAST": limits.alpha_min}
     slot = [0.0, 1.0, 0.0, 0.0, 0.0] if label_distortion else [0.0] * semantics
     planes = [starts.get(name, 0.0) for name in names] + slot * label_count
     return np.repeat(np.array(planes, np.float32), 16)
@@ -218,7 +233,7 @@ def _write(
                         labels[yy, xx, k] = memory[j + u64(state_size) + k * u64(slot_size)] if here else ZERO
 
 
-def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> Callable[..., None]:
+def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degree: int) -> Callable[..., None]:
     """The kernel for tiles, with these switches as constants."""
     code = sources()
     planes = _planes(geometry, label_distortion)
@@ -229,7 +244,7 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> C
 
     @njit(**FAST)
     def forward(
-        tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, label_count,
+        tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, least_light, label_count,
         rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
     ):  # fmt: skip
         if code < 0:
@@ -271,8 +286,9 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> C
                     if i + AHEAD < high:
                         expect(records, u64(ids[u64(i + AHEAD)]) * u64(rec.SIZE))
                     g = u64(ids[u64(i)]) * u64(rec.SIZE)
-                    blocks = reached(records, g, f32(tx), f32(ty)) & alive
-                    label = np.int64(records[g + u64(rec.LABEL)]) if semantics else 0
+                    word = records[g + u64(rec.LABEL_LOW)]
+                    label = np.int64(word / f32(rec.LOW_RANGE))
+                    blocks = reached(records, g, word - f32(rec.LOW_RANGE) * f32(label), f32(tx), f32(ty)) & alive
                     while blocks != u64(0):
                         b = trailing_zeros(blocks)
                         blocks &= blocks - u64(1)
@@ -294,10 +310,11 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool) -> C
                         g = u64(ids[i]) * u64(rec.SIZE)
                         slot = at
                         if semantics:
-                            slot += u64(state_size) + u64(np.int64(records[g + u64(rec.LABEL)]) * slot_size)
+                            label = np.int64(records[g + u64(rec.LABEL_LOW)] / f32(rec.LOW_RANGE))
+                            slot += u64(state_size + label * slot_size)
                         state, told = _blend(
-                            geometry, semantics, label_distortion, state, memory, slot, records, g, block_x,
-                            block_y, f32(np.int64(i) - first), c1, inv_near,
+                            geometry, semantics, label_distortion, degree, state, memory, slot, records, g, block_x,
+                            block_y, f32(np.int64(i) - first), c1, inv_near, least_light,
                         )  # fmt: skip
                         hits[i] |= np.uint16(u64((told & u64(0xFFFF)) != u64(0)) << u64(b))
                         if told <= u64(0xFFFF):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 from unveil_core.raster.cpu.backward import backward_kernel
 from unveil_core.raster.cpu.forward import forward_kernel
 from unveil_core.raster.passes import GROUPS
 
-__all__ = ["KERNELS", "Kernels"]
+__all__ = ["Kernels", "kernels_for"]
 
 
 class Kernels(NamedTuple):
@@ -19,5 +20,8 @@ class Kernels(NamedTuple):
     backward: Callable[..., None]
 
 
-KERNELS = {name: Kernels(forward_kernel(*group), backward_kernel(*group)) for name, group in GROUPS.items()}
-"""By the group's name."""
+@lru_cache(None)
+def kernels_for(group: str, exp_degree: int) -> Kernels:
+    """The kernels of a group of planes, with an exponential of this degree."""
+    switches = GROUPS[group]
+    return Kernels(forward_kernel(*switches, exp_degree), backward_kernel(*switches, exp_degree))

@@ -139,6 +139,10 @@ class Vector:
         """The greater of the two, lane by lane."""
         return (self > other).where(self, other)
 
+    def number(self) -> ir.Value:
+        """The first lane, as a float of the generated code."""
+        return self.builder.extract_element(self.value, ir.Constant(WORD, 0))
+
     def magnitude(self) -> Vector:
         """Without the sign."""
         kind = ir.FunctionType(FLOATS, [FLOATS])
@@ -183,9 +187,13 @@ class Floats:
         pointer = self.builder.gep(self.data, [index])
         return pointer if lanes == 1 else self.builder.bitcast(pointer, ir.VectorType(FLOAT, lanes).as_pointer())
 
+    def number(self, index: ir.Value, offset: int = 0) -> ir.Value:
+        """The float at index + offset."""
+        return self.builder.load(self._pointer(index, offset))
+
     def one(self, index: ir.Value, offset: int = 0) -> Vector:
         """The float at index + offset, in every lane."""
-        return Vector.of(self.builder, self.builder.load(self._pointer(index, offset)))
+        return Vector.of(self.builder, self.number(index, offset))
 
     def load(self, index: ir.Value, offset: int = 0) -> Vector:
         """Sixteen floats from index + offset on."""

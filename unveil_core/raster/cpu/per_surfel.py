@@ -11,7 +11,7 @@ from numba import njit
 
 from unveil_core.parallel import FAST
 from unveil_core.raster import records as rec
-from unveil_core.raster.spec import ALPHA_MIN, DEPTH_MAX, EDGE_ON, GENEROUS, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
+from unveil_core.raster.spec import DEPTH_MAX, EDGE_ON, GENEROUS, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
 from unveil_core.raster.spherical_harmonics import SH0, SH1, SH2, SH3
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
@@ -106,7 +106,7 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
 
 @njit(**FAST)
 def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
-            coefficients, records, boxes, depths, visible):  # fmt: skip
+            coefficients, alpha_min, exact_reach, records, boxes, depths, visible):  # fmt: skip
     """Records of the surfels that can touch the image, with activations and colour; the tiles that each touches
     (first and last column, first and last row), its depth, and ``visible`` (N,) uint8."""
     for i in range(first, end):
@@ -117,7 +117,7 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         if not near < Z < DEPTH_MAX:
             continue
         opacity = 1.0 / (1.0 + np.exp(min(-f64(opacity_logits[i]), 700.0)))
-        if opacity < ALPHA_MIN:
+        if opacity < alpha_min:
             continue
         iz = 1.0 / Z
         xn, yn = X * iz, Y * iz
@@ -148,7 +148,7 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         V0, V1 = fy * (h01 - yn * h02), fy * (h11 - yn * h12)
         # Exact support: G falls under 1/(255 o) at radius sqrt(k2). The bounds of what it projects to, and never
         # smaller than the low-pass filter's circle.
-        k2 = max(2.0 * np.log(opacity / ALPHA_MIN), 1e-6)
+        k2 = max(2.0 * np.log(opacity / alpha_min), 1e-6)
         low = np.sqrt(0.5 * k2)
         x0, x1, y0, y1 = -low, low, -low, low
         # Edge-on: no ellipse. Cut by the near plane: no bounded one, so that every block is reached.
@@ -199,6 +199,10 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
             red, green, blue = red + r, green + g, blue + b
         records[i, rec.CX] = cx
         records[i, rec.CY] = cy
+        rest_x, rest_y = (cx - f64(records[i, rec.CX])) / rec.REST_UNIT, (cy - f64(records[i, rec.CY])) / rec.REST_UNIT
+        rest_x = np.floor(min(max(rest_x, -rec.REST_MAX), rec.REST_MAX) + 0.5)
+        rest_y = np.floor(min(max(rest_y, -rec.REST_MAX), rec.REST_MAX) + 0.5)
+        records[i, rec.REST] = rest_x * rec.REST_BASE + rest_y
         records[i, rec.IZ] = iz
         records[i, rec.A0] = a0
         records[i, rec.B0] = b0
@@ -216,11 +220,12 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         records[i, rec.Z] = Z
         records[i, rec.EX] = cx + mx
         records[i, rec.EY] = cy + my
+        if not exact_reach:
+            e0, e1, e2 = 1e-12, 0.0, 1e-12
         records[i, rec.E0] = e0
         records[i, rec.E1] = e1
         records[i, rec.E2] = e2
-        records[i, rec.LOW] = GENEROUS * low * low
-        records[i, rec.LABEL] = f32(labels[i])
+        records[i, rec.LABEL_LOW] = rec.LOW_RANGE * labels[i] + GENEROUS * low * low
         boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
         boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
         depths[i] = Z

@@ -18,7 +18,8 @@ __all__ = ["KEPT", "PIXELS", "SLOT", "backward", "forward"]
 ALPHA_MIN, ALPHA_MAX = tl.constexpr(spec.ALPHA_MIN), tl.constexpr(spec.ALPHA_MAX)
 T_MIN = tl.constexpr(spec.TRANSMITTANCE_MIN)
 Q_MIN = tl.constexpr(1e-10)
-SIZE = tl.constexpr(rec.SIZE)
+SIZE, LOW_RANGE = tl.constexpr(rec.SIZE), tl.constexpr(rec.LOW_RANGE)
+REST_UNIT, REST_BASE = tl.constexpr(rec.REST_UNIT), tl.constexpr(rec.REST_BASE)
 TILE = tl.constexpr(16)
 PIXELS = tl.constexpr(256)
 KEPT = tl.constexpr(6)
@@ -30,7 +31,12 @@ SLOT = tl.constexpr(5)
 @triton.jit
 def _splat(at, px, py, inv_near):
     """A surfel at the pixels of a tile: see ``cpu.block.Splat``."""
-    dx, dy, iz = px - tl.load(at), py - tl.load(at + 1), tl.load(at + 2)
+    # The first difference is exact, and what rounding took from the mean comes off it.
+    rest = tl.load(at + 23)
+    rest_x = tl.floor(rest / REST_BASE + 0.5)
+    dx = (px - tl.load(at)) - rest_x * REST_UNIT
+    dy = (py - tl.load(at + 1)) - (rest - rest_x * REST_BASE) * REST_UNIT
+    iz = tl.load(at + 2)
     nu = tl.load(at + 3) * dx + tl.load(at + 4) * dy
     nv = tl.load(at + 5) * dx + tl.load(at + 6) * dy
     q = 1.0 + tl.load(at + 7) * dx + tl.load(at + 8) * dy
@@ -103,7 +109,7 @@ def forward(
                 median = tl.where(middle, depth, median)
                 median_rank = tl.where(middle, rank, median_rank)
             if SEMANTICS:
-                label = tl.load(at + 17).to(tl.int64)
+                label = (tl.load(at + 17) / LOW_RANGE).to(tl.int64)
                 slot = slots + ((t * label_count + label) * SLOT) * PIXELS + p
                 tl.store(slot, tl.load(slot) + w)
                 if LABELS:
@@ -194,7 +200,7 @@ def backward(
             w = alpha * light
             value = g_a + g_red * tl.load(at + 10) + g_green * tl.load(at + 11) + g_blue * tl.load(at + 12)
             if SEMANTICS:
-                label = tl.load(at + 17).to(tl.int64)
+                label = (tl.load(at + 17) / LOW_RANGE).to(tl.int64)
                 value += tl.load(g_semantics + image * label_count + label, inside, 0.0)
             if GEOMETRY:
                 depth = tl.where(counts, depth, 0.0)
