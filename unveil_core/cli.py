@@ -44,6 +44,13 @@ def _ids(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
 
 
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 480x320")
+    return int(width), int(height)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="unveil", description="The empty street from a drive.")
     parser.add_argument("--version", action="version", version=f"unveil {__version__}")
@@ -91,6 +98,16 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
     common(p)
+    p = verbs.add_parser("bench", help="measure the rasterizer or a training step: milliseconds against error")
+    p.add_argument("what", choices=("raster", "step"))
+    p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
+    p.add_argument(
+        "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
+    )
+    p.add_argument("--quick", action="store_true", help="a small scene and few rounds, to see that it works")
+    p.add_argument("--surfels", type=int, default=None, metavar="N", help="of the main table, or of the step")
+    p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT")
+    common(p)
     p = verbs.add_parser("doctor", help="what this machine has")
     common(p)
     return parser
@@ -122,6 +139,10 @@ def _run(arguments: argparse.Namespace) -> int:
             for key, value in found.items():
                 print(f"{key:<32} {value}")
         return 0 if found["ok"] else 1
+    if verb == "bench":
+        from unveil_core.bench.command import run_bench
+
+        return run_bench(arguments)
     from unveil_core.console import reporting
     from unveil_core.pipeline import run, run_verb
 

@@ -187,6 +187,7 @@ def render_reference_in_tiles(
     tiles: Collection[int] | None = None,
     side: int = 16,
     dtype: torch.dtype = torch.float64,
+    together: bool = False,
 ) -> tuple[dict[str, Tensor], dict[str, dict[str, Tensor]]]:
     """The reference for large scenes: dense within each tile, over the surfels that may reach it.
 
@@ -196,6 +197,7 @@ def render_reference_in_tiles(
     Args:
         gradients: by plane, a gradient of the loss in the plane's shape; undecided pixels get none.
         tiles: numbers of the tiles to render, row by row; all by default. side: pixels along a tile.
+        together: one loss of all planes, and one gradient of it under the name "all".
     Returns:
         planes in full size (zero in other tiles), with "undecided"; and by each plane of ``gradients``, the gradients of
         means, quats, log_scales, opacity_logits and sh, (N, ...), of that plane's loss alone.
@@ -205,7 +207,10 @@ def render_reference_in_tiles(
     across = -(-width // side)
     bounds = _reach(surfels, camera, near)
     planes: dict[str, Tensor] = {}
-    sums = {p: {n: torch.zeros_like(getattr(surfels, n), dtype=dtype) for n in names} for p in gradients or {}}
+    sums = {
+        p: {n: torch.zeros_like(getattr(surfels, n), dtype=dtype) for n in names}
+        for p in (("all",) if together else gradients or {})
+    }
     for tile in range(across * -(-height // side)) if tiles is None else tiles:
         x, y = tile % across * side, tile // across * side
         w, h = min(side, width - x), min(side, height - y)
@@ -221,10 +226,14 @@ def render_reference_in_tiles(
         for name, plane in made.items():
             whole = planes.setdefault(name, torch.zeros(height, width, *plane.shape[2:], dtype=plane.dtype))
             whole[y : y + h, x : x + w] = plane.detach()
+        losses = {}
         for name, gradient in (gradients or {}).items():
             weight = gradient[y : y + h, x : x + w].to(dtype)
-            loss = (made[name] * torch.where(_like(decided, weight), weight, torch.zeros_like(weight))).sum()
-            found = torch.autograd.grad(loss, list(leaves.values()), retain_graph=True, allow_unused=True)
+            losses[name] = (made[name] * torch.where(_like(decided, weight), weight, torch.zeros_like(weight))).sum()
+        if together:
+            losses = {"all": torch.stack(list(losses.values())).sum()}
+        for name, loss in losses.items():
+            found = torch.autograd.grad(loss, list(leaves.values()), retain_graph=not together, allow_unused=True)
             for parameter, value in zip(names, found, strict=True):
                 if value is not None:
                     sums[name][parameter][index] += value

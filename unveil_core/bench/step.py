@@ -1,0 +1,74 @@
+"""A whole training step: render, losses, backward, optimizer; beside the yardstick's forward and backward alone."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from typing import Any
+
+import numpy as np
+import torch
+
+from unveil_core.bench import rivals
+from unveil_core.bench.raster import _gradients
+from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
+from unveil_core.bench.timing import machine, peak_memory_mb, second_process_seconds
+from unveil_core.optimize.parameters import LearningRates
+from unveil_core.optimize.trainer import TrainSettings, train
+from unveil_core.optimize.views import training_view
+from unveil_core.raster.api import PLANES, render
+from unveil_core.surfels.sky import Sky
+
+__all__ = ["bench_step"]
+
+WARM_UP = 3
+
+
+def bench_step(
+    *, size: tuple[int, int] = (480, 320), count: int = 100_000, degree: int = 3, iterations: int = 15,
+    yardstick: rivals.Yardstick | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Milliseconds of a step with all losses of the second stage, against another street seen from the same place.
+
+    With a yardstick, its forward and backward runs after each step, and the ratio is the median over these pairs.
+    """
+    camera = corridor_camera(*size)
+    scene = yardstick.surfels if yardstick else corridor
+    start, target = scene(count, degree=degree), corridor(count, seed=1)
+    sky = Sky(torch.rand(3, 64, 128, generator=torch.Generator().manual_seed(0)), np.eye(3))
+    with torch.no_grad():
+        seen = render(target, camera, ("rgb", "semantics"), label_count=LABELS)
+    assert seen.rgb is not None and seen.semantics is not None
+    image = (seen.rgb.clamp(0, 1).numpy() * 255).astype(np.uint8)
+    view = training_view(camera, image, seen.semantics.argmax(2).numpy(), None, sky)
+    prepared = yardstick.prepare(scene(count), camera) if yardstick else None
+    whole = yardstick.gradient_of(_gradients(camera, PLANES)) if yardstick else None
+    steps: list[float] = []
+    others: list[float] = []
+    begun = time.perf_counter()
+
+    def after_step(*_: Any, **__: Any) -> None:
+        nonlocal begun
+        steps.append((time.perf_counter() - begun) * 1e3)
+        if yardstick and prepared is not None and whole is not None:
+            turn = time.perf_counter()
+            yardstick.run(*prepared, whole)
+            others.append((time.perf_counter() - turn) * 1e3)
+        begun = time.perf_counter()
+
+    before = machine()
+    settings = TrainSettings(iterations=iterations + WARM_UP, geometry_from=0, density=None, sky_rate=0.0)
+    train(
+        start, sky, lambda _: [view], settings, LearningRates(means=1e-4), label_count=LABELS, sky_label=LABELS - 1,
+        progress=after_step,
+    )  # fmt: skip
+    steps, others = steps[WARM_UP:], others[WARM_UP:]
+    told: dict[str, Any] = {
+        "machine": before, "size": size, "surfels": count, "sh_degree": degree,
+        "step_ms": round(statistics.median(steps), 2), "least_ms": round(min(steps), 2),
+        "peak_memory_mb": peak_memory_mb(), "second_process_s": second_process_seconds(),
+    }  # fmt: skip
+    if others:
+        told["yardstick_ms"] = round(statistics.median(others), 2)
+        told["ratio"] = round(statistics.median(a / b for a, b in zip(steps, others, strict=True)), 3)
+    return told

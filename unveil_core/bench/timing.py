@@ -1,0 +1,94 @@
+"""Times taken side by side: one after the other, round by round, so that what disturbs one disturbs all."""
+
+from __future__ import annotations
+
+import gc
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+__all__ = ["alternate", "machine", "peak_memory_mb", "second_process_seconds"]
+
+
+def alternate(
+    runs: Mapping[str, Callable[[], Any]], *, rounds: int, base: str | None = None
+) -> dict[str, dict[str, float]]:
+    """Time functions in alternation, after one round that does not count.
+
+    Args:
+        runs: by name; rounds: how often each; base: the name that ratios are taken to.
+    Returns:
+        by name: median and least milliseconds, and with a base the median of the ratios to it within each round.
+    """
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for turn in range(rounds + 1):
+        for name, run in runs.items():
+            gc.collect()
+            begun = time.perf_counter()
+            run()
+            if turn:
+                times[name].append((time.perf_counter() - begun) * 1e3)
+    told = {name: {"ms": statistics.median(t), "least_ms": min(t)} for name, t in times.items()}
+    if base in times:
+        for name, t in times.items():
+            told[name]["ratio"] = statistics.median(a / b for a, b in zip(t, times[base], strict=True))
+    return {name: {k: round(v, 4) for k, v in row.items()} for name, row in told.items()}
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were taken on."""
+    processor = platform.processor()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.is_file():
+        names = [
+            line.split(":")[1].strip() for line in cpuinfo.read_text().splitlines() if line.startswith("model name")
+        ]
+        processor = names[0] if names else processor
+    versions: dict[str, str | None] = {"python": platform.python_version()}
+    for package in ("unveil-core", "torch", "numpy", "numba", "llvmlite", "triton"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = None
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "processor": processor, "cores": os.cpu_count(), "system": platform.platform(), "load_before": load,
+        "versions": versions,
+    }  # fmt: skip
+
+
+def peak_memory_mb() -> float | None:
+    """The most memory that this process has held, where the system tells."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak / (2**20 if platform.system() == "Darwin" else 2**10), 1)
+
+
+_FIRST_PASS = """
+import torch
+from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
+from unveil_core.raster.api import PLANES, render
+surfels = corridor(1000, degree=3)
+surfels.means.requires_grad_(True)
+out = render(surfels, corridor_camera(96, 64), PLANES, label_count=LABELS)
+sum(getattr(out, plane).sum() for plane in PLANES).backward()
+"""
+
+
+def second_process_seconds() -> float:
+    """Seconds that a fresh process takes to its first whole pass, forward and backward, its kernels being cached."""
+    for _ in range(2):
+        begun = time.perf_counter()
+        subprocess.run([sys.executable, "-c", _FIRST_PASS], check=True)
+        took = time.perf_counter() - begun
+    return round(took, 2)
