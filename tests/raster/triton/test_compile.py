@@ -31,7 +31,7 @@ def build(kernel, capability, **constants):
 
 for capability in map(int, sys.argv[1:]):
     build(per_surfel.project, capability, COEFFICIENTS=16, SH_ROWS=16, TILE=16, BLOCK=128)
-    build(per_surfel.sum_rows, capability, ROW=20)
+    build(per_surfel.sum_rows, capability, ROW=20, USED=19)
     build(per_surfel.chain, capability, COEFFICIENTS=4, SH_ROWS=16, BLOCK=128)
     for on in (False, True):
         switches = dict(GEOMETRY=on, SEMANTICS=on, LABELS=on)

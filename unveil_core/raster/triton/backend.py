@@ -126,7 +126,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         grads[name].contiguous() if name in grads else torch.zeros(shape, device=device)
         for name, shape in shapes.items()
     ]
-    row_size = 20 if group.geometry else 16
+    row_size, used = (20, 19) if group.geometry else (16, 15)
     rows = torch.empty(len(done.ids), row_size, device=device)
     touched = torch.zeros(len(done.ids), dtype=torch.uint8, device=device)
     tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
@@ -142,7 +142,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
                  torch.empty(count, 2, device=device))  # fmt: skip
     if count:
         sums = torch.empty(count, 32, device=device)
-        per_surfel.sum_rows[(count,)](done.surfel_start, rows, touched, sums, ROW=row_size)
+        per_surfel.sum_rows[(count,)](done.surfel_start, rows, touched, sums, ROW=row_size, USED=used)
         per_surfel.chain[(-(-count // BLOCK),)](
             means, quats, log_scales, opacity_logits, sh, done.pose, done.records, done.visible.to(torch.uint8), sums, count,
             *gradients, COEFFICIENTS=done.settings.coefficients, SH_ROWS=sh.shape[1], BLOCK=BLOCK,

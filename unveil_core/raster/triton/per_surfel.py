@@ -279,14 +279,14 @@ def _store(at, K: tl.constexpr, value, mask):
 
 
 @triton.jit
-def sum_rows(surfel_start, rows, touched, sums, ROW: tl.constexpr):
-    """Each surfel's rows added in a fixed order: one program per surfel."""
+def sum_rows(surfel_start, rows, touched, sums, ROW: tl.constexpr, USED: tl.constexpr):
+    """Each surfel's rows, of which so many floats are used, added in a fixed order: one program per surfel."""
     n = tl.program_id(0)
     k = tl.arange(0, 32)
     total = tl.zeros([32], tl.float32)
     for s in range(tl.load(surfel_start + n), tl.load(surfel_start + n + 1)):
         if tl.load(touched + s) != 0:
-            total += tl.load(rows + s * ROW + k, k < ROW, 0.0)
+            total += tl.load(rows + s * ROW + k, k < USED, 0.0)
     tl.store(sums + n * 32 + k, total)
 
 

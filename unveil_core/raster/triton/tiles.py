@@ -239,8 +239,6 @@ def backward(
                 tl.store(to + 16, tl.sum(w * gnx, axis=0))
                 tl.store(to + 17, tl.sum(w * gny, axis=0))
                 tl.store(to + 18, tl.sum(w * gnz, axis=0))
-            else:
-                tl.store(to + 15, 0.0)
             tl.store(to, tl.sum(by_nu, axis=0))
             tl.store(to + 1, tl.sum(by_nu * dx, axis=0))
             tl.store(to + 2, tl.sum(by_nu * dy, axis=0))
