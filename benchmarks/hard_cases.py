@@ -49,7 +49,8 @@ def errors(case: HardCase, size: tuple[int, int], backend: str) -> dict[str, flo
         worst = max(worst, float(error.max()) / max(1.0, float(truth[p].abs().max())) if error.numel() else 0.0)
     largest = max((float(g.norm()) for g in reference.values()), default=0.0)
     by_leaf = [
-        float((gradients[n] - reference[n]).norm()) / max(float(reference[n].norm()), 0.1 * largest, 1e-30) for n in LEAVES
+        float((gradients[n] - reference[n]).norm()) / max(float(reference[n].norm()), 0.1 * largest, 1e-30)
+        for n in LEAVES
     ]
     return {"plane": float(f"{worst:.2g}"), "gradient": float(f"{max(by_leaf):.2g}")}
 

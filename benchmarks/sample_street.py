@@ -57,7 +57,10 @@ def main() -> None:
     qualities = sys.argv[1:] or ["standard"]
     with tempfile.TemporaryDirectory() as folder:
         rows = [measure(quality, Path(folder)) for quality in qualities]
-    document = {"machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}, "runs": rows}
+    document = {
+        "machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()},
+        "runs": rows,
+    }
     RESULTS.write_text(json.dumps(document, indent=1) + "\n")
 
 

@@ -17,10 +17,10 @@ from unveil_core.raster.passes import GROUPS, Inputs, Settings
 from unveil_core.surfels.surfels import Surfels
 
 pytest.importorskip("triton")
-# Numbers too large for float32 in masked lanes: the interpreter is numpy, which remarks on them.
-pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 from unveil_core.raster.triton import backend as gpu
 
+# Numbers too large for float32 in masked lanes: the interpreter is numpy, which remarks on them.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 MOST_INTERSECTIONS = 500
 
