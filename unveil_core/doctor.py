@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 __all__ = ["examine"]
 
 _PACKAGES = (
-    "torch", "numpy", "numba", "opencv-contrib-python-headless", "scipy", "scikit-image", "trimesh", "onnxruntime", "bpy",
+    "torch", "numpy", "numba", "opencv-contrib-python-headless", "scipy", "scikit-image", "trimesh", "onnxruntime", "triton", "bpy",
 )  # fmt: skip
 
 
@@ -31,6 +31,7 @@ def examine() -> dict[str, object]:
         except PackageNotFoundError:
             found[name] = None
     found["cpus"] = os.cpu_count()
+    found["gpu"] = _gpu()
     with suppress(ValueError, OSError, AttributeError):
         found["memory_gb"] = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
     found["disk_free_gb"] = round(shutil.disk_usage(".").free / 2**30, 1)
@@ -40,6 +41,16 @@ def examine() -> dict[str, object]:
     except Exception as error:  # whatever it is, the doctor says it instead of failing
         found["ok"], found["problem"] = False, f"{type(error).__name__}: {error}"
     return found
+
+
+def _gpu() -> str:
+    """The NVIDIA GPU that the triton backend of ``render`` could use."""
+    try:
+        import torch
+
+        return torch.cuda.get_device_name(0) if torch.cuda.is_available() else "none that torch can use"
+    except (ImportError, RuntimeError) as error:
+        return f"not known: {error}"
 
 
 def _render_once() -> dict[str, object]:
