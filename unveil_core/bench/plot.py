@@ -36,12 +36,12 @@ def pareto_plot(points: Sequence[tuple[str, float, float]], path: Path, *, title
     on_front = {p[0] for p in front}
     for name, cost, error in points:
         axes.plot(cost, error, "o", color="#2a7f62" if name in on_front else "#8a8a8a", ms=6, zorder=2)
-        # Names stand inside the picture, and those beside the front below their points.
-        right = cost > 0.7 * max(p[1] for p in points)
-        offset, side = ((-7, 5), "right") if right else ((7, 5) if name in on_front else (7, -10), "left")
+        # The front is the left edge of all points: its names have room on the left.
+        left = name in on_front or cost > 0.85 * max(p[1] for p in points)
+        offset, side = ((-8, -3), "right") if left else ((8, -3), "left")
         axes.annotate(name, (cost, error), textcoords="offset points", xytext=offset, fontsize=8, ha=side)
     axes.set(xlabel="milliseconds", ylabel="worst relative gradient error against float64", yscale="log", title=title)
-    axes.margins(x=0.18, y=0.08)
+    axes.margins(x=0.3, y=0.08)
     axes.grid(alpha=0.25)
     axes.legend(frameon=False)
     figure.savefig(path, dpi=130)
