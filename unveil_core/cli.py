@@ -98,8 +98,14 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
     common(p)
-    p = verbs.add_parser("bench", help="measure the rasterizer or a training step: milliseconds against error")
-    p.add_argument("what", choices=("raster", "step"))
+    p = verbs.add_parser("bench", help="measure the rasterizer, a training step or a reconstruction against truth")
+    p.add_argument("what", choices=("raster", "step", "reconstruction"))
+    p.add_argument("drive", type=Path, nargs="?", default=None, help="to reconstruct; the sample street by default")
+    p.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
+    p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
+    p.add_argument(
+        "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
+    )
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
     p.add_argument(
         "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
@@ -142,6 +148,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if verb == "bench":
         from unveil_core.bench.command import run_bench
 
+        if arguments.what == "reconstruction" and arguments.drive is None:
+            arguments.drive = _sample_drive()
         return run_bench(arguments)
     from unveil_core.console import reporting
     from unveil_core.pipeline import run, run_verb

@@ -23,7 +23,8 @@ from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fi
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.inpaint.time_reversal import FrameTask, paint_in_reversed_time
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
-from unveil_core.mesh import DepthView, fuse, write_glb, write_ply
+from unveil_core.mesh import fuse, write_glb, write_ply
+from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.reconstruct import PRESETS, reconstruct, scene_range, tracks
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.raster import render
@@ -391,25 +392,12 @@ def mesh_body(context: StageContext) -> None:
     for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
         surfels = read_surfels(path)
         mesh = fuse(
-            _depth_views(drive, surfels, limits.near, limits.far), voxel_size=voxel, max_depth=30 * limits.unit,
+            depth_views(surfels, drive.frames, near=limits.near, far=limits.far), voxel_size=voxel, max_depth=30 * limits.unit,
             progress=context.progress,
         )  # fmt: skip
         write_ply(mesh, context.output(f"meshes/{state}.ply"), offset=drive.offset)
         if state == "empty":
             write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset, up=drive.up)
-
-
-def _depth_views(drive: Drive, surfels: Surfels, near: float, far: float) -> list[DepthView]:
-    views = []
-    for frame in drive.frames:
-        with torch.no_grad():
-            out = render(surfels, frame.camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
-        assert out.rgb is not None and out.alpha is not None and out.median_depth is not None
-        alpha = out.alpha.numpy()
-        solid = alpha > 0.7
-        rgb = np.clip(out.rgb.numpy() / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        views.append(DepthView(frame.camera, np.where(solid, out.median_depth.numpy(), 0).astype(np.float32), rgb))
-    return views
 
 
 def report_body(context: StageContext) -> None:

@@ -20,7 +20,13 @@ def run_bench(arguments: argparse.Namespace) -> int:
     from unveil_core.bench.step import bench_step
 
     yardstick = Yardstick(arguments.yardstick) if arguments.yardstick else None
-    if arguments.what == "step":
+    if arguments.what == "reconstruction":
+        from unveil_core.bench.reconstruction import bench_reconstruction
+
+        told = bench_reconstruction(
+            arguments.drive, quality=arguments.quality, every=arguments.every, without=arguments.without
+        )
+    elif arguments.what == "step":
         size, count = arguments.size or (480, 320), arguments.surfels or 100_000
         if arguments.quick:
             told = bench_step(size=(96, 64), count=3000, iterations=3, yardstick=yardstick)
@@ -43,7 +49,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
         write_json_atomic(arguments.output, told)
         if arguments.what == "raster":
             write_plot(told, arguments.output.with_suffix(".png"))
-    print(json.dumps(told, indent=1) if arguments.json or arguments.what == "step" else _table(told))
+    print(json.dumps(told, indent=1) if arguments.json or arguments.what != "raster" else _table(told))
     return 0
 
 

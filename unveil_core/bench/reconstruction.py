@@ -1,0 +1,120 @@
+"""A reconstruction measured against views it has not seen, true labels and the true surface."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.bench.timing import machine, peak_memory_mb
+from unveil_core.drives import open_drive
+from unveil_core.drives.check import check_drive
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.importing import recentred
+from unveil_core.errors import SettingsError
+from unveil_core.evaluate.geometry import depth_points, surface_distances
+from unveil_core.evaluate.held_out import evaluate_views, split_drive
+from unveil_core.files import read_label_image
+from unveil_core.mesh.tsdf import fuse
+from unveil_core.mesh.views import depth_views
+from unveil_core.optimize.losses import LossWeights
+from unveil_core.optimize.reconstruct import PRESETS, reconstruct, scene_range
+from unveil_core.progress import Progress, no_progress
+from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_labels
+from unveil_core.surfels.initialize import thin_points
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["LOSSES", "bench_reconstruction"]
+
+LOSSES = ("dssim", "semantic", "distortion", "label_distortion", "normal", "opacity")
+"""Names that ``without`` takes: the parts of the loss beside L1."""
+VOXEL_M, DEPTH_M, REACH_M, SAMPLE_M = 0.06, 25.0, 35.0, 0.05
+
+
+def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
+    """What some frame sees of everything that stays, by the truth's depth images."""
+    assert drive.truth_root is not None
+    points = []
+    for frame in drive.frames:
+        path = drive.truth_root / "depth" / f"{frame.name}.npy"
+        if not path.is_file():
+            continue
+        depth = np.load(path).astype(np.float64)
+        removed = drive.truth_root / "removed" / f"{frame.name}.png"
+        keep = (depth > 0) & (depth < furthest)
+        if removed.is_file():
+            mask = read_label_image(removed) > 0
+            # Half as many pixels: one counts where none of the finer ones is removed.
+            rows, columns = mask.shape[0] // depth.shape[0], mask.shape[1] // depth.shape[1]
+            keep &= ~mask.reshape(depth.shape[0], rows, depth.shape[1], columns).any(axis=(1, 3))
+        points.append(depth_points(frame.camera, depth, keep))
+    return np.concatenate(points) if points else np.zeros((0, 3))
+
+
+def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
+    """The fused mesh of what stays, against the true surface; empty without a truth."""
+    if drive.truth_root is None or not (drive.truth_root / "depth").is_dir():
+        return {}
+    limits = scene_range(drive)
+    removable = np.array(scene.removable_labels, np.int64)
+    without = [np.isin(frame_labels(f, scene), removable) for f in frames]
+    views = depth_views(surfels, frames, near=limits.near, far=limits.far, without=without)
+    mesh = fuse(views, voxel_size=VOXEL_M * limits.unit, max_depth=DEPTH_M * limits.unit)
+    corners = mesh.vertices.astype(np.float64)
+    found = corners[thin_points(corners, SAMPLE_M * limits.unit)]
+    reference = _true_surface(drive, REACH_M * limits.unit)
+    reference = reference[thin_points(reference, SAMPLE_M * limits.unit)]
+    true = _true_surface(drive, DEPTH_M * limits.unit)
+    true = true[thin_points(true, SAMPLE_M * limits.unit)]
+    distances = surface_distances(found, true, reference=reference)
+    return {
+        "chamfer_m": round(distances.chamfer / limits.unit, 4),
+        **{f"f_score_{t}": round(distances.f_score(t * limits.unit), 4) for t in (0.05, 0.25)},
+        **{f"precision_{t}": round(distances.precision(t * limits.unit), 4) for t in (0.05, 0.25)},
+        **{f"recall_{t}": round(distances.recall(t * limits.unit), 4) for t in (0.05, 0.25)},
+        "points": [len(found), len(true)],
+    }
+
+
+def bench_reconstruction(
+    path: Path, *, quality: str = "standard", every: int = 8, without: tuple[str, ...] = (), seed: int = 0,
+    progress: Progress = no_progress,
+) -> dict[str, Any]:  # fmt: skip
+    """Reconstruct a drive without every n-th frame, and measure.
+
+    Args:
+        path: a drive, as for ``unveil run``; its images are used as they are (no lens distortion).
+        without: parts of the loss that are left out, see ``LOSSES``.
+    Returns:
+        seconds, surfels, memory; PSNR, SSIM and mIoU of the held-out frames; Chamfer distance and F-scores where the drive
+        has a truth with depth.
+    """
+    unknown = [name for name in without if name not in LOSSES]
+    if unknown:
+        raise SettingsError(f"no loss is called {unknown[0]!r}", mend=f"use {', '.join(LOSSES)}")
+    drive = open_drive(path)
+    check_drive(drive)
+    drive = recentred(drive)
+    if any(f.distortion is not None for f in drive.frames):
+        raise SettingsError(
+            "the drive's images are distorted", mend="import it first and name the workspace's drive folder"
+        )
+    training, held = split_drive(drive, every)
+    scene = choose_labels(drive)
+    preset = PRESETS[quality]
+    weights: LossWeights = replace(preset.weights, **dict.fromkeys(without, 0.0))
+    before = machine()
+    begun = time.perf_counter()
+    surfels, sky = reconstruct(training, scene, replace(preset, weights=weights), seed=seed, progress=progress)
+    seconds = time.perf_counter() - begun
+    limits = scene_range(drive)
+    return {
+        "machine": before, "drive": path.name, "quality": quality, "without": list(without), "seed": seed,
+        "seconds": round(seconds, 1), "surfels": len(surfels), "peak_memory_mb": peak_memory_mb(),
+        "held_out": evaluate_views(surfels, sky, held, scene, near=limits.near, far=limits.far),
+        "geometry": _geometry(drive, scene, surfels, training.frames),
+    }  # fmt: skip
