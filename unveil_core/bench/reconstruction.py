@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +34,27 @@ __all__ = ["LOSSES", "bench_reconstruction"]
 LOSSES = ("dssim", "semantic", "distortion", "label_distortion", "normal", "opacity")
 """Names that ``without`` takes: the parts of the loss beside L1."""
 VOXEL_M, DEPTH_M, REACH_M, SAMPLE_M = 0.06, 25.0, 35.0, 0.05
+FINER = 4
+
+
+def _finer(
+    depth: NDArray[np.float64], keep: NDArray[np.bool_], factor: int
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A depth image of more pixels: inverse depth, which is linear on a plane, between pixels of one surface.
+
+    Ground that only far frames see would else be known at a few points, metres apart.
+    """
+    inverse = np.where(keep, 1.0 / np.where(keep, depth, 1.0), 0.0)
+    # Second differences vanish on a plane, whatever its slope, and do not across the edge of an object.
+    bend = np.zeros_like(inverse)
+    bend[1:-1] = np.abs(inverse[2:] - 2 * inverse[1:-1] + inverse[:-2])
+    bend[:, 1:-1] = np.maximum(bend[:, 1:-1], np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2]))
+    smooth = keep & (bend < 0.03 * inverse)
+    size = (depth.shape[1] * factor, depth.shape[0] * factor)
+    fine = cv2.resize(inverse, size, interpolation=cv2.INTER_LINEAR)
+    # Only where all four neighbours are smooth; pixels themselves count in any case.
+    whole = cv2.resize(smooth.astype(np.float64), size, interpolation=cv2.INTER_LINEAR) > 0.999
+    return 1.0 / np.where(fine > 0, fine, 1.0), whole & (fine > 0)
 
 
 def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
@@ -45,13 +67,20 @@ def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
             continue
         depth = np.load(path).astype(np.float64)
         removed = drive.truth_root / "removed" / f"{frame.name}.png"
-        keep = (depth > 0) & (depth < furthest)
+        keep = np.isfinite(depth) & (depth > 0)
         if removed.is_file():
             mask = read_label_image(removed) > 0
             # Half as many pixels: one counts where none of the finer ones is removed.
             rows, columns = mask.shape[0] // depth.shape[0], mask.shape[1] // depth.shape[1]
             keep &= ~mask.reshape(depth.shape[0], rows, depth.shape[1], columns).any(axis=(1, 3))
-        points.append(depth_points(frame.camera, depth, keep))
+        # Of each block of pixels the truth keeps the last one.
+        step = frame.camera.width // depth.shape[1]
+        camera = frame.camera.resized(depth.shape[1], depth.shape[0])
+        shift = 0.5 - 0.5 / step
+        camera = replace(camera, cx=camera.cx - shift, cy=camera.cy - shift)
+        points.append(depth_points(camera, depth, keep & (depth < furthest)))
+        fine, whole = _finer(depth, keep, FINER)
+        points.append(depth_points(camera, fine, whole & (fine < furthest)))
     return np.concatenate(points) if points else np.zeros((0, 3))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.semantics.lift import sample_colors, vote_labels
 from unveil_core.semantics.segment import SceneLabels, frame_labels
+from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
 from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
@@ -66,6 +68,9 @@ PRESETS: dict[str, ReconstructSettings] = {
 }
 
 
+MEASURED_SHARE = 0.02
+
+
 @dataclass(frozen=True)
 class SceneRange:
     """Lengths of one scene in its own units: ``unit`` per metre, ``near`` and ``far`` of the distortion's range."""
@@ -85,6 +90,18 @@ def tracks(drive: Drive) -> list[list[int]]:
     """Frame indices by camera, in order of travel."""
     names = list(dict.fromkeys(f.camera_name for f in drive.frames))
     return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]
+
+
+def _measured(
+    points: NDArray[np.float64], spacing: NDArray[np.float64], camera: Camera, near: float
+) -> NDArray[np.bool_]:
+    """(H, W), the pixels within ``MEASURED_SHARE`` of the image's width of a measured point that the view sees."""
+    seen = points_in_view(points, spacing, camera, near=near)
+    mask = np.zeros((camera.height, camera.width), np.uint8)
+    mask[seen.rows, seen.columns] = 1
+    side = 2 * max(1, round(MEASURED_SHARE * camera.width)) + 1
+    grown: NDArray[np.bool_] = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
+    return grown
 
 
 def start_scene(
@@ -109,7 +126,10 @@ def start_scene(
     # An isolated point stands for no more surface than a pixel block of the nearest view would.
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
     for track in tracks(drive):
-        usable = [(labels[i] != sky) if sky is not None else np.ones(labels[i].shape, bool) for i in track]
+        # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
+        usable = [~_measured(drive.points.positions, sizes[0], cameras[i], limits.near) for i in track]
+        if sky is not None:
+            usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
             [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
             near=10 * limits.near, far=limits.far, progress=progress,
