@@ -71,9 +71,17 @@ def picture(pose: np.ndarray, crowded: bool) -> tuple[np.ndarray, np.ndarray]:
     return (total[..., ::-1] * 255).round().astype(np.uint8), classes
 
 
+def true_depth(pose: np.ndarray) -> np.ndarray:
+    """(H, W) metres along the optical axis of the empty street, inf for the sky."""
+    x = (np.arange(WIDTH) + 0.5 - WIDTH / 2) / FOCAL
+    y = -(np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL
+    local = np.stack(np.broadcast_arrays(x[None], y[:, None], np.full((1, 1), -1.0)), axis=-1).reshape(-1, 3)
+    return cast(pose[:3, 3], local @ pose[:3, :3].T, False)[0].reshape(HEIGHT, WIDTH)
+
+
 def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
     """Write the drive and its truth; returns the path of transforms.json."""
-    for name in ("images", "semantics", "instances", "masks", "truth/images", "truth/removed"):
+    for name in ("images", "semantics", "instances", "masks", "truth/images", "truth/removed", "truth/depth"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     frames, cloud = [], []
     generator = np.random.default_rng(0)
@@ -87,6 +95,7 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
         cv2.imwrite(str(folder / f"images/{i:02d}.png"), image)
         cv2.imwrite(str(folder / f"truth/images/{i:02d}.png"), empty)
         cv2.imwrite(str(folder / f"truth/removed/{i:02d}.png"), np.where(kind == CAR, 255, 0).astype(np.uint8))
+        np.save(folder / f"truth/depth/{i:02d}.npy", true_depth(pose).astype(np.float16))
         entry: dict[str, object] = {"file_path": f"images/{i:02d}.png", "transform_matrix": pose.tolist()}
         if masks_only:
             cv2.imwrite(str(folder / f"masks/{i:02d}.png"), np.where(kind == CAR, 0, 255).astype(np.uint8))

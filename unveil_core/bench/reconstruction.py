@@ -54,7 +54,11 @@ def _finer(
     fine = cv2.resize(inverse, size, interpolation=cv2.INTER_LINEAR)
     # Only where all four neighbours are smooth; pixels themselves count in any case.
     whole = cv2.resize(smooth.astype(np.float64), size, interpolation=cv2.INTER_LINEAR) > 0.999
-    return 1.0 / np.where(fine > 0, fine, 1.0), whole & (fine > 0)
+    # Beyond the outer pixels' centres there is nothing to be between.
+    edge = factor // 2
+    inner = np.zeros(whole.shape, bool)
+    inner[edge:-edge, edge:-edge] = True
+    return 1.0 / np.where(fine > 0, fine, 1.0), whole & inner & (fine > 0)
 
 
 def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
