@@ -17,13 +17,15 @@ from unveil_core.optimize.reconstruct import ReconstructSettings, start_scene
 from unveil_core.semantics.segment import choose_labels, frame_labels
 
 
-def test_pixels_near_a_seen_point_are_measured() -> None:
+def test_pixels_among_close_points_are_measured() -> None:
     camera = Camera(100, 60, 80.0, 80.0, 50.0, 30.0, np.eye(4))
-    # The second lies behind the first, the third behind the camera.
-    points = np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 9.0], [1.0, 1.0, -4.0]])
-    mask = module._measured(points, np.full(3, 0.2), camera, 0.2)
-    assert mask[30, 50] and mask[28, 48] and not mask[26, 50] and not mask[30, 56]
-    assert mask.sum() == 25
+    side = np.arange(-10, 11) * 0.08  # a point at every second pixel or so
+    wall = np.stack([*np.meshgrid(side, side), np.full((21, 21), 5.0)], axis=-1).reshape(-1, 3)
+    mask = module._measured(wall, np.full(len(wall), 0.08), camera, 0.2)
+    assert mask[30, 50] and mask[38, 42] and not mask[30, 70] and not mask[5, 5]
+    # What lies behind the wall or the camera is not seen, and lonely points measure nothing.
+    assert not module._measured(wall * (1, 1, -1), np.full(len(wall), 0.08), camera, 0.2).any()
+    assert not module._measured(wall[::13], np.full(len(wall[::13]), 0.08), camera, 0.2).any()
 
 
 def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

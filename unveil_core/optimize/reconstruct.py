@@ -68,7 +68,8 @@ PRESETS: dict[str, ReconstructSettings] = {
 }
 
 
-MEASURED_SHARE = 0.02
+MEASURED_SHARE, MEASURED_POINTS = 0.02, 5
+"""A pixel is measured where so many points lie within this share of the image's width."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +96,17 @@ def tracks(drive: Drive) -> list[list[int]]:
 def _measured(
     points: NDArray[np.float64], spacing: NDArray[np.float64], camera: Camera, near: float
 ) -> NDArray[np.bool_]:
-    """(H, W), the pixels within ``MEASURED_SHARE`` of the image's width of a measured point that the view sees."""
+    """(H, W), the pixels around which the view sees measured points close together, as a LiDAR leaves them.
+
+    The lonely points of structure from motion measure no surface.
+    """
     seen = points_in_view(points, spacing, camera, near=near)
-    mask = np.zeros((camera.height, camera.width), np.uint8)
-    mask[seen.rows, seen.columns] = 1
+    count = np.zeros((camera.height, camera.width), np.float32)
+    np.add.at(count, (seen.rows, seen.columns), 1.0)
     side = 2 * max(1, round(MEASURED_SHARE * camera.width)) + 1
-    grown: NDArray[np.bool_] = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
-    return grown
+    around = cv2.boxFilter(count, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    dense: NDArray[np.bool_] = around > MEASURED_POINTS - 0.5
+    return dense
 
 
 def start_scene(
