@@ -95,7 +95,9 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
         cv2.imwrite(str(folder / f"images/{i:02d}.png"), image)
         cv2.imwrite(str(folder / f"truth/images/{i:02d}.png"), empty)
         cv2.imwrite(str(folder / f"truth/removed/{i:02d}.png"), np.where(kind == CAR, 255, 0).astype(np.uint8))
-        np.save(folder / f"truth/depth/{i:02d}.npy", true_depth(pose).astype(np.float16))
+        depth = true_depth(pose)
+        steps = np.where(depth < 255, depth * 256, 0).round().astype(np.uint16)
+        cv2.imwrite(str(folder / f"truth/depth/{i:02d}.png"), steps)
         entry: dict[str, object] = {"file_path": f"images/{i:02d}.png", "transform_matrix": pose.tolist()}
         if masks_only:
             cv2.imwrite(str(folder / f"masks/{i:02d}.png"), np.where(kind == CAR, 0, 255).astype(np.uint8))

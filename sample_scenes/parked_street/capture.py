@@ -16,6 +16,7 @@ from mathutils import Matrix, Vector
 from mathutils.bvhtree import BVHTree
 
 WIDTH, HEIGHT, FOV = 384, 256, math.radians(70)
+FINEST_CELL = 0.15
 STEP, CAMERA_HEIGHT, PITCH = 1.15, 1.6, math.radians(4.0)
 
 
@@ -202,8 +203,10 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
         cv2.imwrite(str(folder / f"truth/images/{stem}.jpg"), empty[i], quality)
         cv2.imwrite(str(folder / f"semantics/{stem}.png"), classes[index[i]].astype(np.uint8))
         cv2.imwrite(str(folder / f"instances/{stem}.png"), instances[index[i]].astype(np.uint16))
-        # Every second pixel, in half precision: depth is smooth, the repository small.
-        np.save(folder / f"truth/depth/{stem}.npy", empty_depth[i][1::2, 1::2].astype(np.float16))
+        # Every second pixel, as KITTI keeps depth: 256 steps a metre, 0 for none. Small, and fine enough.
+        depth = empty_depth[i][1::2, 1::2]
+        steps = np.where(np.isfinite(depth) & (depth < 255), np.round(depth * 256), 0).astype(np.uint16)
+        cv2.imwrite(str(folder / f"truth/depth/{stem}.png"), steps, [cv2.IMWRITE_PNG_COMPRESSION, 9])
         removed = instances[index[i]] > 0
         cv2.imwrite(str(folder / f"truth/removed/{stem}.png"), removed.astype(np.uint8) * 255)
         luma = [cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8) for p in (full[i], empty[i])]
@@ -238,10 +241,10 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
 
 
 def write_points(points, poses, pictures, depths, path: Path, offset: np.ndarray) -> None:  # type: ignore[no-untyped-def]
-    """Thin the scan to 15 cm near the path and coarser beyond, colour it from the frames, write doubles."""
+    """Thin the scan to ``FINEST_CELL`` near the path and coarser beyond, colour it from the frames, write doubles."""
     centres = np.array([p[:3, 3] for p in poses])
     distance = np.min(np.linalg.norm(points[:, None, :2] - centres[None, ::3, :2], axis=2), axis=1)
-    cell = np.where(distance < 9, 0.15, np.where(distance < 20, 0.24, 0.4))
+    cell = FINEST_CELL * np.where(distance < 9, 1.0, np.where(distance < 20, 1.6, 2.7))
     key = np.concatenate([np.floor(points / cell[:, None]), cell[:, None] * 1000], axis=1).astype(np.int64)
     points = points[np.sort(np.unique(key, axis=0, return_index=True)[1])]
     color = np.full((len(points), 3), 128.0)

@@ -19,7 +19,7 @@ from unveil_core.drives.importing import recentred
 from unveil_core.errors import SettingsError
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
-from unveil_core.files import read_label_image
+from unveil_core.files import read_instance_image, read_label_image
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.losses import LossWeights
@@ -66,12 +66,13 @@ def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
     assert drive.truth_root is not None
     points = []
     for frame in drive.frames:
-        path = drive.truth_root / "depth" / f"{frame.name}.npy"
+        path = drive.truth_root / "depth" / f"{frame.name}.png"
         if not path.is_file():
             continue
-        depth = np.load(path).astype(np.float64)
+        # As KITTI keeps depth: 256 steps a metre, 0 for none.
+        depth = read_instance_image(path).astype(np.float64) / 256
         removed = drive.truth_root / "removed" / f"{frame.name}.png"
-        keep = np.isfinite(depth) & (depth > 0)
+        keep = depth > 0
         if removed.is_file():
             mask = read_label_image(removed) > 0
             # Half as many pixels: one counts where none of the finer ones is removed.
