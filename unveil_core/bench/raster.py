@@ -21,7 +21,7 @@ from unveil_core.raster.reference import render_reference_in_tiles
 from unveil_core.raster.spec import ALPHA_MIN, TRANSMITTANCE_MIN, Limits
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["SIZES", "Plan", "bench_raster", "write_plot"]
+__all__ = ["SIZES", "Plan", "bench_raster", "plane_gradients", "write_plot"]
 
 NEAR, FAR = 0.2, 100.0
 LEAVES = ("means", "quats", "log_scales", "opacity_logits", "sh")
@@ -66,7 +66,8 @@ class Plan:
     yardstick: rivals.Yardstick | None = field(default=None, repr=False)
 
 
-def _gradients(camera: Camera, planes: Sequence[str]) -> dict[str, Tensor]:
+def plane_gradients(camera: Camera, planes: Sequence[str]) -> dict[str, Tensor]:
+    """A gradient of the loss by each plane, positive, the same each time."""
     g = torch.Generator().manual_seed(7)
     last = {"rgb": (3,), "normal": (3,), "semantics": (LABELS,)}
     return {p: torch.rand(camera.height, camera.width, *last.get(p, ()), generator=g) for p in planes}
@@ -112,7 +113,7 @@ class _Truth:
         for tile in self.tiles:
             x, y = tile % across * 16, tile // across * 16
             self.counted[y : y + 16, x : x + 16] = True
-        self.gradients = {p: g * self._mask(g) for p, g in _gradients(camera, planes).items()}
+        self.gradients = {p: g * self._mask(g) for p, g in plane_gradients(camera, planes).items()}
         self.values, sums = render_reference_in_tiles(
             surfels, camera, LABELS, near=NEAR, far=FAR, gradients=self.gradients, tiles=self.tiles, together=True
         )
@@ -163,7 +164,7 @@ def _knobs(plan: Plan) -> dict[str, Any]:
     camera = corridor_camera(*plan.size)
     yard = plan.yardstick
     surfels = yard.surfels(plan.count) if yard else corridor(plan.count)
-    gradients = _gradients(camera, PLANES)
+    gradients = plane_gradients(camera, PLANES)
     ours = {f"{name}": _Ours(surfels, camera, planes, gradients) for name, planes in GROUPS.items()}
     ours |= {name: _Ours(surfels, camera, PLANES, gradients, limits) for name, limits in VARIANTS.items()}
     for degree in (1, 2, 3):
@@ -192,7 +193,7 @@ def _sweep(plan: Plan, progress: Progress) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for turn, (count, size) in enumerate((c, s) for c in plan.counts for s in plan.sizes):
         surfels, camera = corridor(count), corridor_camera(*size)
-        gradients = _gradients(camera, PLANES)
+        gradients = plane_gradients(camera, PLANES)
         ours = {
             name: _Ours(surfels, camera, GROUPS[name], gradients) for name in ("specified, all planes", "rgb, alpha")
         }
@@ -210,7 +211,7 @@ def _sweep(plan: Plan, progress: Progress) -> list[dict[str, Any]]:
 def _slow_rivals(plan: Plan) -> list[dict[str, Any]]:
     """Rivals that take seconds, on a small scene, once each."""
     surfels, camera = corridor(plan.small_count), corridor_camera(*plan.small)
-    gradients = _gradients(camera, PLANES)
+    gradients = plane_gradients(camera, PLANES)
     runs: dict[str, Callable[[], Any]] = {
         "ours, all planes": _Ours(surfels, camera, PLANES, gradients),
         "ours, rgb, alpha": _Ours(surfels, camera, ("rgb", "alpha"), gradients),

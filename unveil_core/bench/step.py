@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from unveil_core.bench import rivals
-from unveil_core.bench.raster import _gradients
+from unveil_core.bench.raster import plane_gradients
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
 from unveil_core.bench.timing import machine, peak_memory_mb, second_process_seconds
 from unveil_core.optimize.parameters import LearningRates
@@ -42,7 +42,7 @@ def bench_step(
     image = (seen.rgb.clamp(0, 1).numpy() * 255).astype(np.uint8)
     view = training_view(camera, image, seen.semantics.argmax(2).numpy(), None, sky)
     prepared = yardstick.prepare(scene(count), camera) if yardstick else None
-    whole = yardstick.gradient_of(_gradients(camera, PLANES)) if yardstick else None
+    whole = yardstick.gradient_of(plane_gradients(camera, PLANES)) if yardstick else None
     steps: list[float] = []
     others: list[float] = []
     begun = time.perf_counter()
