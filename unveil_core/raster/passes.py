@@ -10,7 +10,10 @@ from torch import Tensor
 
 from unveil_core.raster.spec import Limits
 
-__all__ = ["GROUPS", "Group", "Inputs", "Settings", "group_for", "plane_shapes"]
+__all__ = ["GROUPS", "TILE", "Group", "Inputs", "Settings", "group_for", "plane_shapes", "tile_counts"]
+
+TILE = 16
+"""Pixels along a tile, in every backend's lists."""
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
 """means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32."""
@@ -51,6 +54,21 @@ class Settings:
     near: float
     far: float
     limits: Limits = Limits()
+
+    @property
+    def c1(self) -> float:
+        """m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone."""
+        return self.far * self.near / (self.far - self.near)
+
+    @property
+    def inv_near(self) -> float:
+        """One over the nearest depth that counts."""
+        return 1.0 / self.near
+
+
+def tile_counts(width: int, height: int) -> tuple[int, int]:
+    """How many tiles cover an image, across and down."""
+    return -(-width // TILE), -(-height // TILE)
 
 
 def plane_shapes(group: Group, width: int, height: int, label_count: int) -> dict[str, tuple[int, ...]]:

@@ -17,10 +17,10 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel, thread_count
 from unveil_core.raster.cpu import per_surfel
 from unveil_core.raster.cpu.backward import row_size
-from unveil_core.raster.cpu.block import TILE, kept_size
+from unveil_core.raster.cpu.block import kept_size
 from unveil_core.raster.cpu.forward import template
 from unveil_core.raster.cpu.groups import kernels_for
-from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes
+from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes, tile_counts
 from unveil_core.raster.records import SIZE as RECORD
 
 __all__ = ["Pass", "backward_pass", "forward_pass", "release"]
@@ -35,11 +35,6 @@ def _start(settings: Settings) -> Float32:
     group = GROUPS[settings.group]
     start: Float32 = template(settings.label_count, *group, settings.limits)
     return start
-
-
-def _tiles(width: int, height: int) -> tuple[int, int]:
-    """How many tiles cover an image, across and down."""
-    return -(-width // TILE), -(-height // TILE)
 
 
 @dataclass(eq=False)
@@ -57,8 +52,6 @@ class Pass:
     settings: Settings
     camera: Camera
     pose: tuple[Float64, Float64, Float64]
-    c1: np.float32
-    inv_near: np.float32
     records: Float32
     surfel_start: NDArray[np.int64]
     offsets: NDArray[np.int64]
@@ -83,8 +76,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     """
     buffers = borrow()
     count, width, height = len(labels), camera.width, camera.height
-    label_count, near, far = settings.label_count, settings.near, settings.far
-    limits = settings.limits
+    label_count, limits = settings.label_count, settings.limits
     group = GROUPS[settings.group]
     pose = (
         np.ascontiguousarray(camera.world_to_camera[:3, :3], dtype=np.float64),
@@ -96,11 +88,10 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     visible = lend((count,), np.uint8)
     in_parallel(
         per_surfel.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
-        float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(near), settings.coefficients,
-        limits.alpha_min, limits.exact_reach,
-        records, boxes, depths, visible,
+        float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(settings.near), settings.coefficients,
+        limits.alpha_min, limits.exact_reach, records, boxes, depths, visible,
     )  # fmt: skip
-    tiles_x, tiles_y = _tiles(width, height)
+    tiles_x, tiles_y = tile_counts(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
     keys, spare = (buffers.array(name, (count,), np.uint64) for name in ("keys", "spare"))
@@ -121,16 +112,14 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     planes = {name: lend(shape) for name, shape in plane_shapes(group, width, height, label_count).items()}
     kept_tiles = tiles_x * tiles_y if keep else 0
     kept = buffers.array("kept", (kept_tiles, kept_size(label_count, group.geometry, group.label_distortion)))
-    # m = far / (far - near) - c1 / depth is the mapped depth; differences of m need c1 alone.
-    c1, inv_near = np.float32(far * near / (far - near)), np.float32(1.0 / near)
     in_parallel(
         kernels_for(settings.group, limits.exp_degree).forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
-        _start(settings), records.ravel(),
-        offsets, ids, width, height, c1, inv_near, np.float32(limits.transmittance_min), label_count, *planes.values(), kept, hits,
+        _start(settings), records.ravel(), offsets, ids, width, height, np.float32(settings.c1),
+        np.float32(settings.inv_near), np.float32(limits.transmittance_min), label_count, *planes.values(), kept, hits,
     )  # fmt: skip
     done = Pass(
         {name: torch.from_numpy(plane) for name, plane in planes.items()},
-        torch.from_numpy(visible.view(np.bool_)), buffers, settings, camera, pose, c1, inv_near,
+        torch.from_numpy(visible.view(np.bool_)), buffers, settings, camera, pose,
         records, surfel_start, offsets, ids, place, hits, kept,
     )  # fmt: skip
     if not keep:
@@ -145,23 +134,24 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         grads: gradient of the loss by each plane that has one, in the plane's shape.
     """
     camera, buffers, group = done.camera, done.buffers, GROUPS[done.settings.group]
-    limits = done.settings.limits
-    width, height, label_count = camera.width, camera.height, done.settings.label_count
+    settings = done.settings
+    width, height, label_count = camera.width, camera.height, settings.label_count
     shapes = plane_shapes(group, width, height, label_count)
     incoming = [_array(grads[name]) if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
     rows = buffers.array("rows", (len(done.ids), row_size(group.geometry)))
     touched = buffers.array("touched", (len(done.ids),), np.uint8)
-    tiles_x, tiles_y = _tiles(width, height)
+    tiles_x, tiles_y = tile_counts(width, height)
     in_parallel(
-        kernels_for(done.settings.group, limits.exp_degree).backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
-        done.records.ravel(), done.offsets, done.ids, width, height, done.c1, done.inv_near,
-        np.float32(limits.alpha_min), label_count, done.kept, done.hits, *incoming, done.place, rows.ravel(), touched,
+        kernels_for(settings.group, settings.limits.exp_degree).backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
+        done.records.ravel(), done.offsets, done.ids, width, height, np.float32(settings.c1),
+        np.float32(settings.inv_near), np.float32(settings.limits.alpha_min), label_count, done.kept, done.hits,
+        *incoming, done.place, rows.ravel(), touched,
     )  # fmt: skip
     arrays, visible = [_array(t) for t in inputs], _array(done.visible).view(np.uint8)
     gradients = (*(lend(a.shape) for a in arrays), lend((len(visible), 2)))
     in_parallel(
         per_surfel.reduce_rows, len(visible), 2048, done.records, visible, done.surfel_start,
-        rows, touched, *arrays, *done.pose, float(camera.fx), float(camera.fy), done.settings.coefficients, *gradients,
+        rows, touched, *arrays, *done.pose, float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
     )  # fmt: skip
     return tuple(torch.from_numpy(g) for g in gradients)
 

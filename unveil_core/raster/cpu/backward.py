@@ -37,7 +37,7 @@ from unveil_core.raster.spec import ALPHA_MAX
 __all__ = ["backward_kernel", "row_size"]
 
 f32, u64 = np.float32, np.uint64
-ONE, ZERO = f32(1), f32(0)
+ZERO = f32(0)
 
 
 def _planes(geometry, semantics, label_distortion):

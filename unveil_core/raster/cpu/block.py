@@ -14,6 +14,7 @@ from numba.core import cgutils
 from unveil_core.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
+from unveil_core.raster.passes import TILE
 from unveil_core.raster.spec import ALPHA_MAX
 
 __all__ = [
@@ -22,7 +23,7 @@ __all__ = [
 ]  # fmt: skip
 
 u64 = np.uint64
-TILE, BLOCK, BLOCKS = 16, 4, 16
+BLOCK, BLOCKS = 4, 16
 AHEAD = 12
 """How many surfels before its turn a record is asked for: it lies anywhere in memory."""
 # exp(-x) on [0, 5.7] as (p(-x / 8))^8: beyond 5.7 alpha is under 1/255 whatever the opacity.
@@ -197,5 +198,5 @@ def sources() -> int:
     numba's cache looks at a kernel's own file and at the values it closes over, so the kernels close over this.
     """
     here = Path(__file__).parent
-    texts = (here / name for name in ("lanes.py", "block.py", "../records.py", "../spec.py"))
+    texts = (here / name for name in ("lanes.py", "block.py", "../passes.py", "../records.py", "../spec.py"))
     return int(hashlib.sha256(b"".join(text.read_bytes() for text in texts)).hexdigest()[:12], 16)

@@ -44,7 +44,7 @@ __all__ = ["forward_kernel", "template"]
 
 f32, u64 = np.float32, np.uint64
 SEGMENT = 512
-ONE, ZERO = f32(1), f32(0)
+ZERO = f32(0)
 FINISHED = 2.0
 """The least alpha that counts in a pixel whose light is used up: none does."""
 

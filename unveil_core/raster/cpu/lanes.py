@@ -1,7 +1,7 @@
 """Sixteen pixels as one value: vectors that numba kernels hold in registers.
 
 numba has no vector type, and a loop over 16 floats becomes vector code only if LLVM proves that nothing overlaps, which
-costs copies and breaks silently. Here :class:`Lanes` is a value of a kernel like any number, and :func:`lane_function`
+costs copies and breaks silently. Here sixteen lanes are a value of a kernel like any number, and :func:`lane_function`
 turns a Python function over :class:`Vector` into straight vector instructions of whatever width the processor has
 (LLVM splits 16 lanes into two or four parts where it must).
 """
@@ -23,7 +23,6 @@ LANES = 16
 FLOAT, WORD = ir.FloatType(), ir.IntType(32)
 FLOATS = ir.VectorType(FLOAT, LANES)
 WORDS = ir.VectorType(WORD, LANES)
-TRUTHS = ir.VectorType(ir.IntType(1), LANES)
 _FAST = ("fast",)
 
 

@@ -11,13 +11,13 @@ from numba import njit
 
 from unveil_core.parallel import FAST
 from unveil_core.raster import records as rec
+from unveil_core.raster.passes import TILE
 from unveil_core.raster.spec import DEPTH_MAX, EDGE_ON, GENEROUS, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX
 from unveil_core.raster.spherical_harmonics import SH0, SH1, SH2, SH3
 
 f32, f64, u64, i64 = np.float32, np.float64, np.uint64, np.int64
 INLINED = {**FAST, "forceinline": True}
 
-TILE = 16
 ZERO = f32(0)
 
 
@@ -74,6 +74,33 @@ def held_scale(log_scale, floor):
 
 
 @njit(**INLINED)
+def in_camera(means, i, R, t):
+    """A surfel's centre in the camera's frame."""
+    return (R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0],
+            R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1],
+            R[2, 0] * means[i, 0] + R[2, 1] * means[i, 1] + R[2, 2] * means[i, 2] + t[2])  # fmt: skip
+
+
+@njit(**INLINED)
+def axes(R, r0, r1, r2, r3, r4, r5, r6, r7, r8):
+    """A rotation's three columns in the camera's frame: both tangents, then the normal."""
+    return (R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6, R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6,
+            R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6, R[0, 0] * r1 + R[0, 1] * r4 + R[0, 2] * r7,
+            R[1, 0] * r1 + R[1, 1] * r4 + R[1, 2] * r7, R[2, 0] * r1 + R[2, 1] * r4 + R[2, 2] * r7,
+            R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8, R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8,
+            R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8)  # fmt: skip
+
+
+@njit(**INLINED)
+def seen_from(X, Y, Z, nx, ny, nz):
+    """Distance to the camera, whether a disc is seen from its edge, and -1 where its normal must turn, else 1."""
+    facing = nx * X + ny * Y + nz * Z
+    distance = np.sqrt(X * X + Y * Y + Z * Z)
+    edge_on = abs(facing) < EDGE_ON * distance
+    return distance, edge_on, -1.0 if facing > 0.0 and not edge_on else 1.0
+
+
+@njit(**INLINED)
 def clipped_extent(g0, g1, h0, h1, Z, near, k2):
     """Least and greatest slope (offset from the projected mean over depth) of a disc cut at the near plane.
 
@@ -111,9 +138,7 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
     (first and last column, first and last row), its depth, and ``visible`` (N,) uint8."""
     for i in range(first, end):
         visible[i] = 0
-        X = R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0]
-        Y = R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1]
-        Z = R[2, 0] * means[i, 0] + R[2, 1] * means[i, 1] + R[2, 2] * means[i, 2] + t[2]
+        X, Y, Z = in_camera(means, i, R, t)
         if not near < Z < DEPTH_MAX:
             continue
         opacity = 1.0 / (1.0 + np.exp(min(-f64(opacity_logits[i]), 700.0)))
@@ -129,20 +154,10 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
         floor = SCALE_MIN_PX * Z / max(fx, fy)
         s0, _ = held_scale(log_scales[i, 0], floor)
         s1, _ = held_scale(log_scales[i, 1], floor)
-        h00 = (R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6) * s0
-        h01 = (R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6) * s0
-        h02 = (R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6) * s0
-        h10 = (R[0, 0] * r1 + R[0, 1] * r4 + R[0, 2] * r7) * s1
-        h11 = (R[1, 0] * r1 + R[1, 1] * r4 + R[1, 2] * r7) * s1
-        h12 = (R[2, 0] * r1 + R[2, 1] * r4 + R[2, 2] * r7) * s1
-        nx = R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8
-        ny = R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8
-        nz = R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8
-        facing = nx * X + ny * Y + nz * Z
-        distance = np.sqrt(X * X + Y * Y + Z * Z)
-        edge_on = abs(facing) < EDGE_ON * distance
-        if facing > 0.0 and not edge_on:
-            nx, ny, nz = -nx, -ny, -nz
+        t00, t01, t02, t10, t11, t12, nx, ny, nz = axes(R, r0, r1, r2, r3, r4, r5, r6, r7, r8)
+        h00, h01, h02, h10, h11, h12 = t00 * s0, t01 * s0, t02 * s0, t10 * s1, t11 * s1, t12 * s1
+        distance, edge_on, side = seen_from(X, Y, Z, nx, ny, nz)
+        nx, ny, nz = side * nx, side * ny, side * nz
         cx, cy = fx * xn + cx0, fy * yn + cy0
         U0, U1 = fx * (h00 - xn * h02), fx * (h10 - xn * h12)
         V0, V1 = fy * (h01 - yn * h02), fy * (h11 - yn * h12)
@@ -332,9 +347,7 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means
             if touched[s]:
                 for k in range(rows.shape[1]):
                     a[k] += rows[s, k]
-        X = R[0, 0] * means[n, 0] + R[0, 1] * means[n, 1] + R[0, 2] * means[n, 2] + t[0]
-        Y = R[1, 0] * means[n, 0] + R[1, 1] * means[n, 1] + R[1, 2] * means[n, 2] + t[1]
-        Z = R[2, 0] * means[n, 0] + R[2, 1] * means[n, 1] + R[2, 2] * means[n, 2] + t[2]
+        X, Y, Z = in_camera(means, n, R, t)
         iz = 1.0 / Z
         inverse, w, x, y, z, r0, r1, r2, r3, r4, r5, r6, r7, r8 = rotation(
             f64(quats[n, 0]), f64(quats[n, 1]), f64(quats[n, 2]), f64(quats[n, 3])
@@ -342,19 +355,8 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means
         floor = SCALE_MIN_PX * Z / max(fx, fy)
         s0, slope0 = held_scale(log_scales[n, 0], floor)
         s1, slope1 = held_scale(log_scales[n, 1], floor)
-        t00 = R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6
-        t01 = R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6
-        t02 = R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6
-        t10 = R[0, 0] * r1 + R[0, 1] * r4 + R[0, 2] * r7
-        t11 = R[1, 0] * r1 + R[1, 1] * r4 + R[1, 2] * r7
-        t12 = R[2, 0] * r1 + R[2, 1] * r4 + R[2, 2] * r7
-        nx = R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8
-        ny = R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8
-        nz = R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8
-        facing = nx * X + ny * Y + nz * Z
-        distance = np.sqrt(X * X + Y * Y + Z * Z)
-        edge_on = abs(facing) < EDGE_ON * distance
-        side = -1.0 if facing > 0.0 and not edge_on else 1.0
+        t00, t01, t02, t10, t11, t12, nx, ny, nz = axes(R, r0, r1, r2, r3, r4, r5, r6, r7, r8)
+        distance, edge_on, side = seen_from(X, Y, Z, nx, ny, nz)
         xn, yn, W0, W1 = X * iz, Y * iz, t02 * s0, t12 * s1
         U0, U1 = fx * (t00 * s0 - xn * W0), fx * (t10 * s1 - xn * W1)
         V0, V1 = fy * (t01 * s0 - yn * W0), fy * (t11 * s1 - yn * W1)

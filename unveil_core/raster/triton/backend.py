@@ -13,14 +13,13 @@ import torch
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes
+from unveil_core.raster.passes import GROUPS, TILE, Inputs, Settings, plane_shapes, tile_counts
 from unveil_core.raster.records import SIZE as RECORD
 from unveil_core.raster.triton import per_surfel, tiles
 
 __all__ = ["Pass", "backward_pass", "bin_surfels", "forward_pass", "release"]
 
 BLOCK = 128
-TILE = 16
 
 
 @dataclass(eq=False)
@@ -32,8 +31,6 @@ class Pass:
     settings: Settings
     camera: Camera
     pose: Tensor
-    c1: float
-    inv_near: float
     records: Tensor
     surfel_start: Tensor
     offsets: Tensor
@@ -96,7 +93,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
             means, quats, log_scales, opacity_logits, sh, labels.contiguous(), pose, count, width, height, records,
             boxes, depths, visible, COEFFICIENTS=settings.coefficients, SH_ROWS=sh.shape[1], TILE=TILE, BLOCK=BLOCK,
         )  # fmt: skip
-    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    tiles_x, tiles_y = tile_counts(width, height)
     surfel_start, offsets, ids, place = bin_surfels(boxes, depths, visible.bool(), tiles_x, tiles_y)
     shapes = plane_shapes(group, width, height, label_count)
     planes = {name: torch.empty(shape, device=device) for name, shape in shapes.items()}
@@ -104,14 +101,12 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     slot_tiles = tiles_x * tiles_y if group.semantics else 0
     slots = torch.zeros(slot_tiles, label_count, tiles.SLOT.value, tiles.PIXELS.value, device=device)
     slots[:, :, 1] = 1.0
-    near, far = settings.near, settings.far
-    c1, inv_near = far * near / (far - near), 1.0 / near
     tiles.forward[(tiles_x * tiles_y,)](
-        records, offsets, ids, tiles_x, width, height, c1, inv_near, label_count, *planes.values(), kept, slots,
+        records, offsets, ids, tiles_x, width, height, settings.c1, settings.inv_near, label_count, *planes.values(), kept, slots,
         GEOMETRY=group.geometry, SEMANTICS=group.semantics, LABELS=group.label_distortion,
     )  # fmt: skip
     return Pass(
-        planes, visible.bool(), settings, camera, pose, c1, inv_near, records, surfel_start, offsets, ids, place, kept,
+        planes, visible.bool(), settings, camera, pose, records, surfel_start, offsets, ids, place, kept,
         slots,
     )  # fmt: skip
 
@@ -129,13 +124,13 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     row_size, used = (20, 19) if group.geometry else (16, 15)
     rows = torch.empty(len(done.ids), row_size, device=device)
     touched = torch.zeros(len(done.ids), dtype=torch.uint8, device=device)
-    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    tiles_x, tiles_y = tile_counts(width, height)
     behind = torch.zeros(len(done.slots), label_count, tiles.PIXELS.value, device=device)
     # The semantics are out; their place takes each label's transmittance at the end of the list.
     done.slots[:, :, 0] = done.slots[:, :, 1]
     tiles.backward[(tiles_x * tiles_y,)](
-        done.records, done.offsets, done.ids, done.place, tiles_x, width, height, done.c1, done.inv_near, label_count,
-        done.kept, done.slots, behind, *incoming, rows, touched,
+        done.records, done.offsets, done.ids, done.place, tiles_x, width, height, done.settings.c1,
+        done.settings.inv_near, label_count, done.kept, done.slots, behind, *incoming, rows, touched,
         GEOMETRY=group.geometry, SEMANTICS=group.semantics, LABELS=group.label_distortion, ROW=row_size,
     )  # fmt: skip
     gradients = (*(torch.empty_like(t) for t in (means, quats, log_scales, opacity_logits, sh)),

@@ -13,10 +13,9 @@ from unveil_core.raster import records as rec
 from unveil_core.raster import spec
 from unveil_core.raster import spherical_harmonics as harmonics
 
-__all__ = ["POSE", "chain", "project", "sum_rows"]
+__all__ = ["chain", "project", "sum_rows"]
 
-POSE = 20
-"""Float64 numbers of a view: rotation (9), translation (3), eye (3), fx, fy, cx, cy, near."""
+# ``pose`` is 20 float64 of a view: rotation (9), translation (3), eye (3), fx, fy, cx, cy, near.
 ALPHA_MIN, DEPTH_MAX, EDGE_ON = tl.constexpr(spec.ALPHA_MIN), tl.constexpr(spec.DEPTH_MAX), tl.constexpr(spec.EDGE_ON)
 LOG_SCALE_MAX, OFFSET_MAX = tl.constexpr(spec.LOG_SCALE_MAX), tl.constexpr(spec.OFFSET_MAX)
 SCALE_MIN_PX, GENEROUS = tl.constexpr(spec.SCALE_MIN_PX), tl.constexpr(spec.GENEROUS)
