@@ -9,23 +9,15 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from unveil_core.bench.timing import machine
+
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results" / "sample_street.json"
-
-
-def processor() -> str:
-    """The processor's name, as far as the system tells."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor()
 
 
 def measure(quality: str, folder: Path) -> dict[str, object]:
@@ -57,10 +49,7 @@ def main() -> None:
     qualities = sys.argv[1:] or ["standard"]
     with tempfile.TemporaryDirectory() as folder:
         rows = [measure(quality, Path(folder)) for quality in qualities]
-    document = {
-        "machine": {"processor": processor(), "cores": os.cpu_count(), "system": platform.platform()},
-        "runs": rows,
-    }
+    document = {"machine": machine(), "runs": rows}
     RESULTS.write_text(json.dumps(document, indent=1) + "\n")
 
 

@@ -61,10 +61,10 @@ def _finer(
     return 1.0 / np.where(fine > 0, fine, 1.0), whole & inner & (fine > 0)
 
 
-def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
-    """What some frame sees of everything that stays, by the truth's depth images."""
+def _true_surface(drive: Drive, furthest: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What some frame sees of everything that stays, by the truth's depth images: points (P, 3) and their depths (P,)."""
     assert drive.truth_root is not None
-    points = []
+    points, depths = [np.zeros((0, 3))], [np.zeros(0)]
     for frame in drive.frames:
         path = drive.truth_root / "depth" / f"{frame.name}.png"
         if not path.is_file():
@@ -83,10 +83,11 @@ def _true_surface(drive: Drive, furthest: float) -> NDArray[np.float64]:
         camera = frame.camera.resized(depth.shape[1], depth.shape[0])
         shift = 0.5 - 0.5 / step
         camera = replace(camera, cx=camera.cx - shift, cy=camera.cy - shift)
-        points.append(depth_points(camera, depth, keep & (depth < furthest)))
-        fine, whole = _finer(depth, keep, FINER)
-        points.append(depth_points(camera, fine, whole & (fine < furthest)))
-    return np.concatenate(points) if points else np.zeros((0, 3))
+        for image, good in ((depth, keep), _finer(depth, keep, FINER)):
+            near = good & (image < furthest)
+            points.append(depth_points(camera, image, near))
+            depths.append(image[near])
+    return np.concatenate(points), np.concatenate(depths)
 
 
 def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
@@ -100,10 +101,9 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
     mesh = fuse(views, voxel_size=VOXEL_M * limits.unit, max_depth=DEPTH_M * limits.unit)
     corners = mesh.vertices.astype(np.float64)
     found = corners[thin_points(corners, SAMPLE_M * limits.unit)]
-    reference = _true_surface(drive, REACH_M * limits.unit)
-    reference = reference[thin_points(reference, SAMPLE_M * limits.unit)]
-    true = _true_surface(drive, DEPTH_M * limits.unit)
-    true = true[thin_points(true, SAMPLE_M * limits.unit)]
+    reference, depth = _true_surface(drive, REACH_M * limits.unit)
+    true = reference[depth < DEPTH_M * limits.unit]
+    reference, true = (p[thin_points(p, SAMPLE_M * limits.unit)] for p in (reference, true))
     distances = surface_distances(found, true, reference=reference)
     return {
         "chamfer_m": round(distances.chamfer / limits.unit, 4),

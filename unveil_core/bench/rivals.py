@@ -20,7 +20,9 @@ from torch import Tensor
 
 from unveil_core.errors import UnveilError
 from unveil_core.geometry.camera import Camera
+from unveil_core.raster import records as rec
 from unveil_core.raster.reference import render_reference_in_tiles
+from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 from unveil_core.raster.spherical_harmonics import SH0
 from unveil_core.surfels.surfels import Surfels
 
@@ -188,28 +190,28 @@ class GsplatReference:
 def _contributing_pairs(surfels: Surfels, camera: Camera) -> tuple[Tensor, Tensor]:
     """(pixel, surfel) of every contribution, by pixel and then by depth, as the CPU backend's tile lists have them."""
     from unveil_core.raster.cpu import backend
-    from unveil_core.raster.passes import Settings
+    from unveil_core.raster.passes import TILE, Settings, tile_counts
 
     settings = Settings("colour", 1, 1, 0.2, 100.0)
     inputs = (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh)
     done = backend.forward_pass(inputs, torch.zeros_like(surfels.labels), camera, settings, keep=True)
-    across = -(-camera.width // 16)
+    across, _ = tile_counts(camera.width, camera.height)
     pixels, owners = [], []
     for tile in range(len(done.offsets) - 1):
         low, high = int(done.offsets[tile]), int(done.offsets[tile + 1])
         ids = torch.from_numpy(done.ids[low:high].astype(np.int64))
-        r = torch.from_numpy(done.records[ids.numpy()])
+        field = torch.from_numpy(done.records[ids.numpy()]).T
         y, x = torch.meshgrid(
-            torch.arange(16) + tile // across * 16, torch.arange(16) + tile % across * 16, indexing="ij"
+            torch.arange(TILE) + tile // across * TILE, torch.arange(TILE) + tile % across * TILE, indexing="ij"
         )
-        dx, dy = x.reshape(-1, 1) + 0.5 - r[:, 0], y.reshape(-1, 1) + 0.5 - r[:, 1]
-        q = 1 + r[:, 7] * dx + r[:, 8] * dy
-        exact = ((r[:, 3] * dx + r[:, 4] * dy) / q) ** 2 + ((r[:, 5] * dx + r[:, 6] * dy) / q) ** 2
-        alpha = (r[:, 9] * torch.exp(-0.5 * torch.minimum(exact, 2 * (dx * dx + dy * dy)))).clamp_max(0.99)
-        alpha = torch.where(
-            (alpha >= 1 / 255) & (x.reshape(-1, 1) < camera.width) & (y.reshape(-1, 1) < camera.height), alpha, 0.0
-        )
-        alive = torch.cumprod(1 - alpha, 1) >= 1e-4
+        dx, dy = x.reshape(-1, 1) + 0.5 - field[rec.CX], y.reshape(-1, 1) + 0.5 - field[rec.CY]
+        q = 1 + field[rec.A2] * dx + field[rec.B2] * dy
+        u, v = (field[rec.A0] * dx + field[rec.B0] * dy) / q, (field[rec.A1] * dx + field[rec.B1] * dy) / q
+        square = torch.minimum(u * u + v * v, 2 * (dx * dx + dy * dy))
+        alpha = (field[rec.OPACITY] * torch.exp(-0.5 * square)).clamp_max(ALPHA_MAX)
+        inside = (x.reshape(-1, 1) < camera.width) & (y.reshape(-1, 1) < camera.height)
+        alpha = torch.where((alpha >= ALPHA_MIN) & inside, alpha, 0.0)
+        alive = torch.cumprod(1 - alpha, 1) >= TRANSMITTANCE_MIN
         pixel, entry = ((alpha > 0) & alive).nonzero().unbind(1)
         pixels.append((y * camera.width + x).reshape(-1)[pixel])
         owners.append(ids[entry])
