@@ -110,10 +110,7 @@ def build(seed: int):  # type: ignore[no-untyped-def]
         "leaves": [street.leaves("leaves a", (0.07, 0.16, 0.035)), street.leaves("leaves b", (0.11, 0.18, 0.04)),
                    street.leaves("leaves c", (0.05, 0.12, 0.045))],
         "post": plain("post", (0.72, 0.72, 0.7)), "band": plain("band", (0.03, 0.03, 0.03)),
-        "tyre": plain("tyre", (0.018, 0.018, 0.02)), "rim": plain("rim", (0.42, 0.43, 0.45), 0.35, 0.6),
-        "headlamp": plain("headlamp", (0.75, 0.77, 0.8), 0.2), "tail lamp": plain("tail lamp", (0.42, 0.015, 0.015), 0.3),
-        "plate": plain("plate", (0.75, 0.74, 0.6)), "skin": plain("skin", (0.55, 0.34, 0.25)),
-        "hair": plain("hair", (0.06, 0.035, 0.02)),
+        **street.removable_materials(),
     }  # fmt: skip
     land(materials)
     s = LENGTH[0] + 3

@@ -9,13 +9,10 @@ The layout is that of the parked street beside it, whose tools it uses.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import sys
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -25,25 +22,6 @@ import capture  # noqa: E402
 OFFSET = np.array([618_340.0, 5_337_120.0, 512.0])
 
 
-def main() -> None:
-    """Build, render crowded and empty, cast the LiDAR, derive masks, write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--frames", type=int, default=28)
-    parser.add_argument("--samples", type=int, default=48)
-    parser.add_argument("--only", type=int, nargs="*", help="render just these frames, as PNG, and stop")
-    parser.add_argument("-o", "--output", type=Path, default=Path(__file__).parent)
-    arguments = parser.parse_args(sys.argv[1:])
-    scene = build_road.build(seed=11)
-    capture.STEP, capture.PITCH, capture.FINEST_CELL = 1.6, math.radians(1.0), 0.22
-    capture.configure(scene, samples=arguments.samples)
-    cameras = capture.drive(scene, frames=arguments.frames)
-    if arguments.only:
-        for frame in arguments.only:
-            capture.render_color(scene, cameras, frame, arguments.output / f"preview_{frame:04d}.png")
-        return
-    capture.write_drive(scene, cameras, arguments.output, OFFSET)
-    print(json.dumps({"frames": arguments.frames, "objects": len(build_road.street.removable(scene))}))
-
-
 if __name__ == "__main__":
-    main()
+    capture.STEP, capture.PITCH, capture.FINEST_CELL = 1.6, math.radians(1.0), 0.22
+    capture.command(__doc__, lambda: build_road.build(seed=11), OFFSET, samples=48, folder=Path(__file__).parent)

@@ -559,6 +559,16 @@ def put(parts, name: str, s: float, l: float, turn: float, label: int, instance:
     bpy.context.collection.objects.link(obj)
 
 
+def removable_materials() -> dict:  # type: ignore[type-arg]
+    """What cars and people are made of, beside their paint, glass and clothes."""
+    return {
+        "tyre": plain("tyre", (0.018, 0.018, 0.02)), "rim": plain("rim", (0.42, 0.43, 0.45), 0.35, 0.6),
+        "headlamp": plain("headlamp", (0.75, 0.77, 0.8), 0.2), "tail lamp": plain("tail lamp", (0.42, 0.015, 0.015), 0.3),
+        "plate": plain("plate", (0.75, 0.74, 0.6)), "skin": plain("skin", (0.55, 0.34, 0.25)),
+        "hair": plain("hair", (0.06, 0.035, 0.02)),
+    }  # fmt: skip
+
+
 def removable(scene) -> list:  # type: ignore[no-untyped-def, type-arg]
     """The parked cars and standing people."""
     return [o for o in scene.objects if o.get("instance", 0) > 0]
@@ -579,10 +589,7 @@ def build(seed: int):  # type: ignore[no-untyped-def]
         "leaves": [leaves("leaves a", (0.07, 0.17, 0.035)), leaves("leaves b", (0.1, 0.19, 0.03)),
                    leaves("leaves c", (0.055, 0.14, 0.045))],
         "sign red": plain("sign red", (0.6, 0.03, 0.03)), "sign blue": plain("sign blue", (0.03, 0.09, 0.5)),
-        "tyre": plain("tyre", (0.018, 0.018, 0.02)), "rim": plain("rim", (0.42, 0.43, 0.45), 0.35, 0.6),
-        "headlamp": plain("headlamp", (0.75, 0.77, 0.8), 0.2), "tail lamp": plain("tail lamp", (0.42, 0.015, 0.015), 0.3),
-        "plate": plain("plate", (0.75, 0.74, 0.6)), "skin": plain("skin", (0.55, 0.34, 0.25)),
-        "hair": plain("hair", (0.06, 0.035, 0.02)),
+        **removable_materials(),
     }  # fmt: skip
     ground(materials)
     strip("yard", [(-30.0, 0.0), (-7.4, 0.1)], plain("yard", (0.16, 0.19, 0.09)), TERRAIN, *LENGTH)

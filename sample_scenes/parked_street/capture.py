@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
+import sys
 import tempfile
 from pathlib import Path
 
@@ -263,3 +265,22 @@ def write_points(points, poses, pictures, depths, path: Path, offset: np.ndarray
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
     header += "".join(f"property double {n}\n" for n in "xyz") + "".join(f"property uchar {n}\n" for n in ("red", "green", "blue"))
     path.write_bytes((header + "end_header\n").encode() + table.tobytes())
+
+
+def command(description: str | None, build, offset: np.ndarray, *, samples: int, folder: Path) -> None:  # type: ignore[no-untyped-def]
+    """The command line of a truth scene: build, render crowded and empty, cast the LiDAR, derive masks, write."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--frames", type=int, default=28)
+    parser.add_argument("--samples", type=int, default=samples)
+    parser.add_argument("--only", type=int, nargs="*", help="render just these frames, as PNG, and stop")
+    parser.add_argument("-o", "--output", type=Path, default=folder)
+    arguments = parser.parse_args(sys.argv[1:])
+    scene = build()
+    configure(scene, samples=arguments.samples)
+    cameras = drive(scene, frames=arguments.frames)
+    if arguments.only:
+        for frame in arguments.only:
+            render_color(scene, cameras, frame, arguments.output / f"preview_{frame:04d}.png")
+        return
+    write_drive(scene, cameras, arguments.output, offset)
+    print(json.dumps({"frames": arguments.frames, "objects": len(removable(scene))}))
