@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.parallel import in_parallel
 from unveil_core.progress import Progress, no_progress
+from unveil_core.surfels.sweep_kernels import NOTHING, sweep_rows
 
 __all__ = ["SweepSettings", "sweep_depth", "sweep_points"]
 
 Float32 = NDArray[np.float32]
+ROWS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
@@ -41,16 +44,21 @@ class SweepSettings:
     agreement: float = 0.05
 
 
-def _plane_homography(first: Camera, second: Camera, depth: float) -> NDArray[np.float64]:
-    """Maps pixels of ``first`` to pixels of ``second`` over the plane at ``depth`` before ``first``."""
+def _to_other(first: Camera, second: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(3, 3) and (3,): array position p of ``first`` at inverse depth i lies in ``second`` at ``turn p + i shift``."""
     relative = second.world_to_camera @ first.camera_to_world
 
-    def matrix(c: Camera) -> NDArray[np.float64]:
-        # Array positions: the centre of the first pixel is 0 there.
-        return np.array([[c.fx, 0, c.cx - 0.5], [0, c.fy, c.cy - 0.5], [0, 0, 1]])
+    def matrix(c: Camera, sign: float) -> NDArray[np.float64]:
+        # Array positions: the centre of the first pixel is 0 there. Written out, with its inverse: the library's takes
+        # longer than the sweep of a frame while its threads wait for one another.
+        x, y = c.cx - 0.5, c.cy - 0.5
+        if sign > 0:
+            return np.array([[c.fx, 0, x], [0, c.fy, y], [0, 0, 1]])
+        return np.array([[1 / c.fx, 0, -x / c.fx], [0, 1 / c.fy, -y / c.fy], [0, 0, 1]])
 
-    plane = relative[:3, :3] + np.outer(relative[:3, 3], [0, 0, 1.0]) / depth
-    return matrix(second) @ plane @ np.linalg.inv(matrix(first))
+    there = matrix(second, 1)
+    turn, shift = there @ relative[:3, :3] @ matrix(first, -1), there @ relative[:3, 3]
+    return turn.astype(np.float32), shift.astype(np.float32)
 
 
 def sweep_depth(
@@ -59,57 +67,37 @@ def sweep_depth(
     others: Sequence[tuple[Camera, Float32]],
     depths: NDArray[np.float64],
     settings: SweepSettings,
+    *,
+    usable: NDArray[np.bool_] | None = None,
 ) -> tuple[Float32, Float32]:
     """Depth of one frame.
 
     Args:
-        camera, gray: the frame (H, W) float32.
-        others: neighbouring frames.
-        depths: (D,) hypotheses, from near to far.
+        camera, gray: the frame (H, W) float32, levels of 255.
+        others: neighbouring frames, of one size.
+        depths: (D,) hypotheses, from near to far, equally spaced in inverse depth.
+        usable: (H, W), the pixels that are asked for; all by default.
     Returns:
         depth (H, W) and its correlation (H, W), -1 where nothing could be compared.
     """
-    size = (settings.window, settings.window)
-    shape = gray.shape
-    mean = cv2.blur(gray, size)
-    variance = cv2.blur(gray * gray, size) - mean * mean
-    textured = variance > 4.0
-    best = np.full(shape, -1.0, np.float32)
-    best_index = np.zeros(shape, np.int32)
-    before = np.full(shape, -1.0, np.float32)  # the winner's neighbours in the ladder, for sub-step depth
-    after = np.full(shape, -1.0, np.float32)
-    previous = np.full(shape, -1.0, np.float32)
-    inside_marker = np.ones(shape, np.float32)
-    for k, depth in enumerate(depths):
-        scores = []
-        for other, picture in others:
-            h = _plane_homography(camera, other, float(depth))
-            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            warped = cv2.warpPerspective(picture, h, shape[::-1], flags=flags)
-            inside = cv2.warpPerspective(inside_marker, h, shape[::-1], flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP)
-            m = cv2.blur(warped, size)
-            v = cv2.blur(warped * warped, size) - m * m
-            c = cv2.blur(gray * warped, size) - mean * m
-            score = c / np.sqrt(np.maximum(variance * v, 16.0))
-            scores.append(np.where(inside > 0, score, -1.0))
-        # The two best of the neighbours: what one does not see, the others may.
-        stacked = np.sort(np.stack(scores), axis=0)
-        score = stacked[-2:].mean(axis=0) if len(scores) > 2 else stacked[-1]
-        won = score > best
-        after = np.where(best_index == k - 1, score, after)
-        before = np.where(won, previous, before)
-        after = np.where(won, -1.0, after)
-        best = np.where(won, score, best)
-        best_index = np.where(won, k, best_index)
-        previous = score
+    pictures = np.ascontiguousarray(np.stack([picture for _, picture in others]), dtype=np.float32)
+    ways = [_to_other(camera, other) for other, _ in others]
     inverse = 1.0 / depths
+    rung = np.empty(gray.shape, np.int32)
+    score, before, after = (np.empty(gray.shape, np.float32) for _ in range(3))
+    asked = np.ones(gray.shape, np.uint8) if usable is None else usable.astype(np.uint8)
+    in_parallel(
+        sweep_rows, len(gray), ROWS_AT_ONCE, gray, pictures, np.stack([t for t, _ in ways]), np.stack([s for _, s in ways]),
+        inverse.astype(np.float32), asked, settings.window // 2, rung, score, before, after,
+    )  # fmt: skip
+    # A parabola through the winner and its neighbours in the ladder: depth between the steps.
+    curvature = before - 2 * score + after
+    bent = (before > NOTHING) & (after > NOTHING) & (curvature < -1e-6)
+    shift = np.where(bent, 0.5 * (before - after) / np.where(bent, curvature, -1.0), 0.0)
     step = inverse[1] - inverse[0]
-    curvature = before - 2 * best + after
-    usable = (before > -1) & (after > -1) & (curvature < -1e-6)
-    shift = np.where(usable, 0.5 * (before - after) / np.where(usable, curvature, -1.0), 0.0)
-    depth_map = 1.0 / np.maximum(inverse[best_index] + np.clip(shift, -0.5, 0.5) * step, inverse[-1] * 0.5)
-    interior = (best_index > 0) & (best_index < len(depths) - 1)
-    return depth_map.astype(np.float32), np.where(textured & interior, best, -1.0).astype(np.float32)
+    depth = 1.0 / np.maximum(inverse[rung] + np.clip(shift, -0.5, 0.5) * step, inverse[-1] * 0.5)
+    inner = (rung > 0) & (rung < len(depths) - 1)
+    return depth.astype(np.float32), np.where(inner, score, NOTHING)
 
 
 def sweep_points(
@@ -149,11 +137,13 @@ def sweep_points(
         # A neighbour at the same place tells nothing of depth.
         around = [j for j in around if np.linalg.norm(cameras[j].centre - cameras[i].centre) > 0.02 * near]
         if around:
-            d, s = sweep_depth(small[i], gray[i], [(small[j], gray[j]) for j in around], ladder, settings)
+            d, s = sweep_depth(
+                small[i], gray[i], [(small[j], gray[j]) for j in around], ladder, settings, usable=masks[i]
+            )
         else:
             d, s = np.zeros_like(gray[i]), np.full_like(gray[i], -1.0)
         depth.append(d)
-        score.append(np.where(masks[i], s, -1.0))
+        score.append(s)
         progress(i + 1, count, "sweeping depths")
     positions, sizes = [], []
     for i in range(count):
