@@ -8,8 +8,10 @@ for the triangles.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import IO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,12 +49,39 @@ class DepthView:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """A view as the kernels want it, 8 to 12 bytes a pixel."""
+    """A view as the kernels want it, 7 to 11 bytes a pixel."""
 
     camera: Camera
     inverse_depth: NDArray[np.float32]
     rgb: NDArray[np.uint8]
-    weight: NDArray[np.float32]
+    weight: NDArray[np.float32] | None
+
+
+class _Spool:
+    """Prepared views in a file, for fusing goes through them twice: those of a long drive need gigabytes."""
+
+    def __init__(self, file: IO[bytes], views: Iterable[_Prepared]) -> None:
+        self._file = file
+        self._cameras: list[tuple[Camera, bool]] = []
+        for view in views:
+            for plane in (view.inverse_depth, view.rgb, view.weight):
+                if plane is not None:
+                    file.write(plane.data)
+            self._cameras.append((view.camera, view.weight is not None))
+
+    def __len__(self) -> int:
+        return len(self._cameras)
+
+    def __iter__(self) -> Iterator[_Prepared]:
+        self._file.seek(0)
+        for camera, weighted in self._cameras:
+            size = (camera.height, camera.width)
+            inverse, rgb = np.empty(size, np.float32), np.empty((*size, 3), np.uint8)
+            weight = np.empty(size, np.float32) if weighted else None
+            for plane in (inverse, rgb, weight):
+                if plane is not None and self._file.readinto(plane.data) != plane.nbytes:  # type: ignore[attr-defined]
+                    raise OSError("the temporary file of depth views is cut short")
+            yield _Prepared(camera, inverse, rgb, weight)
 
 
 def fuse(
@@ -71,7 +100,7 @@ def fuse(
     there is no surface.
 
     Args:
-        views: posed depth images; consumed once.
+        views: posed depth images; consumed once, one at a time, and kept in a temporary file.
         voxel_size: edge of a voxel in world units.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
@@ -95,25 +124,27 @@ def fuse(
     if box.shape != (2, 3) or not (box[0] < box[1]).all():
         raise SettingsError("bounds must be a lowest and a highest corner", mend="give two rows of three")
 
-    prepared = [_prepare(view, index, max_depth) for index, view in enumerate(views)]
-    total = 2 * len(prepared) + 1
-    keys = _allocate(prepared, voxel, band, max_depth, box, progress, total)
-    if not len(keys):
-        progress(total, total, "fusing depth")
-        return Mesh.empty()
-    half, mask = kernels.HALF_KEYS, 2 * kernels.HALF_KEYS - 1
-    blocks = np.stack([(keys >> 42) - half, (keys >> 21 & mask) - half, (keys & mask) - half], axis=1)
+    with tempfile.TemporaryFile() as file:
+        prepared = _Spool(file, (_prepare(view, index) for index, view in enumerate(views)))
+        total = 2 * len(prepared) + 1
+        keys = _allocate(prepared, voxel, band, max_depth, box, progress, total)
+        if not len(keys):
+            progress(total, total, "fusing depth")
+            return Mesh.empty()
+        half, mask = kernels.HALF_KEYS, 2 * kernels.HALF_KEYS - 1
+        blocks = np.stack([(keys >> 42) - half, (keys >> 21 & mask) - half, (keys & mask) - half], axis=1)
 
-    volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
-    for done, view in enumerate(prepared):
-        camera = view.camera
-        _, factor = kernels.inverse_depth_slopes(view.inverse_depth, camera.fx, camera.fy, camera.cx, camera.cy)
-        chosen = _blocks_in_view(blocks, camera, voxel, max_depth + band / kernels.SMALLEST_COSINE)
-        kernels.integrate(
-            volume, blocks, chosen, view.inverse_depth, factor, view.weight, view.rgb, camera.fx, camera.fy, camera.cx,
-            camera.cy, camera.world_to_camera, voxel, band, float(max_depth),
-        )  # fmt: skip
-        progress(len(prepared) + done + 1, total, "fusing depth")
+        volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
+        for done, view in enumerate(prepared):
+            camera, w = view.camera, view.inverse_depth
+            _, factor = kernels.inverse_depth_slopes(w, camera.fx, camera.fy, camera.cx, camera.cy)
+            chosen = _blocks_in_view(blocks, camera, voxel, max_depth + band / kernels.SMALLEST_COSINE)
+            weight = np.ones_like(w) if view.weight is None else view.weight
+            kernels.integrate(
+                volume, blocks, chosen, w, factor, weight, view.rgb, camera.fx, camera.fy, camera.cx, camera.cy,
+                camera.world_to_camera, voxel, band, float(max_depth),
+            )  # fmt: skip
+            progress(len(prepared) + done + 1, total, "fusing depth", blocks=len(blocks))
     mesh = _extract(volume, blocks, keys, voxel)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
@@ -123,7 +154,7 @@ def fuse(
     return mesh
 
 
-def _prepare(view: DepthView, index: int, max_depth: float) -> _Prepared:
+def _prepare(view: DepthView, index: int) -> _Prepared:
     size = (view.camera.height, view.camera.width)
     depth = np.asarray(view.depth)
     if depth.shape != size or view.rgb.shape != (*size, 3):
@@ -136,12 +167,12 @@ def _prepare(view: DepthView, index: int, max_depth: float) -> _Prepared:
     rgb = view.rgb
     if rgb.dtype != np.uint8:
         rgb = np.round(np.clip(np.nan_to_num(rgb), 0, 1) * 255).astype(np.uint8)
-    weight = np.ones(size, np.float32) if view.weight is None else np.nan_to_num(view.weight).astype(np.float32)
-    return _Prepared(view.camera, inverse, np.ascontiguousarray(rgb), np.maximum(weight, 0))
+    weight = None if view.weight is None else np.maximum(np.nan_to_num(view.weight).astype(np.float32), 0)
+    return _Prepared(view.camera, inverse, np.ascontiguousarray(rgb), weight)
 
 
 def _allocate(
-    views: list[_Prepared], voxel: float, band: float, max_depth: float, box: NDArray[np.float64],
+    views: _Spool, voxel: float, band: float, max_depth: float, box: NDArray[np.float64],
     progress: Progress, total: int,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Sorted keys of all blocks near a seen surface."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -25,13 +25,12 @@ def depth_views(
     near: float,
     far: float,
     without: Sequence[NDArray[np.bool_]] | None = None,
-) -> list[DepthView]:
-    """Median depth and colour of the frames' cameras, where the surfels are solid.
+) -> Iterator[DepthView]:
+    """Median depth and colour of the frames' cameras, where the surfels are solid, one after the other.
 
     Args:
         without: per frame (H, W), pixels that are left out.
     """
-    views = []
     for i, frame in enumerate(frames):
         with torch.no_grad():
             out = render(surfels, frame.camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
@@ -41,5 +40,4 @@ def depth_views(
         if without is not None:
             solid &= ~without[i]
         rgb = np.clip(out.rgb.numpy() / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        views.append(DepthView(frame.camera, np.where(solid, out.median_depth.numpy(), 0).astype(np.float32), rgb))
-    return views
+        yield DepthView(frame.camera, np.where(solid, out.median_depth.numpy(), 0).astype(np.float32), rgb)
