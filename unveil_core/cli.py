@@ -98,6 +98,13 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
     common(p)
+    p = verbs.add_parser("export", help="write a mesh for another program: another format, fewer triangles")
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--to", default=None, choices=("ply", "obj", "glb"), help="by default what FILE's suffix says")
+    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most so many; all by default")
+    p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
+    common(p)
     p = verbs.add_parser("bench", help="measure the rasterizer, a training step or a reconstruction against truth")
     p.add_argument("what", choices=("raster", "step", "reconstruction"))
     p.add_argument("drive", type=Path, nargs="?", default=None, help="to reconstruct; the sample street by default")
@@ -171,6 +178,16 @@ def _run(arguments: argparse.Namespace) -> int:
         from unveil_core.workspace import Workspace
 
         print(json.dumps(run_evaluation(Workspace.open(arguments.workspace).root, arguments.truth), indent=1))
+        return 0
+    if verb == "export":
+        from unveil_core.exporting import export_mesh
+        from unveil_core.workspace import Workspace
+
+        path = export_mesh(
+            Workspace.open(arguments.workspace), to=arguments.to, state=arguments.state, triangles=arguments.triangles,
+            output=arguments.output,
+        )  # fmt: skip
+        print(json.dumps({"file": str(path)}) if arguments.json else path)
         return 0
     settings = None
     if verb == "segment" and (arguments.remove is not None or arguments.instances is not None):

@@ -12,7 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 __all__ = ["examine"]
 
 _PACKAGES = (
-    "torch", "numpy", "numba", "opencv-contrib-python-headless", "scipy", "scikit-image", "trimesh", "onnxruntime", "triton", "bpy",
+    "torch", "numpy", "numba", "opencv-contrib-python-headless", "scipy", "scikit-image", "trimesh", "fast-simplification",
+    "onnxruntime", "triton", "bpy",
 )  # fmt: skip
 
 

@@ -442,7 +442,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "report", report_body,
-        ("drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes"),
+        ("drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes/full.ply",
+         "meshes/empty.ply", "meshes/empty.glb"),
         ("metrics.json", "report"),
     ),
 )  # fmt: skip

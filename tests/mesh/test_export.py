@@ -12,7 +12,7 @@ import trimesh
 from plyfile import PlyData
 
 from unveil_core.errors import WorkspaceError
-from unveil_core.mesh import Mesh, read_ply, write_glb, write_ply
+from unveil_core.mesh import Mesh, read_ply, write_glb, write_obj, write_ply
 
 UTM = np.array([389_512.25, 6_175_034.5, 71.125])
 
@@ -67,6 +67,19 @@ def test_damaged_ply_is_one_line(mesh: Mesh, tmp_path: Path) -> None:
         path.write_bytes(bad)
         with pytest.raises(WorkspaceError, match=r"mesh\.ply.*unveil mesh"):
             read_ply(path)
+
+
+def test_obj_keeps_far_coordinates_and_colours(mesh: Mesh, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    write_obj(mesh, path, offset=UTM)
+    first, *lines = path.read_text().splitlines()
+    assert first == f"# unveil mesh, sRGB vertex colours, offset {UTM[0]} {UTM[1]} {UTM[2]}"
+    rows = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=np.float64)
+    np.testing.assert_allclose(rows[:, :3] - UTM, mesh.vertices, atol=1e-6)
+    np.testing.assert_allclose(rows[:, 3:] * 255, mesh.colors, atol=1e-3)
+    faces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], dtype=np.int64)
+    np.testing.assert_array_equal(faces - 1, mesh.faces)
+    assert [p.name for p in tmp_path.iterdir()] == ["mesh.obj"]
 
 
 def glb_json(path: Path) -> dict:

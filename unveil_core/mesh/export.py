@@ -1,7 +1,10 @@
-"""Meshes on disk: binary PLY at world coordinates, GLB for everything that opens glTF.
+"""Meshes on disk: binary PLY and OBJ at world coordinates, GLB for everything that opens glTF.
 
 PLY: vertices in the world (local position + offset), as doubles where single precision would lose a tenth of a
 millimetre, sRGB vertex colours.
+
+OBJ: the same as text with six decimals, colours behind the positions. The offset stands in a comment: programs that read
+OBJ in single precision see far coordinates rounded to centimetres and more, and are better served by the GLB.
 
 GLB: glTF 2.0 is y-up and single precision: vertices stay local and are turned so that the drive's up becomes +y; the
 turned offset is the translation of the node, which JSON carries in full precision, and the offset itself stands in the
@@ -20,10 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from unveil_core.errors import WorkspaceError
-from unveil_core.files import write_atomic
+from unveil_core.files import write_atomic, write_bytes_atomic
 from unveil_core.mesh.mesh import Mesh
 
-__all__ = ["read_ply", "write_glb", "write_ply"]
+__all__ = ["read_ply", "write_glb", "write_obj", "write_ply"]
 
 SINGLE_PRECISION_REACH = 1024.0
 """Largest coordinate for which a float is finer than 0.1 mm."""
@@ -88,6 +91,27 @@ def read_ply(path: Path, offset: ArrayLike | None = None) -> Mesh:
         raise WorkspaceError(f"is not a mesh of ours: {error}", path=path, mend="run `unveil mesh` again") from error
     local = (rows["position"].astype(np.float64) - _offset(offset)).astype(np.float32)
     return Mesh(local, triangles["index"].copy(), rows["color"].copy())
+
+
+def write_obj(mesh: Mesh, path: Path, offset: ArrayLike | None = None) -> None:
+    """Write a Wavefront OBJ with vertex colours (``v x y z r g b``, sRGB in [0, 1]), atomically.
+
+    Args:
+        mesh: local vertices, at least one triangle.
+        path: where.
+        offset: (3,) float64 added to every vertex.
+    """
+    import trimesh  # takes a second, which only this pays
+
+    shift = _offset(offset)
+    world = trimesh.Trimesh(
+        mesh.vertices.astype(np.float64) + shift, mesh.faces, vertex_colors=mesh.colors, process=False
+    )
+    header = "unveil mesh, sRGB vertex colours, offset " + " ".join(repr(float(v)) for v in shift)
+    text = trimesh.exchange.obj.export_obj(  # type: ignore[no-untyped-call]
+        world, include_normals=False, digits=6, header=header
+    )
+    write_bytes_atomic(path, text.encode() + b"\n")
 
 
 def write_glb(
