@@ -97,6 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street")
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
+    p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
+    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
     common(p)
     p = verbs.add_parser("export", help="write a mesh for another program: another format, fewer triangles")
     p.add_argument("workspace", type=Path)
@@ -177,7 +179,9 @@ def _run(arguments: argparse.Namespace) -> int:
         from unveil_core.evaluate import run_evaluation
         from unveil_core.workspace import Workspace
 
-        print(json.dumps(run_evaluation(Workspace.open(arguments.workspace).root, arguments.truth), indent=1))
+        root = Workspace.open(arguments.workspace).root
+        metrics = run_evaluation(root, arguments.truth, lpips=arguments.lpips, fid=arguments.fid)
+        print(json.dumps(metrics, indent=1))
         return 0
     if verb == "export":
         from unveil_core.exporting import export_mesh

@@ -25,6 +25,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.baselines import BASELINES
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
+from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 from unveil_core.files import read_image, read_label_image, write_json_atomic
 from unveil_core.progress import Progress, no_progress
 from unveil_core.remove.regions import grow
@@ -55,6 +56,14 @@ class _Score:
     pixels: int
 
 
+@dataclass(frozen=True)
+class _Networks:
+    """The user's own, each optional."""
+
+    lpips: LpipsModel | None
+    features: FeatureModel | None
+
+
 @dataclass
 class _FrameResult:
     """What one frame contributes."""
@@ -70,10 +79,18 @@ class _FrameResult:
     scores: dict[tuple[str, str], _Score] = field(default_factory=dict)
     overlaps: dict[str, tuple[int, int]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    lpips: dict[str, float] = field(default_factory=dict)
+    features: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
+    """Per method: of its picture and of the true one."""
 
 
 def run_evaluation(
-    workspace_root: Path, truth_root: Path | None = None, progress: Progress = no_progress
+    workspace_root: Path,
+    truth_root: Path | None = None,
+    progress: Progress = no_progress,
+    *,
+    lpips: Path | None = None,
+    fid: Path | None = None,
 ) -> dict[str, Any]:
     """Measure the delivery of a workspace; nothing is written.
 
@@ -83,14 +100,19 @@ def run_evaluation(
             ``unseen/`` and ``shadow/`` masks (255). By default the truth that the drive itself names. Truth of another
             size than the imported images is resized by area.
         progress: called once per frame.
+        lpips: a network for LPIPS (see :class:`unveil_core.evaluate.perceptual.LpipsModel`), or None.
+        fid: a network for FID (see :class:`unveil_core.evaluate.perceptual.FeatureModel`), or None.
     Returns:
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
         ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
-        of ``frames``, which is smaller for the single-image baselines of a long drive. Floats are rounded to 4 digits;
+        of ``frames``, which is smaller for the single-image baselines of a long drive. With their networks the methods
+        of the region ``whole`` have ``lpips``, the mean over frames, and ``fid``. Floats are rounded to 4 digits;
         what is infinite or undefined is None.
     Raises:
-        WorkspaceError: a delivered frame is missing, or the truth folder shows none of the frames.
+        WorkspaceError: a delivered frame is missing, the truth folder shows none of the frames, or a network has too
+            little truth to work on.
+        SettingsError: a file of a network that cannot be used.
     """
     workspace_root = Path(workspace_root)
     drive = read_imported(workspace_root / "drive")
@@ -99,11 +121,20 @@ def run_evaluation(
         raise WorkspaceError(
             "no true images here", path=Path(truth_root) / "images", mend="give a folder that contains images/"
         )
+    networks = _Networks(None if lpips is None else LpipsModel(lpips), None if fid is None else FeatureModel(fid))
+    if lpips is not None or fid is not None:
+        there = 0 if truth is None else sum(_truth_file(truth / "images", f) is not None for f in drive.frames)
+        if there < (1 if fid is None else 2):
+            raise WorkspaceError(
+                f"{'FID' if fid is not None else 'LPIPS'} needs true images of the empty street, and has {there}",
+                path=workspace_root, mend="give a folder of them with --truth",
+            )  # fmt: skip
     results: list[_FrameResult | None] = [None] * len(drive.frames)
     every = max(1, math.ceil(len(drive.frames) / BASELINE_FRAMES))
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = {
-            pool.submit(_measure_frame, workspace_root, truth, f, i % every == 0): i for i, f in enumerate(drive.frames)
+            pool.submit(_measure_frame, workspace_root, truth, f, i % every == 0, networks): i
+            for i, f in enumerate(drive.frames)
         }
         try:
             for done, job in enumerate(as_completed(jobs)):
@@ -130,7 +161,9 @@ def write_metrics(metrics: dict[str, Any], path: Path) -> None:
 # ------------------------------------------------------------------------------------------------------------ one frame
 
 
-def _measure_frame(root: Path, truth: Path | None, frame: Frame, with_baselines: bool) -> _FrameResult:
+def _measure_frame(
+    root: Path, truth: Path | None, frame: Frame, with_baselines: bool, networks: _Networks
+) -> _FrameResult:
     photograph = read_image(frame.image_path)
     delivered_path = _frame_file(root / "frames", frame)
     if not delivered_path.is_file():
@@ -157,14 +190,14 @@ def _measure_frame(root: Path, truth: Path | None, frame: Frame, with_baselines:
         result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
     if truth is not None and (true_image := _truth_file(truth / "images", frame)) is not None:
         _measure_against_truth(
-            result, root, truth, frame, photograph, delivered, true_image, removed, unobserved, with_baselines
+            result, root, truth, frame, photograph, delivered, true_image, removed, unobserved, with_baselines, networks
         )
     return result
 
 
 def _measure_against_truth(
     result: _FrameResult, root: Path, truth: Path, frame: Frame, photograph: Picture, delivered: Picture,
-    true_image: Path, removed: Mask | None, unobserved: Mask | None, with_baselines: bool,
+    true_image: Path, removed: Mask | None, unobserved: Mask | None, with_baselines: bool, networks: _Networks,
 ) -> None:  # fmt: skip
     shape = photograph.shape[:2]
     street = _fitted(read_image(true_image), shape)
@@ -199,6 +232,11 @@ def _measure_against_truth(
             if count:
                 score = _Score(float(error[mask].sum()), float(similar[mask].sum()), count)
                 result.scores[name, method] = score
+    if networks.lpips is not None:
+        result.lpips = {method: networks.lpips(picture, street) for method, picture in pictures.items()}
+    if networks.features is not None:
+        true_features = networks.features(street)
+        result.features = {m: (networks.features(picture), true_features) for m, picture in pictures.items()}
     for name, own, true in (("unobserved", unobserved, true_unseen), ("removed", removed, true_removed)):
         if own is not None and true is not None:
             result.overlaps[name] = (int(np.count_nonzero(own & true)), int(np.count_nonzero(own | true)))
@@ -285,6 +323,8 @@ def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
             "frames": len(by_method["input"]),
             "methods": {m: _pooled(by_method[m]) for m in METHODS if m in by_method},
         }
+    for method, values in regions["whole"]["methods"].items():
+        values.update(_perceptual(results, method))
     summary: dict[str, Any] = {"frames": len(results), "regions": regions}
     for name in ("unobserved", "removed"):
         overlaps = [r.overlaps[name] for r in results if name in r.overlaps]
@@ -294,6 +334,19 @@ def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
     timed = {name: [r.seconds[name] for r in results if name in r.seconds] for name in BASELINES}
     summary["baseline_seconds_per_frame"] = {n: sum(s) / len(s) for n, s in timed.items() if s}
     return summary
+
+
+def _perceptual(results: list[_FrameResult], method: str) -> dict[str, float]:
+    """LPIPS and FID of a method, as far as there are networks for them."""
+    found: dict[str, float] = {}
+    distances = [r.lpips[method] for r in results if method in r.lpips]
+    if distances:
+        found["lpips"] = sum(distances) / len(distances)
+    pairs = [r.features[method] for r in results if method in r.features]
+    if pairs:
+        own, true = (np.stack(features) for features in zip(*pairs, strict=True))
+        found["fid"] = frechet_distance(own, true) if len(pairs) > 1 else math.nan
+    return found
 
 
 def _pooled(scores: list[_Score]) -> dict[str, float | int]:
