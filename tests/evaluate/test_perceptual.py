@@ -20,7 +20,6 @@ from unveil_core.errors import SettingsError
 from unveil_core.evaluate import run_evaluation
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 
-
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.*deprecated:DeprecationWarning")
 
 
@@ -88,7 +87,7 @@ def color_model(folder: Path, kind: str) -> Path:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build_workspace(tmp_path_factory.mktemp("street"), count=4)
+    return build_workspace(tmp_path_factory.mktemp("street"), width=72, height=48)
 
 
 @pytest.fixture

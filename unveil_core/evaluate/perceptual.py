@@ -15,7 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.errors import SettingsError
@@ -71,6 +70,8 @@ class FeatureModel:
 
     def __call__(self, image: Picture) -> NDArray[np.float64]:
         """(D,) features of an image (H, W, 3) uint8."""
+        import torch  # takes seconds, which an evaluation without networks does not pay
+
         resized = torch.nn.functional.interpolate(
             torch.from_numpy(_batch(image)), size=(FEATURE_SIDE, FEATURE_SIDE), mode="bicubic", antialias=True
         )
@@ -160,14 +161,15 @@ class _Model:
             raise self.error("is no TorchScript archive: damaged, or a plain pickle, which is never opened") from error
         if "constants.pkl" not in names or not any(name.startswith("code/") for name in names):
             if "data.pkl" in names:
-                problem = (
-                    "is a plain torch.save pickle, which is never opened; save the module with torch.jit.script(…).save"
+                raise self.error(
+                    "is a plain torch.save pickle, which is never opened; export TorchScript or ONNX from it"
                 )
-                raise self.error(problem)
             raise self.error("is no TorchScript archive")
 
 
 def _torchscript(path: Path) -> Run:
+    import torch
+
     module = torch.jit.load(str(path), map_location="cpu").eval()  # type: ignore[no-untyped-call]
 
     def run(*images: NDArray[np.float32]) -> NDArray[np.generic]:
