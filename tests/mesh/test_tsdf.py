@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Iterator
+
 import numba
 import numpy as np
 import pytest
@@ -173,6 +176,27 @@ def test_the_same_whatever_the_threads() -> None:
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.faces, second.faces)
     np.testing.assert_array_equal(first.colors, second.colors)
+
+
+def test_views_of_a_long_drive_are_not_kept() -> None:
+    alive: weakref.WeakSet[DepthView] = weakref.WeakSet()
+    most = 0
+
+    def stream() -> Iterator[DepthView]:
+        nonlocal most
+        for i in range(6):
+            camera = street_camera(1.5 * i)
+            seen = cast(camera)
+            weight = None if i % 2 else np.full(seen["depth"].shape, 0.5)
+            view = DepthView(camera, seen["depth"], seen["rgb"], weight)
+            alive.add(view)
+            most = max(most, len(alive))
+            yield view
+            del view
+
+    mesh = fuse(stream(), voxel_size=0.2, max_depth=10.0)
+    assert len(mesh.faces) > 1000
+    assert most <= 2
 
 
 def test_limits_of_depth_and_space() -> None:

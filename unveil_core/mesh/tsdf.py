@@ -100,7 +100,7 @@ def fuse(
     there is no surface.
 
     Args:
-        views: posed depth images; consumed once, one at a time, and kept in a temporary file.
+        views: posed depth images; consumed once, one at a time, and kept in a temporary file of 7 to 11 bytes a pixel.
         voxel_size: edge of a voxel in world units.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
