@@ -25,8 +25,10 @@ from unveil_core.inpaint.time_reversal import FrameTask, paint_in_reversed_time
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
-from unveil_core.optimize.reconstruct import PRESETS, reconstruct, scene_range, tracks
+from unveil_core.optimize.reconstruct import PRESETS, reconstruct
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.optimize.scene_range import scene_range
+from unveil_core.optimize.start import tracks
 from unveil_core.raster import render
 from unveil_core.remove.regions import grow, region_map, unobserved_mask
 from unveil_core.remove.selection import near_removed, select_removed

@@ -14,11 +14,12 @@ from unveil_core.bench.reconstruction import bench_reconstruction
 from unveil_core.cli import main
 from unveil_core.errors import SettingsError
 from unveil_core.optimize.reconstruct import ReconstructSettings
+from unveil_core.optimize.start import StartSettings
 
 
 def test_it_measures_views_labels_and_surface(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drive = make_small_street(tmp_path)
-    small = ReconstructSettings(iterations=60, sh_degree=0, start_budget=3000, budget=4000)
+    small = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
     monkeypatch.setitem(reconstruction.PRESETS, "draft", small)
     told = bench_reconstruction(drive, quality="draft", every=4, without=("normal",))
     assert told["held_out"]["psnr"] > 15 and told["held_out"]["miou"] > 0.5

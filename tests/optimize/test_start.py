@@ -12,8 +12,8 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.importing import recentred
 from unveil_core.files import read_image
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize import reconstruct as module
-from unveil_core.optimize.reconstruct import ReconstructSettings, start_scene
+from unveil_core.optimize import start as module
+from unveil_core.optimize.start import StartSettings, start_scene
 from unveil_core.semantics.segment import choose_labels, frame_labels
 
 
@@ -42,7 +42,7 @@ def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch
         return np.concatenate(points), np.full(sum(map(len, points)), 0.01)
 
     monkeypatch.setattr(module, "sweep_points", wrong_sweep)
-    surfels = start_scene(drive, scene, images, labels, ReconstructSettings(start_budget=20_000))
+    surfels = start_scene(drive, scene, images, labels, StartSettings(budget=20_000))
     allowed = np.mean([u.mean() for u in asked])
     assert 0 < allowed < 0.6, "the measured part of the pictures is not swept"
     sky = scene.labels.index("sky")

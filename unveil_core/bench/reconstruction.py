@@ -23,7 +23,8 @@ from unveil_core.files import read_instance_image, read_label_image
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.losses import LossWeights
-from unveil_core.optimize.reconstruct import PRESETS, reconstruct, scene_range
+from unveil_core.optimize.reconstruct import PRESETS, reconstruct
+from unveil_core.optimize.scene_range import scene_range
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.initialize import thin_points

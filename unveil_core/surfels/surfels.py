@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
-__all__ = ["Surfels", "concatenate"]
+__all__ = ["Surfels", "concatenate", "with_sh_degree"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +52,15 @@ class Surfels:
         return replace(self, **{f.name: getattr(self, f.name).detach() for f in fields(self)})
 
 
+def with_sh_degree(surfels: Surfels, degree: int) -> Surfels:
+    """The same surfels with colours up to a degree: new coefficients are zero, higher ones are dropped."""
+    width = (degree + 1) ** 2
+    added = surfels.sh.new_zeros(len(surfels), max(0, width - surfels.sh.shape[1]), 3)
+    return replace(surfels, sh=torch.cat([surfels.sh[:, :width], added], dim=1))
+
+
 def concatenate(parts: list[Surfels]) -> Surfels:
     """Join surfels; higher SH degrees are kept and lower ones padded with zeros."""
-    width = max(p.sh.shape[1] for p in parts)
-    padded = [replace(p, sh=torch.cat([p.sh, p.sh.new_zeros(len(p), width - p.sh.shape[1], 3)], dim=1)) for p in parts]
+    degree = max(p.sh_degree for p in parts)
+    padded = [with_sh_degree(p, degree) for p in parts]
     return Surfels(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Surfels)))

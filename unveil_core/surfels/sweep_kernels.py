@@ -106,9 +106,7 @@ def sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, half
         for v in range(count):
             for r in range(len(band)):
                 row = low - half + r
-                _warp(
-                    pictures[v], turns[v], shifts[v], inverse[k], row, first - half, last + half, warped[r], seen[r]
-                )
+                _warp(pictures[v], turns[v], shifts[v], inverse[k], row, first - half, last + half, warped[r], seen[r])
             for r in range(rows):
                 _window_sums(warped, ones, r + half, half, first, last, down, plain)
                 _window_sums(warped, warped, r + half, half, first, last, down, square)

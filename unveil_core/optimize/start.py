@@ -1,0 +1,149 @@
+"""Where the optimization starts: surfels from measured and swept points, a sky from the pixels that show it.
+
+The paper starts from LiDAR and SfM points (*3D StreetUnveiler*, section 3.1); here normals, spacing, colours and labels come
+from the points and the views too, so that the optimization need not find them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from unveil_core.drives.drive import Drive
+from unveil_core.errors import DriveError
+from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.scene_range import SceneRange, scene_range
+from unveil_core.progress import Progress, no_progress
+from unveil_core.raster import render
+from unveil_core.semantics.lift import sample_colors, vote_labels
+from unveil_core.semantics.segment import SceneLabels
+from unveil_core.semantics.visibility import points_in_view
+from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
+from unveil_core.surfels.sky import Sky, fit_sky
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.sweep import SweepSettings, sweep_points
+
+__all__ = ["StartSettings", "start_scene", "start_sky", "tracks"]
+
+
+@dataclass(frozen=True)
+class StartSettings:
+    """Attributes:
+    spacing_m: finest spacing of the starting surfels, metres.
+    budget: about how many surfels to start with.
+    """
+
+    spacing_m: float = 0.05
+    budget: int = 60_000
+
+
+MEASURED_SHARE, MEASURED_POINTS = 0.02, 5
+"""A pixel is measured where so many points lie within this share of the image's width."""
+
+
+def tracks(drive: Drive) -> list[list[int]]:
+    """Frame indices by camera, in order of travel."""
+    names = list(dict.fromkeys(f.camera_name for f in drive.frames))
+    return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]
+
+
+def _measured(
+    points: NDArray[np.float64], spacing: NDArray[np.float64], camera: Camera, near: float
+) -> NDArray[np.bool_]:
+    """(H, W), the pixels around which the view sees measured points close together, as a LiDAR leaves them.
+
+    The lonely points of structure from motion measure no surface.
+    """
+    seen = points_in_view(points, spacing, camera, near=near)
+    count = np.zeros((camera.height, camera.width), np.float32)
+    np.add.at(count, (seen.rows, seen.columns), 1.0)
+    side = 2 * max(1, round(MEASURED_SHARE * camera.width)) + 1
+    around = cv2.boxFilter(count, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    dense: NDArray[np.bool_] = around > MEASURED_POINTS - 0.5
+    return dense
+
+
+def start_scene(
+    drive: Drive,
+    scene: SceneLabels,
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    settings: StartSettings,
+    *,
+    progress: Progress = no_progress,
+) -> Surfels:
+    """Surfels from the drive's points and from swept ones, labelled by the views.
+
+    Raises:
+        DriveError: no point is seen by any frame.
+    """
+    limits = scene_range(drive)
+    cameras = [f.camera for f in drive.frames]
+    sky = scene.labels.index("sky")
+    positions = [drive.points.positions]
+    _, spacing = estimate_normals(drive.points.positions, np.stack([c.centre for c in cameras]), neighbours=4)
+    # An isolated point stands for no more surface than a pixel block of the nearest view would.
+    sizes = [np.minimum(spacing, np.median(spacing) * 4)]
+    for track in tracks(drive):
+        # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
+        usable = [~_measured(drive.points.positions, sizes[0], cameras[i], limits.near) for i in track]
+        if sky is not None:
+            usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
+        found, footprint = sweep_points(
+            [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
+            near=10 * limits.near, far=limits.far, progress=progress,
+        )  # fmt: skip
+        if len(found):
+            positions.append(found)
+            sizes.append(footprint)
+    # The drive's own points come first, so that thinning keeps them where both exist; swept ones only where
+    # the nearest measured point is farther away than a few pixels.
+    if len(positions) > 1:
+        measured = cKDTree(positions[0])
+        extra, footprint = np.concatenate(positions[1:]), np.concatenate(sizes[1:])
+        lonely = measured.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
+        positions, sizes = [positions[0], extra[lonely]], [sizes[0], footprint[lonely]]
+    points, size = np.concatenate(positions), np.concatenate(sizes)
+    cell = np.maximum(size, settings.spacing_m * limits.unit)
+    keep = thin_points(points, cell)
+    while len(keep) > settings.budget:
+        cell = cell * 1.15
+        keep = thin_points(points, cell)
+    points = points[keep]
+    centres = np.stack([c.centre for c in cameras])
+    normal, spacing = estimate_normals(points, centres)
+    # What hides others is as large as the thinning left it; lonely strays must not blot out what lies behind them.
+    cover = np.minimum(spacing, 0.7 * cell[keep])
+    label, agreement = vote_labels(
+        points, cover, cameras, lambda v: labels[v], len(scene.labels), near=limits.near, normals=normal
+    )
+    color, seen = sample_colors(points, cover, cameras, lambda v: images[v], near=limits.near, normals=normal)
+    good = seen & (label >= 0) & (label != (-2 if sky is None else sky)) & (agreement > 0.4)
+    if not good.any():
+        raise DriveError("no point of the drive is seen by any frame", path=drive.root, mend="check poses and points")
+    # Spacing of what remains, bounded: a far lonely point must not become a wall.
+    spacing = np.clip(spacing[good], 0.3 * cell.min(), 6 * np.median(spacing[good]))
+    return surfels_from_points(points[good], color[good], label[good], normal[good], spacing, opacity=0.7)
+
+
+def start_sky(drive: Drive, scene: SceneLabels, images, labels, surfels: Surfels, limits: SceneRange) -> Sky:  # type: ignore[no-untyped-def]
+    """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers."""
+    sky = scene.labels.index("sky")
+    samples: list[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]] = []
+    for i, frame in enumerate(drive.frames):
+        if sky is not None:
+            mask = labels[i] == sky
+        else:
+            with torch.no_grad():
+                alpha = render(surfels, frame.camera, ("alpha",), near=limits.near, far=limits.far).alpha
+            assert alpha is not None
+            above = frame.camera.rays() @ drive.up > 0
+            mask = (alpha.numpy() < 0.05) & above
+        samples.append((frame.camera, images[i], mask))
+    return fit_sky(samples, drive.up)
