@@ -14,7 +14,7 @@ from unveil_core.bench.raster import plane_gradients
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
 from unveil_core.bench.timing import machine, peak_memory_mb, second_process_seconds
 from unveil_core.optimize.parameters import LearningRates
-from unveil_core.optimize.trainer import TrainSettings, train
+from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import training_view
 from unveil_core.raster.api import PLANES, render
 from unveil_core.surfels.sky import Sky
@@ -45,23 +45,18 @@ def bench_step(
     whole = yardstick.gradient_of(plane_gradients(camera, PLANES)) if yardstick else None
     steps: list[float] = []
     others: list[float] = []
-    begun = time.perf_counter()
-
-    def after_step(*_: Any, **__: Any) -> None:
-        nonlocal begun
+    before = machine()
+    state = Optimization(
+        start, sky, TrainSettings(sky_rate=0.0), LearningRates(means=1e-4), label_count=LABELS, sky_label=LABELS - 1
+    )
+    for _ in range(iterations + WARM_UP):
+        begun = time.perf_counter()
+        state.step([view], geometry=True, done=0.0)
         steps.append((time.perf_counter() - begun) * 1e3)
         if yardstick and prepared is not None and whole is not None:
-            turn = time.perf_counter()
+            begun = time.perf_counter()
             yardstick.run(*prepared, whole)
-            others.append((time.perf_counter() - turn) * 1e3)
-        begun = time.perf_counter()
-
-    before = machine()
-    settings = TrainSettings(iterations=iterations + WARM_UP, geometry_from=0, density=None, sky_rate=0.0)
-    train(
-        start, sky, lambda _: [view], settings, LearningRates(means=1e-4), label_count=LABELS, sky_label=LABELS - 1,
-        progress=after_step,
-    )  # fmt: skip
+            others.append((time.perf_counter() - begun) * 1e3)
     steps, others = steps[WARM_UP:], others[WARM_UP:]
     told: dict[str, Any] = {
         "machine": before, "size": size, "surfels": count, "sh_degree": degree,

@@ -21,7 +21,6 @@ class DensitySettings:
     """How the number of surfels follows the error.
 
     Attributes:
-        start, stop, every: iterations between which, and how often, it acts.
         gradient_threshold: mean gradient of the loss by the screen position (in half image sizes) that calls for more.
         split_scale_px: a surfel wider than this on the screen is split, else cloned.
         min_opacity: below it a surfel goes.
@@ -29,9 +28,6 @@ class DensitySettings:
         budget: no growth beyond this many surfels.
     """
 
-    start: int = 150
-    stop: int = 700
-    every: int = 100
     gradient_threshold: float = 2e-4
     split_scale_px: float = 4.0
     min_opacity: float = 0.02
@@ -65,11 +61,6 @@ class DensityControl:
         self.gradient += torch.where(visible, norm, 0.0)
         self.seen += visible
         self.width_px = torch.maximum(self.width_px, torch.where(visible, width_px, 0.0))
-
-    def due(self, iteration: int) -> bool:
-        """Whether it acts after this iteration."""
-        s = self.settings
-        return s.start <= iteration < s.stop and (iteration - s.start) % s.every == 0
 
     def act(self, trainable: TrainableSurfels) -> tuple[int, int]:
         """Change the set of surfels; returns how many were added and dropped."""

@@ -10,8 +10,9 @@ from unveil_core.optimize.density import DensitySettings
 from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.parameters import LearningRates
 from unveil_core.optimize.scene_range import scene_range
+from unveil_core.optimize.schedule import Phase, run_phase
 from unveil_core.optimize.start import StartSettings, start_scene, start_sky
-from unveil_core.optimize.trainer import TrainSettings, train
+from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import TrainingView, training_view
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.segment import SceneLabels, frame_labels
@@ -84,28 +85,31 @@ def reconstruct(
             training_view(f.camera, images[i], labels[i], None, sky, factor=factor) for i, f in enumerate(drive.frames)
         ]
 
-    fine, coarse = views(1.0), views(0.5) if settings.coarse_share > 0 else []
-    switch = round(settings.iterations * settings.coarse_share)
-    geometry_from = round(settings.iterations * (1 - settings.geometry_share))
+    total = settings.iterations
+    switch, second = round(total * settings.coarse_share), round(total * (1 - settings.geometry_share))
+    every = max(50, total // 12)
+    phases = [
+        Phase("coarse", views(0.5) if switch else [], switch, False, 0.0, switch / total, grow_every=every),
+        Phase("fine", views(1.0), second - switch, False, switch / total, second / total, grow_every=every),
+        Phase("geometry", views(1.0), total - second, True, second / total, 1.0, prune_every=max(50, total // 8)),
+    ]
     training = TrainSettings(
-        iterations=settings.iterations,
-        geometry_from=geometry_from,
         weights=settings.weights,
-        density=DensitySettings(
-            start=round(0.12 * settings.iterations),
-            stop=geometry_from,
-            every=max(50, settings.iterations // 12),
-            budget=settings.budget,
-            max_scale=3.0 * limits.unit,
-        ),  # fmt: skip
-        prune_every=max(50, settings.iterations // 8),
+        density=DensitySettings(budget=settings.budget, max_scale=3.0 * limits.unit),
         near=limits.near,
         far=limits.far,
     )
-    rates = LearningRates(means=0.004 * limits.unit)
     spared = [k for k, n in enumerate(scene.labels.names) if n in settings.spared]
-    return train(
-        surfels, sky, lambda i: coarse if i < switch else fine, training, rates,
-        label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared,
-        seed=seed, progress=progress,
+    state = Optimization(
+        surfels, sky, training, LearningRates(means=0.004 * limits.unit),
+        label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared, seed=seed,
     )  # fmt: skip
+    taken = 0
+
+    def watch(state: Optimization, phase: Phase, turn: int) -> bool:
+        progress(taken + turn, total, phase.name, loss=state.loss, surfels=float(len(state)))
+        return False
+
+    for phase in phases:
+        taken += run_phase(state, phase, watch)
+    return state.result()

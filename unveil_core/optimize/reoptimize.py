@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.parameters import LearningRates
-from unveil_core.optimize.trainer import TrainSettings, train
+from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import training_view
 from unveil_core.progress import Progress, no_progress
 from unveil_core.surfels.sky import Sky
@@ -75,14 +75,15 @@ def reoptimize(
     if not movable.any() or settings.iterations == 0:
         return surfels
     views = [training_view(camera, image, None, None, sky) for camera, image in targets]
-    training = TrainSettings(
-        iterations=settings.iterations, geometry_from=0, weights=settings.weights, density=None, sky_rate=0.0,
-        near=near, far=far,
+    training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far)
+    rates = LearningRates(
+        means=0.001 * unit, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0
+    )
+    state = Optimization(
+        surfels, sky, training, rates,
+        label_count=label_count, sky_label=None, moving=torch.from_numpy(movable.copy()), seed=seed,
     )  # fmt: skip
-    rates = LearningRates(means=0.001 * unit, log_scales=5e-3, sh_base=1e-2)
-    result, _ = train(
-        surfels, sky, lambda _: views, training, rates,
-        label_count=label_count, sky_label=None, trainable_mask=torch.from_numpy(movable.copy()),
-        seed=seed, progress=progress,
-    )  # fmt: skip
-    return result
+    for turn in range(settings.iterations):
+        state.step(views, geometry=True, done=turn / settings.iterations)
+        progress(turn + 1, settings.iterations, loss=state.loss, surfels=float(len(state)))
+    return state.result()[0]
