@@ -131,6 +131,65 @@ def clipped_extent(g0, g1, h0, h1, Z, near, k2):
     return low, high
 
 
+@njit(**INLINED)
+def pixel_range(cx, cy, x0, x1, y0, y1, width, height):
+    """First and past-the-last column and row of the image within bounds about the projected mean."""
+    # Pixels whose centre lies within, a thousandth generous for float32.
+    x0, x1 = np.floor(max(cx + x0, 0.0) + 0.499), np.floor(min(cx + x1, f64(width)) + 0.501)
+    y0, y1 = np.floor(max(cy + y0, 0.0) + 0.499), np.floor(min(cy + y1, f64(height)) + 0.501)
+    return x0, min(x1, f64(width)), y0, min(y1, f64(height))
+
+
+@njit(**INLINED)
+def higher_colour(i, dx, dy, dz, sh, coefficients):
+    """What the coefficients after the first add to a surfel's colour in a direction."""
+    basis = sh_basis(dx, dy, dz)
+    r, g, b = ZERO, ZERO, ZERO
+    for k in range(1, coefficients):
+        weight = f32(basis[k])
+        r += weight * sh[i, k, 0]
+        g += weight * sh[i, k, 1]
+        b += weight * sh[i, k, 2]
+    return r, g, b
+
+
+@njit(**INLINED)
+def write_record(i, cx, cy, iz, a0, b0, a1, b1, a2, b2, opacity, red, green, blue, nx, ny, nz, Z, label, low, ex, ey, e0, e1, e2,
+                 x0, x1, y0, y1, records, boxes, depths, visible):  # fmt: skip
+    """The record of a surfel that can touch the image, its tiles and its depth."""
+    records[i, rec.CX] = cx
+    records[i, rec.CY] = cy
+    rest_x, rest_y = (cx - f64(records[i, rec.CX])) / rec.REST_UNIT, (cy - f64(records[i, rec.CY])) / rec.REST_UNIT
+    rest_x = np.floor(min(max(rest_x, -rec.REST_MAX), rec.REST_MAX) + 0.5)
+    rest_y = np.floor(min(max(rest_y, -rec.REST_MAX), rec.REST_MAX) + 0.5)
+    records[i, rec.REST] = rest_x * rec.REST_BASE + rest_y
+    records[i, rec.IZ] = iz
+    records[i, rec.A0] = a0
+    records[i, rec.B0] = b0
+    records[i, rec.A1] = a1
+    records[i, rec.B1] = b1
+    records[i, rec.A2] = a2
+    records[i, rec.B2] = b2
+    records[i, rec.OPACITY] = opacity
+    records[i, rec.RED] = max(red, 0.0)
+    records[i, rec.GREEN] = max(green, 0.0)
+    records[i, rec.BLUE] = max(blue, 0.0)
+    records[i, rec.NX] = nx
+    records[i, rec.NY] = ny
+    records[i, rec.NZ] = nz
+    records[i, rec.Z] = Z
+    records[i, rec.EX] = ex
+    records[i, rec.EY] = ey
+    records[i, rec.E0] = e0
+    records[i, rec.E1] = e1
+    records[i, rec.E2] = e2
+    records[i, rec.LABEL_LOW] = rec.LOW_RANGE * label + low
+    boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
+    boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
+    depths[i] = Z
+    visible[i] = 1
+
+
 @njit(**FAST)
 def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
             coefficients, alpha_min, exact_reach, records, boxes, depths, visible):  # fmt: skip
@@ -182,10 +241,7 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
                 ex0, ex1 = clipped_extent(U0, U1, h02, h12, Z, near, k2)
                 ey0, ey1 = clipped_extent(V0, V1, h02, h12, Z, near, k2)
                 x0, x1, y0, y1 = min(ex0, -low), max(ex1, low), min(ey0, -low), max(ey1, low)
-        # Pixels whose centre lies within, a thousandth generous for float32.
-        x0, x1 = np.floor(max(cx + x0, 0.0) + 0.499), np.floor(min(cx + x1, f64(width)) + 0.501)
-        y0, y1 = np.floor(max(cy + y0, 0.0) + 0.499), np.floor(min(cy + y1, f64(height)) + 0.501)
-        x1, y1 = min(x1, f64(width)), min(y1, f64(height))
+        x0, x1, y0, y1 = pixel_range(cx, cy, x0, x1, y0, y1, width, height)
         if not (x1 > x0 and y1 > y0):
             continue
         # Edge-on: an intersection so far out that the low-pass filter always wins.
@@ -201,50 +257,17 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
                 det = (a0 * b1 - a1 * b0) * (a0 * b1 - a1 * b0) * (1.0 - slant * iz * iz)
                 e0 = np.sqrt(xx / level)
                 e1, e2 = xy / (level * e0), np.sqrt(det / (xx * level))
+        if not exact_reach:
+            e0, e1, e2 = 1e-12, 0.0, 1e-12
         dx, dy, dz = means[i, 0] - eye[0], means[i, 1] - eye[1], means[i, 2] - eye[2]
         red, green, blue = 0.5 + SH0 * sh[i, 0, 0], 0.5 + SH0 * sh[i, 0, 1], 0.5 + SH0 * sh[i, 0, 2]
         if coefficients > 1:
-            basis = sh_basis(dx / distance, dy / distance, dz / distance)
-            r, g, b = ZERO, ZERO, ZERO
-            for k in range(1, coefficients):
-                weight = f32(basis[k])
-                r += weight * sh[i, k, 0]
-                g += weight * sh[i, k, 1]
-                b += weight * sh[i, k, 2]
+            r, g, b = higher_colour(i, dx / distance, dy / distance, dz / distance, sh, coefficients)
             red, green, blue = red + r, green + g, blue + b
-        records[i, rec.CX] = cx
-        records[i, rec.CY] = cy
-        rest_x, rest_y = (cx - f64(records[i, rec.CX])) / rec.REST_UNIT, (cy - f64(records[i, rec.CY])) / rec.REST_UNIT
-        rest_x = np.floor(min(max(rest_x, -rec.REST_MAX), rec.REST_MAX) + 0.5)
-        rest_y = np.floor(min(max(rest_y, -rec.REST_MAX), rec.REST_MAX) + 0.5)
-        records[i, rec.REST] = rest_x * rec.REST_BASE + rest_y
-        records[i, rec.IZ] = iz
-        records[i, rec.A0] = a0
-        records[i, rec.B0] = b0
-        records[i, rec.A1] = a1
-        records[i, rec.B1] = b1
-        records[i, rec.A2] = a2
-        records[i, rec.B2] = b2
-        records[i, rec.OPACITY] = opacity
-        records[i, rec.RED] = max(red, 0.0)
-        records[i, rec.GREEN] = max(green, 0.0)
-        records[i, rec.BLUE] = max(blue, 0.0)
-        records[i, rec.NX] = nx
-        records[i, rec.NY] = ny
-        records[i, rec.NZ] = nz
-        records[i, rec.Z] = Z
-        records[i, rec.EX] = cx + mx
-        records[i, rec.EY] = cy + my
-        if not exact_reach:
-            e0, e1, e2 = 1e-12, 0.0, 1e-12
-        records[i, rec.E0] = e0
-        records[i, rec.E1] = e1
-        records[i, rec.E2] = e2
-        records[i, rec.LABEL_LOW] = rec.LOW_RANGE * labels[i] + GENEROUS * low * low
-        boxes[i, 0], boxes[i, 1] = i64(x0) // TILE, (i64(x1) - 1) // TILE
-        boxes[i, 2], boxes[i, 3] = i64(y0) // TILE, (i64(y1) - 1) // TILE
-        depths[i] = Z
-        visible[i] = 1
+        write_record(
+            i, cx, cy, iz, a0, b0, a1, b1, a2, b2, opacity, red, green, blue, nx, ny, nz, Z,
+            labels[i], GENEROUS * low * low, cx + mx, cy + my, e0, e1, e2, x0, x1, y0, y1, records, boxes, depths, visible,
+        )  # fmt: skip
 
 
 @njit(**INLINED)
@@ -324,29 +347,85 @@ def fill_tiles(low, high, order, boxes, tiles_x, surfel_start, offsets, ids, pla
                 place[entry] = surfel_start[n] + (y - y0) * across + (x - x0)
 
 
+@njit(**INLINED)
+def clear(n, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):
+    """No gradient, for a surfel off the screen."""
+    for k in range(g_sh.shape[1]):
+        for c in range(3):
+            g_sh[n, k, c] = ZERO
+    for k in range(3):
+        g_means[n, k] = ZERO
+    for k in range(4):
+        g_quats[n, k] = ZERO
+    for k in range(g_log_scales.shape[1]):
+        g_log_scales[n, k] = ZERO
+    for k in range(2):
+        g_screen[n, k] = ZERO
+    g_opacity_logits[n] = ZERO
+
+
+@njit(**INLINED)
+def sum_rows(n, surfel_start, rows, touched, a):
+    """A surfel's rows summed in a fixed order, into ``a`` (20,); see ``backward.row_size``."""
+    for k in range(len(a)):
+        a[k] = ZERO
+    for s in range(surfel_start[n], surfel_start[n + 1]):
+        if touched[s]:
+            for k in range(rows.shape[1]):
+                a[k] += rows[s, k]
+
+
+@njit(**INLINED)
+def higher_colour_gradient(n, red, green, blue, dx, dy, dz, distance, sh, coefficients, g_sh):
+    """The colour's gradient back to the coefficients after the first; returns what it adds to the mean's."""
+    basis = sh_basis(dx, dy, dz)
+    by_x, by_y, by_z = sh_slopes(dx, dy, dz)
+    red32, green32, blue32 = f32(red), f32(green), f32(blue)
+    gx, gy, gz = 0.0, 0.0, 0.0
+    for k in range(1, coefficients):
+        value = f32(basis[k])
+        g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = value * red32, value * green32, value * blue32
+        weight = red32 * sh[n, k, 0] + green32 * sh[n, k, 1] + blue32 * sh[n, k, 2]
+        gx += weight * by_x[k]
+        gy += weight * by_y[k]
+        gz += weight * by_z[k]
+    radial = gx * dx + gy * dy + gz * dz
+    return (gx - radial * dx) / distance, (gy - radial * dy) / distance, (gz - radial * dz) / distance
+
+
+@njit(**INLINED)
+def quaternion_gradient(n, R, inverse, w, x, y, z, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats):
+    """The gradient by a rotation's three columns in the camera's frame, back to its quaternion."""
+    G0 = R[0, 0] * h00 + R[1, 0] * h01 + R[2, 0] * h02
+    G3 = R[0, 1] * h00 + R[1, 1] * h01 + R[2, 1] * h02
+    G6 = R[0, 2] * h00 + R[1, 2] * h01 + R[2, 2] * h02
+    G1 = R[0, 0] * h10 + R[1, 0] * h11 + R[2, 0] * h12
+    G4 = R[0, 1] * h10 + R[1, 1] * h11 + R[2, 1] * h12
+    G7 = R[0, 2] * h10 + R[1, 2] * h11 + R[2, 2] * h12
+    G2 = R[0, 0] * h20 + R[1, 0] * h21 + R[2, 0] * h22
+    G5 = R[0, 1] * h20 + R[1, 1] * h21 + R[2, 1] * h22
+    G8 = R[0, 2] * h20 + R[1, 2] * h21 + R[2, 2] * h22
+    gw = 2.0 * (x * (G7 - G5) + y * (G2 - G6) + z * (G3 - G1))
+    gx = 2.0 * (-2.0 * x * (G4 + G8) + y * (G1 + G3) + z * (G2 + G6) + w * (G7 - G5))
+    gy = 2.0 * (x * (G1 + G3) - 2.0 * y * (G0 + G8) + z * (G5 + G7) + w * (G2 - G6))
+    gz = 2.0 * (x * (G2 + G6) + y * (G5 + G7) - 2.0 * z * (G0 + G4) + w * (G3 - G1))
+    along = gw * w + gx * x + gy * y + gz * z
+    g_quats[n, 0] = (gw - along * w) * inverse
+    g_quats[n, 1] = (gx - along * x) * inverse
+    g_quats[n, 2] = (gy - along * y) * inverse
+    g_quats[n, 3] = (gz - along * z) * inverse
+
+
 @njit(**FAST)
 def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means, quats, log_scales, opacity_logits, sh, R, t, eye,
                 fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
     """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
+    a = np.empty(20, f32)
     for n in range(first, end):
-        for k in range(coefficients if visible[n] else 0, g_sh.shape[1]):
-            for c in range(3):
-                g_sh[n, k, c] = ZERO
         if not visible[n]:
-            for k in range(3):
-                g_means[n, k] = ZERO
-            for k in range(4):
-                g_quats[n, k] = ZERO
-            for k in range(2):
-                g_log_scales[n, k] = ZERO
-                g_screen[n, k] = ZERO
-            g_opacity_logits[n] = ZERO
+            clear(n, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen)
             continue
-        a = np.zeros(20, f32)
-        for s in range(surfel_start[n], surfel_start[n + 1]):
-            if touched[s]:
-                for k in range(rows.shape[1]):
-                    a[k] += rows[s, k]
+        sum_rows(n, surfel_start, rows, touched, a)
         X, Y, Z = in_camera(means, n, R, t)
         iz = 1.0 / Z
         inverse, w, x, y, z, r0, r1, r2, r3, r4, r5, r6, r7, r8 = rotation(
@@ -398,44 +477,19 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means
         )
         g_sh[n, 0, 0], g_sh[n, 0, 1], g_sh[n, 0, 2] = SH0 * red, SH0 * green, SH0 * blue
         if coefficients > 1:
-            basis = sh_basis(dx, dy, dz)
-            by_x, by_y, by_z = sh_slopes(dx, dy, dz)
-            red32, green32, blue32 = f32(red), f32(green), f32(blue)
-            gx, gy, gz = 0.0, 0.0, 0.0
-            for k in range(1, coefficients):
-                value = f32(basis[k])
-                g_sh[n, k, 0], g_sh[n, k, 1], g_sh[n, k, 2] = value * red32, value * green32, value * blue32
-                weight = red32 * sh[n, k, 0] + green32 * sh[n, k, 1] + blue32 * sh[n, k, 2]
-                gx += weight * by_x[k]
-                gy += weight * by_y[k]
-                gz += weight * by_z[k]
-            radial = gx * dx + gy * dy + gz * dz
-            gm0 += (gx - radial * dx) / distance
-            gm1 += (gy - radial * dy) / distance
-            gm2 += (gz - radial * dz) / distance
+            gx, gy, gz = higher_colour_gradient(n, red, green, blue, dx, dy, dz, distance, sh, coefficients, g_sh)
+            gm0, gm1, gm2 = gm0 + gx, gm1 + gy, gm2 + gz
+        for k in range(coefficients, g_sh.shape[1]):
+            for c in range(3):
+                g_sh[n, k, c] = ZERO
         g_means[n, 0], g_means[n, 1], g_means[n, 2] = gm0, gm1, gm2
         g_log_scales[n, 0] = slope0 * (h00 * t00 + h01 * t01 + h02 * t02)
         g_log_scales[n, 1] = slope1 * (h10 * t10 + h11 * t11 + h12 * t12)
         h00, h01, h02, h10, h11, h12 = h00 * s0, h01 * s0, h02 * s0, h10 * s1, h11 * s1, h12 * s1
         h20, h21, h22 = side * a[16], side * a[17], side * a[18]
-        G0 = R[0, 0] * h00 + R[1, 0] * h01 + R[2, 0] * h02
-        G3 = R[0, 1] * h00 + R[1, 1] * h01 + R[2, 1] * h02
-        G6 = R[0, 2] * h00 + R[1, 2] * h01 + R[2, 2] * h02
-        G1 = R[0, 0] * h10 + R[1, 0] * h11 + R[2, 0] * h12
-        G4 = R[0, 1] * h10 + R[1, 1] * h11 + R[2, 1] * h12
-        G7 = R[0, 2] * h10 + R[1, 2] * h11 + R[2, 2] * h12
-        G2 = R[0, 0] * h20 + R[1, 0] * h21 + R[2, 0] * h22
-        G5 = R[0, 1] * h20 + R[1, 1] * h21 + R[2, 1] * h22
-        G8 = R[0, 2] * h20 + R[1, 2] * h21 + R[2, 2] * h22
-        gw = 2.0 * (x * (G7 - G5) + y * (G2 - G6) + z * (G3 - G1))
-        gx = 2.0 * (-2.0 * x * (G4 + G8) + y * (G1 + G3) + z * (G2 + G6) + w * (G7 - G5))
-        gy = 2.0 * (x * (G1 + G3) - 2.0 * y * (G0 + G8) + z * (G5 + G7) + w * (G2 - G6))
-        gz = 2.0 * (x * (G2 + G6) + y * (G5 + G7) - 2.0 * z * (G0 + G4) + w * (G3 - G1))
-        along = gw * w + gx * x + gy * y + gz * z
-        g_quats[n, 0] = (gw - along * w) * inverse
-        g_quats[n, 1] = (gx - along * x) * inverse
-        g_quats[n, 2] = (gy - along * y) * inverse
-        g_quats[n, 3] = (gz - along * z) * inverse
+        quaternion_gradient(
+            n, R, inverse, w, x, y, z, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats,
+        )  # fmt: skip
         # The row holds opacity times its gradient; sigmoid' = opacity (1 - opacity), without cancellation near 1.
         g_opacity_logits[n] = a[9] / (1.0 + np.exp(min(f64(opacity_logits[n]), 700.0)))
         g_screen[n, 0], g_screen[n, 1] = g_cx, g_cy
