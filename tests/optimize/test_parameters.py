@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from unveil_core.optimize.density import DensityControl, DensitySettings
 from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, rotations
 
 
 def some(count: int, degree: int = 1) -> Surfels:
@@ -85,8 +87,10 @@ def test_surfels_that_do_not_move_keep_values_and_moments() -> None:
     assert trainable.leaves["means"].grad is None
 
 
-def test_density_control_splits_clones_and_drops() -> None:
+@pytest.mark.parametrize("scales", [2, 3])
+def test_density_control_splits_clones_and_drops(scales: int) -> None:
     surfels = some(6)
+    surfels = replace(surfels, log_scales=torch.cat([surfels.log_scales, surfels.log_scales[:, :1] - 1], 1)[:, :scales])
     surfels.opacity_logits[5] = -8.0  # invisible: goes
     trainable = TrainableSurfels(surfels, LearningRates(means=0.1))
     control = DensityControl(DensitySettings(gradient_threshold=1.0, split_scale_px=3.0, min_opacity=0.02), 6, seed=0)
@@ -101,6 +105,19 @@ def test_density_control_splits_clones_and_drops() -> None:
     assert trainable.labels.tolist() == [*labels[1:5].tolist(), int(labels[1]), int(labels[0]), int(labels[0])]
     halves = trainable.surfels.detach().log_scales[-2:]
     assert torch.allclose(halves, surfels.log_scales[0] - torch.log(torch.tensor(1.6)))
+
+
+@pytest.mark.parametrize("scales", [2, 3])
+def test_halves_are_spread_as_their_parents(scales: int) -> None:
+    """Over many, the children's offsets have the covariance of the parent's disc or ellipsoid."""
+    log_scales = torch.tensor([0.5, -0.5, 0.1])[:scales]
+    one = replace(some(1), means=torch.zeros(1, 3), log_scales=log_scales[None])
+    parents = one.select(torch.zeros(40_000, dtype=torch.int64))
+    children = DensityControl(DensitySettings(), 1, seed=0)._halves(parents)
+    axes = rotations(one.quats)[0, :, :scales] * log_scales.exp()
+    for child in children:
+        assert torch.equal(child.labels, parents.labels)
+        assert float((child.means.T @ child.means / 40_000 - axes @ axes.T).abs().max()) < 0.05
 
 
 def test_budget_is_kept() -> None:

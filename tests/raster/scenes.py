@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -50,6 +52,16 @@ def random_surfels(
         sh=0.4 * torch.randn(count, (degree + 1) ** 2, 3, generator=g),
         labels=torch.randint(0, labels, (count,), generator=g),
     )
+
+
+def random_ellipsoids(
+    count: int, seed: int, *, degree: int = 1, spread: float = 0.85, grazing: bool = False
+) -> Surfels:
+    """The same with a third scale, as often the smallest as any other."""
+    surfels = random_surfels(count, seed, degree=degree, spread=spread, grazing=grazing)
+    g = torch.Generator().manual_seed(seed + 1000)
+    third = torch.log(0.2 * torch.exp(0.5 * torch.randn(count, 1, generator=g)))
+    return replace(surfels, log_scales=torch.cat([surfels.log_scales, third], dim=1))
 
 
 def with_gradients(surfels: Surfels) -> Surfels:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import pytest
 import torch
 
-from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
+from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
 from unveil_core.bench.scenes import corridor, corridor_camera
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import PLANES, render
@@ -96,9 +97,10 @@ def test_all_planes_at_once_match_float64() -> None:
         assert float((mine[name] - reference[name]).norm() / reference[name].norm()) < LIMIT, name
 
 
+@pytest.mark.parametrize("made", [random_surfels, random_ellipsoids])
 @pytest.mark.parametrize("plane", ["rgb", "depth", "normal", "distortion", "label_distortion"])
-def test_reference_gradients_match_finite_differences(plane: str) -> None:
-    surfels = random_surfels(14, 5)
+def test_reference_gradients_match_finite_differences(plane: str, made: Callable[..., Surfels]) -> None:
+    surfels = made(14, 5)
     surfels = Surfels(**{n: getattr(surfels, n).double() for n in GRADIENTS}, labels=surfels.labels)
     g = torch.Generator().manual_seed(2)
     view = camera(12, 9, 10.0)

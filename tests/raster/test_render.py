@@ -6,6 +6,7 @@ import gc
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
+from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
 from unveil_core import buffers
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import threads
@@ -33,8 +34,9 @@ def all_bits(surfels: Surfels, view: Camera, planes: tuple[str, ...] = PLANES) -
     return [v.detach() for v in values] + gradients + [out.screen_gradients(), out.visible]
 
 
-def test_two_runs_and_any_number_of_threads_give_the_same_bits() -> None:
-    surfels, view = random_surfels(1500, 2, degree=2), camera(150, 90, 110.0)
+@pytest.mark.parametrize("made", [random_surfels, random_ellipsoids])
+def test_two_runs_and_any_number_of_threads_give_the_same_bits(made: Callable[..., Surfels]) -> None:
+    surfels, view = made(1500, 2, degree=2), camera(150, 90, 110.0)
     first = all_bits(surfels, view)
     for count in (1, 2, 3):
         with threads(count):
@@ -98,9 +100,10 @@ def test_sh_degree_uses_the_lower_coefficients_only() -> None:
         render(random_surfels(3, 0), camera(), sh_degree=2)
 
 
-def test_screen_gradients_are_those_by_the_principal_point() -> None:
+@pytest.mark.parametrize("made", [random_surfels, random_ellipsoids])
+def test_screen_gradients_are_those_by_the_principal_point(made: Callable[..., Surfels]) -> None:
     """Shifting the principal point shifts every projected mean and nothing else."""
-    surfels, view = random_surfels(40, 12, degree=0), camera()
+    surfels, view = made(40, 12, degree=0), camera()
     planes = ("rgb", "depth", "normal")
     leaves = with_gradients(surfels)
     out = render(leaves, view, planes)
@@ -222,7 +225,8 @@ def wrong(**changes: object) -> tuple[Surfels, Camera]:
         ({"labels": torch.tensor([0, -1, 2, 2])}, {}, "labels reach from -1 to 2"),
         ({"labels": torch.zeros(4)}, {}, "labels are torch.float32"),
         ({"quats": torch.zeros(4, 3)}, {}, r"quats has shape \(4, 3\), \(4, 4\) is needed"),
-        ({"log_scales": torch.zeros(3, 2)}, {}, "log_scales has shape"),
+        ({"log_scales": torch.zeros(3, 2)}, {}, r"log_scales has shape \(3, 2\), \(4, 2 or 3\) is needed"),
+        ({"log_scales": torch.zeros(4, 4)}, {}, "log_scales has shape"),
         ({"sh": torch.zeros(4, 5, 3)}, {}, "sh has shape"),
         ({"sh": torch.zeros(4, 3)}, {}, "sh has shape"),
         ({"means": torch.zeros(4, 3, dtype=torch.float64)}, {}, "means is torch.float64 on cpu"),

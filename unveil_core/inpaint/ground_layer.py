@@ -16,7 +16,6 @@ from unveil_core.inpaint.street import Ground, fit_ground, fit_path
 from unveil_core.inpaint.street_chart import StreetChart, blur_levels, read_chart, sample_chart
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.classes import LabelSet
-from unveil_core.surfels.ply import normals
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["GROUND_CLASSES", "GroundLayer", "GroundPixels", "build_ground_layer", "fit_drive_ground", "ground_usable"]
@@ -128,7 +127,7 @@ def fit_drive_ground(
     if wanted:
         chosen = np.isin(surfels.labels.numpy(), wanted) & opaque
     else:
-        level = np.abs(normals(surfels.quats).double().numpy() @ (up / np.linalg.norm(up))) > 0.8
+        level = np.abs(surfels.normals().double().numpy() @ (up / np.linalg.norm(up))) > 0.8
         street = path.to_street(means)
         centres = np.stack([c.centre for c in cameras])
         track = path.to_street(centres)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from unveil_core.optimize.parameters import TrainableSurfels
-from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.surfels.surfels import Surfels, concatenate, rotations
 
 __all__ = ["DensityControl", "DensitySettings"]
 
@@ -89,17 +89,18 @@ class DensityControl:
         return len(new), int((~keep).sum())
 
     def _halves(self, parents: Surfels) -> list[Surfels]:
-        """Two children per parent, drawn from its disc, 1.6 times smaller, with its label."""
-        w, x, y, z = torch.nn.functional.normalize(parents.quats, dim=1).unbind(1)
-        axis0 = torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1)
-        axis1 = torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], dim=1)
+        """Two children per parent, drawn from its disc or ellipsoid, 1.6 times smaller, with its label."""
+        axes = rotations(parents.quats)
         scale = parents.log_scales.exp()
         children = []
         for _ in range(2):
-            draw = torch.randn(len(parents), 2, generator=self.generator) * scale
+            draw = torch.randn(scale.shape, generator=self.generator) * scale
+            means = parents.means
+            for k in range(scale.shape[1]):
+                means = means + draw[:, k : k + 1] * axes[..., k]
             children.append(
                 Surfels(
-                    parents.means + draw[:, :1] * axis0 + draw[:, 1:] * axis1,
+                    means,
                     parents.quats,
                     parents.log_scales - torch.log(torch.tensor(1.6)),
                     parents.opacity_logits,

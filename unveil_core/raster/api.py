@@ -52,7 +52,7 @@ class Rendered:
     _screen_gradients: Callable[[], Tensor | None] = field(default=lambda: None, repr=False)
 
     def screen_gradients(self) -> Tensor:
-        """(N, 2) gradient of the loss by the projected means in pixels, each disc's shape and depth held; zero for
+        """(N, 2) gradient of the loss by the projected means in pixels, each surfel's shape and depth held; zero for
         surfels off the image.
 
         Raises:
@@ -93,11 +93,15 @@ def _check_finite(name: str, values: Tensor) -> None:
 
 def _check_surfels(surfels: Surfels, backend: str) -> None:
     n = len(surfels)
-    shapes = {"means": (n, 3), "quats": (n, 4), "log_scales": (n, 2), "opacity_logits": (n,), "labels": (n,)}
+    shapes = {"means": (n, 3), "quats": (n, 4), "opacity_logits": (n,), "labels": (n,)}
     for name, shape in shapes.items():
         tensor = getattr(surfels, name)
         if tuple(tensor.shape) != shape:
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}, {shape} is needed")
+    if tuple(surfels.log_scales.shape) not in ((n, 2), (n, 3)):
+        raise ValueError(f"log_scales has shape {tuple(surfels.log_scales.shape)}, ({n}, 2 or 3) is needed")
+    if backend == "triton" and surfels.ellipsoids:
+        raise ValueError("log_scales has three columns; the triton backend knows discs, with two, only")
     if (
         surfels.sh.dim() != 3
         or len(surfels.sh) != n
@@ -163,7 +167,7 @@ def render(
     """Render surfels, differentiable in means, quats, log_scales, opacity_logits and sh.
 
     Args:
-        surfels: N surfels, float32. camera: the view.
+        surfels: N surfels, float32: discs, or ellipsoids where there are three scales. camera: the view.
         outputs: names of planes, see :class:`Rendered`. The cheapest group of kernels that makes them all is run:
             colour (rgb, alpha), colour with semantics, colour with geometry, or all.
         label_count: K for the label planes; the highest label plus one by default.

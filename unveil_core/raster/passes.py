@@ -8,15 +8,16 @@ from typing import NamedTuple
 
 from torch import Tensor
 
-from unveil_core.raster.spec import Limits
+from unveil_core.geometry.camera import Camera
+from unveil_core.raster.spec import FIELD_MARGIN, Limits
 
-__all__ = ["GROUPS", "TILE", "Group", "Inputs", "Settings", "group_for", "plane_shapes", "tile_counts"]
+__all__ = ["GROUPS", "TILE", "Group", "Inputs", "Settings", "field_of_view", "group_for", "plane_shapes", "tile_counts"]
 
 TILE = 16
 """Pixels along a tile, in every backend's lists."""
 
 Inputs = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
-"""means (N, 3), quats (N, 4), log_scales (N, 2), opacity_logits (N,), sh (N, C, 3): float32."""
+"""means (N, 3), quats (N, 4), log_scales (N, 2) or (N, 3), opacity_logits (N,), sh (N, C, 3): float32."""
 
 
 class Group(NamedTuple):
@@ -64,6 +65,14 @@ class Settings:
     def inv_near(self) -> float:
         """One over the nearest depth that counts."""
         return 1.0 / self.near
+
+
+def field_of_view(camera: Camera) -> tuple[float, float, float, float]:
+    """Least and greatest x / z, then y / z, at which an ellipsoid's Jacobian is taken (see ``raster.spec``)."""
+    bounds: list[float] = []
+    for size, focal, centre in ((camera.width, camera.fx, camera.cx), (camera.height, camera.fy, camera.cy)):
+        bounds += [float((0.5 * size * (1.0 + s * FIELD_MARGIN) - centre) / focal) for s in (-1.0, 1.0)]
+    return bounds[0], bounds[1], bounds[2], bounds[3]
 
 
 def tile_counts(width: int, height: int) -> tuple[int, int]:

@@ -1,7 +1,8 @@
 """The dense reference: every surfel against every pixel, in float64 torch, gradients by autograd. For tests only.
 
 The intersection is the textbook cross product of two homogeneous planes (2DGS, equations 8 to 10), not the re-centred
-form of the fast backends, so that the two can check each other. Memory is pixels x surfels: keep scenes small.
+form of the fast backends, and an ellipsoid's distance is taken without a factor of its covariance, so that the two can
+check each other. Memory is pixels x surfels: keep scenes small.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.raster.passes import field_of_view
 from unveil_core.raster.spec import (
     ALPHA_MAX,
     ALPHA_MIN,
     DEPTH_MAX,
+    DILATION,
     EDGE_ON,
     LOG_SCALE_MAX,
     LOW_PASS,
@@ -45,6 +48,43 @@ def _rotation(quats: Tensor) -> Tensor:
     return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
 
 
+def _disc_distance(plane: Tensor, edge_on: Tensor, px: Tensor, py: Tensor) -> tuple[Tensor, Tensor]:
+    """(P, N) u^2 + v^2, infinite without an intersection, and its depth.
+
+    Args:
+        plane: (N, 3, 3) columns h_u, h_v and p after the intrinsics. edge_on: (N,) bool. px, py: (P, 1).
+    """
+    cross = torch.linalg.cross(
+        px[..., None] * plane[None, :, 2] - plane[None, :, 0], py[..., None] * plane[None, :, 2] - plane[None, :, 1]
+    )
+    parallel = cross[..., 2].abs() < 1e-300
+    w = torch.where(parallel, torch.ones_like(cross[..., 2]), cross[..., 2])
+    u, v = cross[..., 0] / w, cross[..., 1] / w
+    exact = torch.where(parallel | edge_on, torch.inf, u * u + v * v)
+    return exact, u * plane[:, 2, 0] + v * plane[:, 2, 1] + plane[:, 2, 2]
+
+
+def _footprint_distance(local: Tensor, axes: Tensor, camera: Camera, whole: Camera, dx: Tensor, dy: Tensor) -> Tensor:
+    """(P, N) d^T C^-1 d of ellipsoids.
+
+    By columns w_k of W, C^-1 is the sum of squared cross products of d with them, and of them with one another
+    (Cauchy and Binet), so that no digit cancels.
+
+    Args:
+        local: (N, 3) centres. axes: (N, 3, 3) columns of the rotation times the scales; in the camera's frame.
+        dx, dy: (P, N) pixel centres less projected means.
+    """
+    slope = local[:, :2] / local[:, 2:]
+    x_low, x_high, y_low, y_high = field_of_view(whole)
+    x, y = slope[:, :1].clamp(x_low, x_high), slope[:, 1:].clamp(y_low, y_high)
+    p = camera.fx / local[:, 2:] * (axes[:, 0] - x * axes[:, 2])
+    q = camera.fy / local[:, 2:] * (axes[:, 1] - y * axes[:, 2])
+    minors = torch.linalg.cross(p, q).square().sum(1)
+    det = minors + DILATION * (p * p + q * q).sum(1) + DILATION**2
+    across = sum((p[:, k] * dy - q[:, k] * dx).square() for k in range(3))
+    return (across + DILATION * (dx * dx + dy * dy)) / det
+
+
 def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
     """(P,) sum over pairs in front of one another of w_i w_j (m_i - m_j)^2, for (P, N) weights."""
     before = [torch.cumsum(v, dim=1) - v for v in (weight, weight * mapped, weight * mapped * mapped)]
@@ -53,7 +93,7 @@ def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
 
 def render_reference(
     surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None,
-    dtype: torch.dtype = torch.float64,
+    dtype: torch.dtype = torch.float64, whole: Camera | None = None,
 ) -> dict[str, Tensor]:  # fmt: skip
     """All planes.
 
@@ -61,6 +101,7 @@ def render_reference(
         surfels: N surfels of any float type; gradients flow back to them.
         label_count: K.
         coefficients: how many of the spherical-harmonic coefficients are used; all by default.
+        whole: the camera that this one is a part of, itself by default.
         dtype: float32 makes plain vectorized torch of it, as a thing to compare speeds with.
     Returns:
         plane name to (H, W) or (H, W, C); "visible" (N,) bool; "undecided" (H, W) bool, pixels where a
@@ -80,12 +121,13 @@ def render_reference(
     scale = torch.maximum(
         log_scales.clamp_max(LOG_SCALE_MAX).exp(), SCALE_MIN_PX / focal * local[:, 2:].detach().clamp_min(0.0)
     )
-    normal = axes[..., 2]
+    normal = axes[torch.arange(len(axes)), :, surfels.normal_axes()]
     facing = (normal * local).sum(1, keepdim=True)
     edge_on = facing[:, 0].abs() < EDGE_ON * local.norm(dim=1)
     normal = normal * torch.where((facing > 0) & ~edge_on[:, None], -1.0, 1.0)
     intrinsics = torch.tensor([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], dtype=dtype)
-    plane = intrinsics @ torch.stack([axes[..., 0] * scale[:, :1], axes[..., 1] * scale[:, 1:], local], dim=-1)
+    axes = axes[..., : scale.shape[1]] * scale[:, None]
+    plane = intrinsics @ torch.cat([axes[..., :2], local[..., None]], dim=-1)
 
     placed = (local[:, 2] > near) & (local[:, 2] < DEPTH_MAX)
     offset = local.detach()[:, :2] / torch.where(placed, local[:, 2], torch.ones_like(local[:, 2])).detach()[:, None]
@@ -98,16 +140,15 @@ def render_reference(
         torch.arange(height, dtype=dtype) + 0.5, torch.arange(width, dtype=dtype) + 0.5, indexing="ij"
     )
     px, py = xs.reshape(-1, 1), ys.reshape(-1, 1)
-    cross = torch.linalg.cross(
-        px[..., None] * plane[None, :, 2] - plane[None, :, 0], py[..., None] * plane[None, :, 2] - plane[None, :, 1]
-    )
-    parallel = cross[..., 2].abs() < 1e-300
-    w = torch.where(parallel, torch.ones_like(cross[..., 2]), cross[..., 2])
-    u, v = cross[..., 0] / w, cross[..., 1] / w
-    exact = torch.where(parallel | edge_on[order], torch.inf, u * u + v * v)
-    screen = LOW_PASS * ((px - projected[:, 0]) ** 2 + (py - projected[:, 1]) ** 2)
+    dx, dy = px - projected[:, 0], py - projected[:, 1]
+    if surfels.ellipsoids:
+        exact = _footprint_distance(local[order], axes[order], camera, whole or camera, dx, dy)
+        met, screen = z.expand_as(exact), torch.full_like(exact, torch.inf)
+    else:
+        exact, met = _disc_distance(plane, edge_on[order], px, py)
+        screen = LOW_PASS * (dx * dx + dy * dy)
     is_exact = exact <= screen
-    depth = torch.where(is_exact, u * plane[:, 2, 0] + v * plane[:, 2, 1] + plane[:, 2, 2], z.expand_as(exact))
+    depth = torch.where(is_exact, met, z.expand_as(exact))
     in_front = depth >= near
     depth = torch.where(in_front, depth, torch.ones_like(depth))
     raw = opacity * torch.exp(-0.5 * torch.where(is_exact, exact, screen))
@@ -153,11 +194,18 @@ def render_reference(
 
 
 def _reach(surfels: Surfels, camera: Camera, near: float) -> Tensor:
-    """(N, 4) pixel bounds (x0, x1, y0, y1) that hold all of a surfel, by the sphere around it; float64."""
+    """(N, 4) pixel bounds (x0, x1, y0, y1) that hold all of a surfel before the camera, by the sphere around it; float64."""
     pose = torch.from_numpy(camera.world_to_camera)
     local = surfels.means.detach().double() @ pose[:3, :3].T + pose[:3, 3]
     # Three and a third standard deviations: beyond, even opacity 1 is under 1/255.
     radius = 3.4 * surfels.log_scales.detach().double().clamp_max(LOG_SCALE_MAX).exp().amax(dim=1)
+    if surfels.ellipsoids:
+        # The footprint is as wide on either side, and no wider than the sphere's at the edge of the field of view.
+        bound = torch.tensor(field_of_view(camera)).abs().max()
+        z = local[:, 2].clamp_min(near)
+        wide = max(camera.fx, camera.fy) * radius / z * (1.0 + bound * bound).sqrt() + 3.0
+        middle = [camera.fx * local[:, 0] / z + camera.cx, camera.fy * local[:, 1] / z + camera.cy]
+        return torch.stack([m + s * wide for m in middle for s in (-1.0, 1.0)], 1)
     front, back = (local[:, 2] - radius).clamp_min(1e-9), local[:, 2] + radius
     bounds = []
     for axis, focal, centre in ((0, camera.fx, camera.cx), (1, camera.fy, camera.cy)):
@@ -219,8 +267,9 @@ def render_reference_in_tiles(
         index = touching.nonzero()[:, 0]
         leaves = {n: getattr(surfels, n).detach()[index].to(dtype).requires_grad_(bool(gradients)) for n in names}
         made = render_reference(
-            Surfels(**leaves, labels=surfels.labels[index]), crop, label_count, near=near, far=far, dtype=dtype
-        )
+            Surfels(**leaves, labels=surfels.labels[index]), crop, label_count, near=near, far=far, dtype=dtype,
+            whole=camera,
+        )  # fmt: skip
         made.pop("visible")
         decided = ~made["undecided"]
         for name, plane in made.items():

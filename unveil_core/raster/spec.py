@@ -22,6 +22,24 @@ opacity G); contributions under 1/255 or nearer than ``near`` do not count; a pi
 would bring its transmittance T under 1e-4. So a surfel reaches no farther than sqrt(2 ln(255 opacity)) standard
 deviations, exactly. Surfels are composited in the order of Z rounded to float32, ties by index.
 
+**Ellipsoids** (Zwicker et al., *EWA Volume Splatting*, 2001, section 4; Kerbl et al., *3D Gaussian Splatting*, 2023,
+equations 5 and 6) are surfels with three scales. With R's columns in the camera's frame and x, y as above
+
+    W = Jp R diag(s),   Jp = [[fx / Z, 0, -fx x / Z], [0, fy / Z, -fy y / Z]],   C = W W^T + DILATION I
+
+is the footprint's covariance in square pixels, and
+
+    [[a0, b0], [0, b1]]^T [[a0, b0], [0, b1]] = C^-1,   a1 = a2 = b2 = 0,
+
+so that q = 1, u^2 + v^2 = d^T C^-1 d, and the depth is Z at every pixel. From there on they are treated as discs are.
+
+* ``DILATION`` is 1 / 2 where the paper's is 0.3: the discs' low-pass filter 2 |d|^2 is then never the smaller one, and
+  both kinds are filtered alike.
+* In Jp alone, x and y are held within ``FIELD_MARGIN`` times half the field of view from the image's middle, without a
+  gradient beyond: the first-order footprint grows without bound away from it.
+* The normal is the axis of the smallest scale, the last of equals, turned like a disc's. Which one that is has no
+  gradient.
+
 **Limits**, the same for every backend, so that finite parameters always give finite images and gradients:
 
 * A surfel whose centre is nearer than ``near`` is left out whole, even where its edge reaches before the camera. So
@@ -56,8 +74,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 __all__ = [
-    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "EDGE_ON", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS", "Limits", "MAX_LABELS",
-    "OFFSET_MAX", "PLANES", "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
+    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "DILATION", "EDGE_ON", "FIELD_MARGIN", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS",
+    "Limits", "MAX_LABELS", "OFFSET_MAX", "PLANES", "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
 ]  # fmt: skip
 
 ALPHA_MIN = 1.0 / 255.0
@@ -65,6 +83,9 @@ ALPHA_MAX = 0.99
 TRANSMITTANCE_MIN = 0.9999e-4
 """A hair under 1e-4: two surfels of alpha 0.99 leave exactly 1e-4, and float32 and float64 must decide them alike."""
 LOW_PASS = 2.0
+DILATION = 0.500001
+"""A hair over 1 / LOW_PASS: the footprint's distance must be the smaller one in float32 too, or gradients get lost."""
+FIELD_MARGIN = 1.3
 DEPTH_MAX = 1e12
 OFFSET_MAX = 1e6
 EDGE_ON = 1e-5

@@ -1,7 +1,8 @@
 """Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them.
 
-A disc has no third scale; viewers want one, so ``scale_2`` is a thin constant. Reading ignores it. ``f_rest`` is stored
-channel-major as the field does: all red coefficients, then green, then blue.
+A disc has no third scale; viewers want one, so ``scale_2`` is a thin constant, and reading ignores it. It is real, and
+read, where the header has the comment ``splats ellipsoids``. ``f_rest`` is stored channel-major as the field does: all
+red coefficients, then green, then blue.
 """
 
 from __future__ import annotations
@@ -30,10 +31,8 @@ def _names(rest: int) -> list[str]:
     ]  # fmt: skip
 
 
-def normals(quats: torch.Tensor) -> torch.Tensor:
-    """Third column of the rotation of ``quats`` (N, 4) wxyz: the unit disc normals (N, 3)."""
-    w, x, y, z = (quats / quats.norm(dim=1, keepdim=True).clamp_min(1e-12)).unbind(1)
-    return torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1)
+ELLIPSOIDS = "splats ellipsoids"
+"""The header's comment of a file whose third scale is real."""
 
 
 def write_surfels(
@@ -53,20 +52,20 @@ def write_surfels(
     table = np.empty(count, dtype=[*((name, "<f4") for name in _names(rest)), ("label", "<i4")])
     columns = {
         ("x", "y", "z"): s.means,
-        ("nx", "ny", "nz"): normals(s.quats),
+        ("nx", "ny", "nz"): s.normals(),
         ("f_dc_0", "f_dc_1", "f_dc_2"): s.sh[:, 0],
         tuple(f"f_rest_{i}" for i in range(rest)): s.sh[:, 1:].transpose(1, 2).reshape(count, rest),
-        ("scale_0", "scale_1"): s.log_scales,
+        ("scale_0", "scale_1", "scale_2")[: s.log_scales.shape[1]]: s.log_scales,
         ("rot_0", "rot_1", "rot_2", "rot_3"): s.quats,
     }
+    table["scale_2"] = THIN_LOG_SCALE
     for names, values in columns.items():
         array = values.cpu().numpy()
         for i, name in enumerate(names):
             table[name] = array[:, i]
     table["opacity"] = s.opacity_logits.cpu().numpy()
-    table["scale_2"] = THIN_LOG_SCALE
     table["label"] = s.labels.cpu().numpy()
-    lines = list(comments)
+    lines = [*comments, ELLIPSOIDS] if s.ellipsoids else list(comments)
     if offset is not None:
         lines.append("offset " + " ".join(repr(float(v)) for v in offset))
     data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<", comments=lines)
@@ -74,18 +73,22 @@ def write_surfels(
 
 
 def read_surfels(path: Path) -> Surfels:
-    """Read a file of :func:`write_surfels`, or any 3DGS PLY (its third scale is dropped, labels become 0).
+    """Read a file of :func:`write_surfels`, or any 3DGS PLY (its third scale is dropped, labels become 0; add the
+    comment ``splats ellipsoids`` to its header to keep the scale).
 
     Raises:
         UnveilError: the file is missing, is not a PLY, or lacks a 3DGS attribute.
     """
     try:
-        vertex = PlyData.read(str(path))["vertex"]
+        data = PlyData.read(str(path))
+        vertex = data["vertex"]
     except (OSError, KeyError, _PlyParseError, ValueError) as error:
         raise UnveilError(f"not a readable surfel PLY: {error}", path=path) from error
     present = set(vertex.data.dtype.names or ())
     rest = sum(name.startswith("f_rest_") for name in present)
-    missing = [n for n in _names(rest) if n not in present and n not in ("nx", "ny", "nz", "scale_2")]
+    scales = ("scale_0", "scale_1", "scale_2")[: 3 if ELLIPSOIDS in data.comments else 2]
+    unread = {"nx", "ny", "nz", "scale_2"} - set(scales)
+    missing = [n for n in _names(rest) if n not in present | unread]
     if missing:
         raise UnveilError(f"lacks the attribute {missing[0]}", path=path, mend="export it with 3DGS attribute names")
 
@@ -101,7 +104,7 @@ def read_surfels(path: Path) -> Surfels:
     return Surfels(
         means=stack("x", "y", "z"),
         quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),
-        log_scales=stack("scale_0", "scale_1"),
+        log_scales=stack(*scales),
         opacity_logits=stack("opacity")[:, 0].clone(),
         sh=sh.contiguous(),
         labels=torch.from_numpy(labels.copy()),

@@ -1,7 +1,8 @@
 """Surfels: the parameters of a semantic 2D Gaussian scene.
 
 The representation of *2D Gaussian Splatting* (SIGGRAPH 2024), section 4.1: a disc with two tangent axes, their scales and an
-opacity; colour as spherical harmonics; with one hard label each (*3D StreetUnveiler*, section 3.1).
+opacity; colour as spherical harmonics; with one hard label each (*3D StreetUnveiler*, section 3.1). With a third scale it is the
+ellipsoid of *3D Gaussian Splatting* (SIGGRAPH 2023), section 4, for comparison.
 """
 
 from __future__ import annotations
@@ -10,19 +11,32 @@ from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
 
-__all__ = ["Surfels", "concatenate", "with_sh_degree"]
+__all__ = ["Surfels", "concatenate", "rotations", "with_sh_degree"]
+
+
+def rotations(quats: Tensor) -> Tensor:
+    """Rotation matrices (N, 3, 3) of quaternions wxyz (N, 4) of any length; of a zero one, the identity."""
+    w, x, y, z = normalize(quats, dim=1).unbind(1)
+    columns = [
+        torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1),
+        torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], dim=1),
+        torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], dim=1),
+    ]
+    return torch.stack(columns, dim=2)
 
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """N surfels; float32 tensors on one device.
+    """N surfels, all discs or all ellipsoids; float32 tensors on one device.
 
     Attributes:
         means: (N, 3) centres in the drive's local frame.
         quats: (N, 4) rotations wxyz, not necessarily normalized; columns 0 and 1 of the rotation are the tangent axes,
             column 2 the normal.
-        log_scales: (N, 2) natural logarithm of the standard deviations along the tangent axes, in world units.
+        log_scales: (N, 2) natural logarithm of the standard deviations along the tangent axes, in world units; of an
+            ellipsoid (N, 3), along all columns of the rotation.
         opacity_logits: (N,) opacity before the sigmoid.
         sh: (N, (L+1)^2, 3) spherical-harmonic colour; rgb = clamp(0.5 + sum of basis * sh, 0).
         labels: (N,) int64 compact labels (see ``semantics.classes.LabelSet``), never trained.
@@ -42,6 +56,22 @@ class Surfels:
     def sh_degree(self) -> int:
         """L, from the number of coefficients."""
         return round(self.sh.shape[1] ** 0.5) - 1
+
+    @property
+    def ellipsoids(self) -> bool:
+        """Whether these are 3D Gaussians, with three scales, and not discs."""
+        return self.log_scales.shape[-1] == 3
+
+    def normal_axes(self) -> Tensor:
+        """(N,) int64: which column of the rotation is the normal, of an ellipsoid that of the smallest scale (the last
+        of equals)."""
+        if not self.ellipsoids:
+            return torch.full((len(self),), 2, device=self.log_scales.device)
+        return 2 - self.log_scales.detach().flip(1).argmin(dim=1)
+
+    def normals(self) -> Tensor:
+        """(N, 3) unit normals, unturned."""
+        return rotations(self.quats)[torch.arange(len(self)), :, self.normal_axes()]
 
     def select(self, index: Tensor) -> Surfels:
         """The surfels at a boolean mask (N,) or integer index (M,)."""

@@ -15,12 +15,12 @@ from torch import Tensor
 from unveil_core.buffers import Buffers, borrow, give_back, lend
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel, thread_count
-from unveil_core.raster.cpu import per_surfel
+from unveil_core.raster.cpu import ellipsoids, per_surfel
 from unveil_core.raster.cpu.backward import row_size
 from unveil_core.raster.cpu.block import kept_size
 from unveil_core.raster.cpu.forward import template
 from unveil_core.raster.cpu.groups import kernels_for
-from unveil_core.raster.passes import GROUPS, Inputs, Settings, plane_shapes, tile_counts
+from unveil_core.raster.passes import GROUPS, Inputs, Settings, field_of_view, plane_shapes, tile_counts
 from unveil_core.raster.records import SIZE as RECORD
 
 __all__ = ["Pass", "backward_pass", "forward_pass", "release"]
@@ -62,6 +62,11 @@ class Pass:
     released: bool = False
 
 
+def _by_shape(inputs: Inputs, camera: Camera) -> tuple[Any, tuple[float, ...]]:
+    """The module that projects surfels with so many scales, and what its kernels are told beside."""
+    return (ellipsoids, field_of_view(camera)) if inputs[2].shape[1] == 3 else (per_surfel, ())
+
+
 def _array(tensor: Tensor) -> NDArray[Any]:
     array: NDArray[Any] = tensor.detach().contiguous().numpy()
     return array
@@ -86,10 +91,11 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     records = buffers.array("records", (count, RECORD))
     boxes, depths = buffers.array("boxes", (count, 4), np.int16), buffers.array("depths", (count,))
     visible = lend((count,), np.uint8)
+    shape, field = _by_shape(inputs, camera)
     in_parallel(
-        per_surfel.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
+        shape.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
         float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(settings.near), settings.coefficients,
-        limits.alpha_min, limits.exact_reach, records, boxes, depths, visible,
+        limits.alpha_min, limits.exact_reach, records, boxes, depths, visible, *field,
     )  # fmt: skip
     tiles_x, tiles_y = tile_counts(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
@@ -149,9 +155,11 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     )  # fmt: skip
     arrays, visible = [_array(t) for t in inputs], _array(done.visible).view(np.uint8)
     gradients = (*(lend(a.shape) for a in arrays), lend((len(visible), 2)))
+    shape, field = _by_shape(inputs, camera)
     in_parallel(
-        per_surfel.reduce_rows, len(visible), 2048, done.records, visible, done.surfel_start,
+        shape.reduce_rows, len(visible), 2048, done.records, visible, done.surfel_start,
         rows, touched, *arrays, *done.pose, float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
+        *field,
     )  # fmt: skip
     return tuple(torch.from_numpy(g) for g in gradients)
 

@@ -192,11 +192,14 @@ def aligned(memory):
     return u64((u64(64) - u64(memory.ctypes.data) % u64(64)) % u64(64)) // u64(4)
 
 
-def sources() -> int:
-    """A number of the code that a tile kernel is made of.
+TILE_SOURCES = ("lanes.py", "block.py", "../passes.py", "../records.py", "../spec.py")
+
+
+def sources(*names: str) -> int:
+    """A number of the code that a kernel is made of: files beside this one, those of the tile kernels by default.
 
     numba's cache looks at a kernel's own file and at the values it closes over, so the kernels close over this.
     """
     here = Path(__file__).parent
-    texts = (here / name for name in ("lanes.py", "block.py", "../passes.py", "../records.py", "../spec.py"))
+    texts = (here / name for name in names or TILE_SOURCES)
     return int(hashlib.sha256(b"".join(text.read_bytes() for text in texts)).hexdigest()[:12], 16)
