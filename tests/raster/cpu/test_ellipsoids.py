@@ -54,6 +54,13 @@ def test_near_ones_and_ones_beyond_the_field_of_view_match_float64(plane: str) -
     compare(surfels, plane, LIMIT, LIMIT)
 
 
+@pytest.mark.parametrize("smaller", [6.0, 12.0])
+def test_ones_far_smaller_than_a_pixel_keep_their_gradients(smaller: float) -> None:
+    """Their footprint is the low-pass filter's circle to four digits, or to all: a tie that rounding must not decide."""
+    surfels = random_ellipsoids(120, 2)
+    compare(replace(surfels, log_scales=surfels.log_scales - smaller), "rgb", LIMIT, LIMIT)
+
+
 def test_footprint_is_that_of_the_textbook() -> None:
     surfels, view = one((0.6, -0.4, 3.0), (0.5, 0.2, 0.05), (0.8, 0.3, -0.4, 0.2)), ahead()
     X, Y, Z = surfels.means[0].double().numpy()
@@ -82,7 +89,7 @@ def test_flat_one_seen_face_on_is_the_disc() -> None:
         torch.testing.assert_close(getattr(b, plane), getattr(a, plane), atol=1e-3, rtol=1e-3)
 
 
-@pytest.mark.parametrize("third", [-12.0, -1.0, 0.0])
+@pytest.mark.parametrize("third", [-12.0, 0.0])
 @pytest.mark.parametrize("name", CASES)
 def test_hard_case_of_discs_with_a_third_scale_keeps_its_stated_error(name: str, third: float) -> None:
     def thick(surfels: Surfels) -> Surfels:

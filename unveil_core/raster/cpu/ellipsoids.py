@@ -47,11 +47,17 @@ def columns(Z, x, y, fx, fy, s0, s1, s2, frame):
 
 
 @njit(**INLINED)
+def minors(p0, p1, p2, q0, q1, q2):
+    """Cross product of the rows p and q."""
+    return p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
+
+
+@njit(**INLINED)
 def whitening(p0, p1, p2, q0, q1, q2):
     """a0, b0, b1 of the footprint with these columns, and its variances along x and y."""
     c00, c11 = p0 * p0 + p1 * p1 + p2 * p2 + DILATION, q0 * q0 + q1 * q1 + q2 * q2 + DILATION
     c01 = p0 * q0 + p1 * q1 + p2 * q2
-    m0, m1, m2 = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
+    m0, m1, m2 = minors(p0, p1, p2, q0, q1, q2)
     # The determinant as a sum of squares: c00 c11 - c01^2 has no digit left for a needle of a million pixels.
     det = m0 * m0 + m1 * m1 + m2 * m2 + DILATION * (c00 + c11 - DILATION)
     a0 = np.sqrt(c11 / det)
@@ -154,18 +160,22 @@ def _kernels():
             t00, t01, t02, t10, t11, t12, t20, t21, t22 = frame
             x, y = min(max(xn, x_low), x_high), min(max(yn, y_low), y_high)
             p0, p1, p2, q0, q1, q2 = columns(Z, x, y, fx, fy, s0, s1, s2, frame)
-            A0, B0, B1, _, _ = whitening(p0, p1, p2, q0, q1, q2)
+            A0, B0, B1, _, c11 = whitening(p0, p1, p2, q0, q1, q2)
             g_cx, g_cy = -A0 * a[0], -B0 * a[0] - B1 * a[3]
-            # N, the sum of h (u, v)^T (u, v) over the pixels, from the moments; the gradient by a column w of the
-            # footprint is A^T N A w, taken from right to left so that needles keep their digits.
+            # N, the sum of h (u, v)^T (u, v) over the pixels, from the moments. The gradient by a column w of W is
+            # A^T N A w, taken from right to left, and the first row of A W by minors, so that needles keep their digits.
             n00, n01, n11 = -A0 * a[1] - B0 * a[2], -B1 * a[2], -B1 * a[5]
-            u0, u1, u2 = A0 * p0 + B0 * q0, A0 * p1 + B0 * q1, A0 * p2 + B0 * q2
+            m0, m1, m2 = minors(p0, p1, p2, q0, q1, q2)
+            g = A0 / c11
+            u0 = g * (DILATION * p0 + q1 * m2 - q2 * m1)
+            u1 = g * (DILATION * p1 + q2 * m0 - q0 * m2)
+            u2 = g * (DILATION * p2 + q0 * m1 - q1 * m0)
             v0, v1, v2 = B1 * q0, B1 * q1, B1 * q2
-            m0, m1, m2 = n00 * u0 + n01 * v0, n00 * u1 + n01 * v1, n00 * u2 + n01 * v2
-            g_p0, g_p1, g_p2 = A0 * m0, A0 * m1, A0 * m2
-            g_q0 = B0 * m0 + B1 * (n01 * u0 + n11 * v0)
-            g_q1 = B0 * m1 + B1 * (n01 * u1 + n11 * v1)
-            g_q2 = B0 * m2 + B1 * (n01 * u2 + n11 * v2)
+            g_u0, g_u1, g_u2 = n00 * u0 + n01 * v0, n00 * u1 + n01 * v1, n00 * u2 + n01 * v2
+            g_p0, g_p1, g_p2 = A0 * g_u0, A0 * g_u1, A0 * g_u2
+            g_q0 = B0 * g_u0 + B1 * (n01 * u0 + n11 * v0)
+            g_q1 = B0 * g_u1 + B1 * (n01 * u1 + n11 * v1)
+            g_q2 = B0 * g_u2 + B1 * (n01 * u2 + n11 * v2)
             jx, jy = fx * iz, fy * iz
             h00, h01, h02 = jx * g_p0, jy * g_q0, -jx * x * g_p0 - jy * y * g_q0
             h10, h11, h12 = jx * g_p1, jy * g_q1, -jx * x * g_p1 - jy * y * g_q1
