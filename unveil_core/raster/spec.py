@@ -33,8 +33,8 @@ is the footprint's covariance in square pixels, and
 
 so that q = 1, u^2 + v^2 = d^T C^-1 d, and the depth is Z at every pixel. From there on they are treated as discs are.
 
-* ``DILATION`` is 1 / 2, where implementations of 3DGS add 0.3: the discs' low-pass filter 2 |d|^2 is then never the smaller one, and
-  both kinds are filtered alike.
+* ``DILATION`` is 1 / 2, where implementations of 3DGS add 0.3: the discs' low-pass filter 2 |d|^2 is then never the
+  smaller one, and both kinds are filtered alike.
 * In Jp alone, x and y are held within ``FIELD_MARGIN`` times half the field of view from the image's middle, without a
   gradient beyond: the first-order footprint grows without bound away from it.
 * The normal is the axis of the smallest scale, the last of equals, turned like a disc's. Which one that is has no
