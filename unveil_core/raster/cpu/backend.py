@@ -15,7 +15,7 @@ from torch import Tensor
 from unveil_core.buffers import Buffers, borrow, give_back, lend
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel, thread_count
-from unveil_core.raster.cpu import ellipsoids, per_surfel
+from unveil_core.raster.cpu import binning, ellipsoids, per_surfel
 from unveil_core.raster.cpu.backward import row_size
 from unveil_core.raster.cpu.block import kept_size
 from unveil_core.raster.cpu.forward import template
@@ -103,7 +103,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     keys, spare = (buffers.array(name, (count,), np.uint64) for name in ("keys", "spare"))
     order, found = buffers.array("order", (count,), np.int32), np.zeros(1, np.int64)
     in_parallel(
-        per_surfel.arrange, 2, 1, depths.view(np.uint32), visible, keys, spare, order, found, boxes, tiles_x, tiles_y,
+        binning.arrange, 2, 1, depths.view(np.uint32), visible, keys, spare, order, found, boxes, tiles_x, tiles_y,
         surfel_start, offsets,
     )  # fmt: skip
     order, total = order[: found[0]], int(offsets[-1])
@@ -113,7 +113,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         )
     ids, place = (buffers.array(name, (total,), np.int32) for name in ("ids", "place"))
     band = max(1, -(-tiles_y // thread_count()))
-    in_parallel(per_surfel.fill_tiles, tiles_y, band, order, boxes, tiles_x, surfel_start, offsets, ids, place)
+    in_parallel(binning.fill_tiles, tiles_y, band, order, boxes, tiles_x, surfel_start, offsets, ids, place)
     hits = buffers.array("hits", (total,), np.uint16)
     planes = {name: lend(shape) for name, shape in plane_shapes(group, width, height, label_count).items()}
     kept_tiles = tiles_x * tiles_y if keep else 0
