@@ -115,10 +115,10 @@ def reconstruct_body(context: StageContext) -> None:
     drive = read_imported(context.workspace.drive_dir)
     scene = load_labels(context.workspace)
     settings = PRESETS[context.settings.quality]
-    surfels, sky = reconstruct(drive, scene, settings, seed=context.settings.seed, progress=context.progress)
+    done = reconstruct(drive, scene, settings, seed=context.settings.seed, progress=context.progress)
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
-    write_surfels(surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
-    save_sky(sky, context.output("surfels/sky.npz"))
+    write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
+    save_sky(done.sky, context.output("surfels/sky.npz"))
 
 
 def instances_body(context: StageContext) -> None:

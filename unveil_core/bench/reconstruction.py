@@ -144,12 +144,12 @@ def bench_reconstruction(
     weights: LossWeights = replace(preset.weights, **dict.fromkeys(without, 0.0))
     before = machine()
     begun = time.perf_counter()
-    surfels, sky = reconstruct(training, scene, replace(preset, weights=weights), seed=seed, progress=progress)
+    done = reconstruct(training, scene, replace(preset, weights=weights), seed=seed, progress=progress)
     seconds = time.perf_counter() - begun
-    limits = scene_range(drive)
+    surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
     return {
         "machine": before, "drive": path.name, "quality": quality, "without": list(without), "seed": seed,
         "seconds": round(seconds, 1), "surfels": len(surfels), "peak_memory_mb": peak_memory_mb(),
         "held_out": evaluate_views(surfels, sky, held, scene, near=limits.near, far=limits.far),
-        "geometry": _geometry(drive, scene, surfels, training.frames),
+        "geometry": _geometry(drive, scene, surfels, training.frames), "choices": done.choices,
     }  # fmt: skip

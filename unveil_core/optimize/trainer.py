@@ -56,7 +56,7 @@ class Optimization:
         sky_label: compact label of the sky or None.
         spared_labels: labels that opacity pruning leaves alone.
         moving: (N,) bool, surfels that may change; None = all. Then the set of surfels is fixed.
-        seed: order of the views and of splits.
+        seed: order of the views.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Optimization:
         self.texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
         self._sky_moments = self._sky_optimizer()
         fixed = settings.density is None or moving is not None
-        self.density = None if fixed else DensityControl(settings.density, len(surfels), seed)  # type: ignore[arg-type]
+        self.density = None if fixed else DensityControl(settings.density, len(surfels))  # type: ignore[arg-type]
         self._generator = np.random.default_rng(seed)
         self._order: list[int] = []
         self.loss = float("nan")
@@ -158,9 +158,9 @@ class Optimization:
         return loss
 
     def grow(self) -> None:
-        """Density control acts."""
-        assert self.density is not None
-        self.density.act(self.trainable)
+        """Density control acts, where there is any."""
+        if self.density is not None:
+            self.density.act(self.trainable)
 
     def prune(self) -> None:
         """Faint surfels go."""
