@@ -54,20 +54,30 @@ def cast(origin: np.ndarray, rays: np.ndarray, crowded: bool) -> tuple[np.ndarra
     return best, kind
 
 
-def picture(pose: np.ndarray, crowded: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Image (H, W, 3) uint8 BGR, antialiased, and classes (H, W) of an OpenGL pose."""
-    total, classes = np.zeros((HEIGHT, WIDTH, 3)), np.zeros((HEIGHT, WIDTH), np.uint8)
+def pose_at(x: float) -> np.ndarray:
+    """(4, 4) OpenGL pose of the camera so many metres down the street."""
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1], pose[:3, 2] = (0, -1, 0), (0.06, 0, 1), (-1, 0, 0.06)
+    pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
+    pose[:3, 3] = (x, 0.4, 1.6)
+    return pose
+
+
+def picture(pose: np.ndarray, crowded: bool, shrink: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Image (H, W, 3) uint8 BGR, antialiased, and classes (H, W) of an OpenGL pose; ``shrink`` times smaller."""
+    width, height, focal = WIDTH // shrink, HEIGHT // shrink, FOCAL / shrink
+    total, classes = np.zeros((height, width, 3)), np.zeros((height, width), np.uint8)
     for dx, dy in ((0.5, 0.5), (0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)):
-        x = (np.arange(WIDTH) + dx - WIDTH / 2) / FOCAL
-        y = -(np.arange(HEIGHT) + dy - HEIGHT / 2) / FOCAL
+        x = (np.arange(width) + dx - width / 2) / focal
+        y = -(np.arange(height) + dy - height / 2) / focal
         local = np.stack(np.broadcast_arrays(x[None], y[:, None], np.full((1, 1), -1.0)), axis=-1).reshape(-1, 3)
         rays = local @ pose[:3, :3].T
         t, kind = cast(pose[:3, 3], rays, crowded)
         points = pose[:3, 3] + np.where(np.isfinite(t), t, 0)[:, None] * rays
         if (dx, dy) == (0.5, 0.5):
-            classes = kind.reshape(HEIGHT, WIDTH).astype(np.uint8)
+            classes = kind.reshape(height, width).astype(np.uint8)
         else:
-            total += shade(points, kind).reshape(HEIGHT, WIDTH, 3) / 4
+            total += shade(points, kind).reshape(height, width, 3) / 4
     return (total[..., ::-1] * 255).round().astype(np.uint8), classes
 
 
@@ -79,6 +89,17 @@ def true_depth(pose: np.ndarray) -> np.ndarray:
     return cast(pose[:3, 3], local @ pose[:3, :3].T, False)[0].reshape(HEIGHT, WIDTH)
 
 
+def lidar(pose: np.ndarray, rays: int, generator: np.random.Generator) -> np.ndarray:
+    """(P, 3) points that a LiDAR on the camera's roof measures within 40 m."""
+    origin = pose[:3, 3] + (0, 0, 0.3)
+    directions = generator.normal(size=(rays, 3)) * (1, 1, 0.35)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    t, _ = cast(origin, directions, True)
+    near = t < 40
+    points: np.ndarray = origin + t[near, None] * directions[near]
+    return points
+
+
 def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
     """Write the drive and its truth; returns the path of transforms.json."""
     for name in ("images", "semantics", "instances", "masks", "truth/images", "truth/removed", "truth/depth"):
@@ -86,10 +107,7 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
     frames, cloud = [], []
     generator = np.random.default_rng(0)
     for i in range(FRAMES):
-        pose = np.eye(4)
-        pose[:3, 0], pose[:3, 1], pose[:3, 2] = (0, -1, 0), (0.06, 0, 1), (-1, 0, 0.06)
-        pose[:3, :3] /= np.linalg.norm(pose[:3, :3], axis=0)
-        pose[:3, 3] = (i * 1.0, 0.4, 1.6)
+        pose = pose_at(i * 1.0)
         image, kind = picture(pose, True)
         empty, _ = picture(pose, False)
         cv2.imwrite(str(folder / f"images/{i:02d}.png"), image)
@@ -108,12 +126,7 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
             cv2.imwrite(str(folder / f"instances/{i:02d}.png"), np.where(kind == CAR, 5, 0).astype(np.uint16))
             entry["semantic_path"], entry["instance_path"] = f"semantics/{i:02d}.png", f"instances/{i:02d}.png"
         frames.append(entry)
-        origin = pose[:3, 3] + (0, 0, 0.3)
-        rays = generator.normal(size=(3000, 3)) * (1, 1, 0.35)
-        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        t, _ = cast(origin, rays, True)
-        near = t < 40
-        cloud.append(origin + t[near, None] * rays[near])
+        cloud.append(lidar(pose, 3000, generator))
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
     document = {
         "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2,

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,18 @@ def test_up_to_date_stages_are_skipped(tmp_path: Path) -> None:
     assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
     (tmp_path / "w" / "letters" / "03.txt").write_text("somebody changed this")
     assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
+
+
+def test_an_optional_input_may_be_absent_and_counts_where_it_is_there(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    stages = (STAGES[0], replace(STAGES[1], optional=("extra.json",)))
+
+    def again() -> list[str]:
+        return run_stages(workspace, stages, RunSettings(), Path("."))
+
+    assert again() == ["letters", "total"] and again() == []
+    (tmp_path / "w" / "extra.json").write_text("{}")
+    assert again() == ["total"] and again() == []
 
 
 def test_state_and_events_tell_what_happened(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.exposure import read_exposures, write_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate import run_evaluation, write_metrics
@@ -25,6 +26,7 @@ from unveil_core.inpaint.time_reversal import FrameTask, paint_in_reversed_time
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
+from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, reconstruct
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
@@ -111,11 +113,15 @@ def segment_body(context: StageContext) -> None:
 
 
 def reconstruct_body(context: StageContext) -> None:
-    """surfels/full.ply and surfels/sky.npz."""
+    """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
     drive = read_imported(context.workspace.drive_dir)
     scene = load_labels(context.workspace)
     settings = PRESETS[context.settings.quality]
-    done = reconstruct(drive, scene, settings, seed=context.settings.seed, progress=context.progress)
+    exposures = fit_exposures(drive, progress=context.progress)
+    write_exposures(exposures, context.output("surfels/exposure.json"))
+    done = reconstruct(
+        drive, scene, settings, exposures=exposures, seed=context.settings.seed, progress=context.progress
+    )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
     write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
@@ -298,7 +304,7 @@ def drive_ground_layer(
 
 
 def inpaint_body(context: StageContext) -> None:
-    """inpainted/, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    """inpainted/ in canonical colours, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -306,7 +312,8 @@ def inpaint_body(context: StageContext) -> None:
     sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
     limits = scene_range(drive)
-    images = [read_image(f.image_path) for f in drive.frames]
+    exposures = read_exposures(workspace.exposure_json)
+    images = [exposures.read(f) for f in drive.frames]
     removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
     unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
     layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
@@ -350,7 +357,7 @@ def inpaint_body(context: StageContext) -> None:
 
 
 def reoptimize_body(context: StageContext) -> None:
-    """surfels/empty.ply, renders/, frames/."""
+    """surfels/empty.ply; renders/ and frames/, each in its own photograph's exposure."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -364,6 +371,7 @@ def reoptimize_body(context: StageContext) -> None:
     near = near_removed(full, gone, preset.near_m * limits.unit)[~gone]
     surfels = concatenate([full.select(torch.from_numpy(~gone)), seeds])
     movable = np.concatenate([near | relit, np.ones(len(seeds), dtype=bool)])
+    exposures = read_exposures(workspace.exposure_json)
     clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
     empty = reoptimize(
         surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
@@ -375,11 +383,12 @@ def reoptimize_body(context: StageContext) -> None:
         out = render_numpy(empty, frame.camera, near=limits.near, far=limits.far)
         picture = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(frame.camera).numpy()
         picture8 = np.clip(np.round(picture * 255), 0, 255).astype(np.uint8)
-        write_image_atomic(frame_file(context.output("renders"), frame), picture8)
+        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture8))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         removed |= load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        write_image_atomic(frame_file(context.output("frames"), frame), compose_frame(photograph, clean[i], removed))
+        delivered = compose_frame(photograph, exposures.delivered(frame, clean[i]), removed)
+        write_image_atomic(frame_file(context.output("frames"), frame), delivered)
 
 
 # ---------------------------------------------------------------------------------------------------------- mesh, report
@@ -413,8 +422,8 @@ STAGES: tuple[Stage, ...] = (
     Stage("import", import_body, (), ("drive",), ("max_side", "quality"), drive_digest=True),
     Stage("segment", segment_body, ("drive",), ("labels.json",), ("remove", "instances")),
     Stage(
-        "reconstruct", reconstruct_body, ("drive", "labels.json"), ("surfels/full.ply", "surfels/sky.npz"),
-        ("quality", "seed"),
+        "reconstruct", reconstruct_body, ("drive", "labels.json"),
+        ("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"), ("quality", "seed"),
     ),
     Stage(
         "instances", instances_body, ("drive", "labels.json", "surfels/full.ply"),
@@ -429,14 +438,14 @@ STAGES: tuple[Stage, ...] = (
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
          "masks/removed", "masks/unobserved"),
         ("inpainted", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
-        ("quality", "shadows", "inpainter"),
+        ("quality", "shadows", "inpainter"), optional=("surfels/exposure.json",),
     ),
     Stage(
         "reoptimize", reoptimize_body,
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/seeds.ply",
          "surfels/relit.npy", "inpainted", "masks/removed", "masks/shadows"),
         ("surfels/empty.ply", "renders", "frames"),
-        ("quality", "seed"),
+        ("quality", "seed"), optional=("surfels/exposure.json",),
     ),
     Stage(
         "mesh", mesh_body, ("drive", "surfels/full.ply", "surfels/empty.ply"),

@@ -45,6 +45,7 @@ class Stage:
         name: the verb on the command line.
         body: does the work.
         inputs: files and folders read, relative to the workspace.
+        optional: read too, but older workspaces lack them.
         outputs: files and folders written, relative to the workspace.
         settings: names of the RunSettings that influence the result.
         version: raised when the body's result changes.
@@ -58,6 +59,7 @@ class Stage:
     settings: tuple[str, ...] = ()
     version: int = 1
     drive_digest: bool = False
+    optional: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ class _Digests:
 def _input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: _Digests) -> str:
     values = settings.to_json()
     parts: list[object] = [stage.name, stage.version, {k: values[k] for k in stage.settings}]
-    parts += [(name, digests.of(workspace.root / name)) for name in stage.inputs]
+    parts += [(name, digests.of(workspace.root / name)) for name in (*stage.inputs, *stage.optional)]
     if stage.drive_digest:
         from unveil_core.drives import open_drive
 

@@ -89,6 +89,11 @@ class Workspace:
         return self.root / "surfels" / "full.ply"
 
     @property
+    def exposure_json(self) -> Path:
+        """Exposure and white balance of the photographs; absent in workspaces of before, which have none."""
+        return self.root / "surfels" / "exposure.json"
+
+    @property
     def surfels_empty(self) -> Path:
         """The empty street."""
         return self.root / "surfels" / "empty.ply"

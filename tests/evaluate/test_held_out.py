@@ -43,3 +43,9 @@ def test_an_empty_scene_shows_the_sky_and_is_judged_by_it(tmp_path: Path) -> Non
     sky = Sky(torch.full((3, 8, 16), 0.5), np.eye(3))
     told = evaluate_views(nothing, sky, list(drive.frames[:2]), scene, near=0.2, far=100.0)
     assert 5 < told["psnr"] < 25 and told["iou"]["road"] == 0.0 and 0 < told["iou"]["sky"] < 1
+    shaded = Sky(torch.linspace(0.1, 0.3, 8)[None, :, None].repeat(3, 1, 16), np.eye(3))
+    plain, aligned = (
+        evaluate_views(nothing, shaded, list(drive.frames[:2]), scene, near=0.2, far=100.0, align_exposure=a)
+        for a in (False, True)
+    )
+    assert aligned["psnr"] > plain["psnr"] + 3 and aligned["iou"] == plain["iou"]

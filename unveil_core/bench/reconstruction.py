@@ -22,6 +22,7 @@ from unveil_core.evaluate.held_out import evaluate_views, split_drive
 from unveil_core.files import read_instance_image, read_label_image
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
+from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.reconstruct import PRESETS, reconstruct
 from unveil_core.optimize.scene_range import scene_range
@@ -144,12 +145,18 @@ def bench_reconstruction(
     weights: LossWeights = replace(preset.weights, **dict.fromkeys(without, 0.0))
     before = machine()
     begun = time.perf_counter()
-    done = reconstruct(training, scene, replace(preset, weights=weights), seed=seed, progress=progress)
+    exposures = fit_exposures(training, progress=progress)
+    done = reconstruct(
+        training, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
+    )
     seconds = time.perf_counter() - begun
     surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
     return {
         "machine": before, "drive": path.name, "quality": quality, "without": list(without), "seed": seed,
         "seconds": round(seconds, 1), "surfels": len(surfels), "peak_memory_mb": peak_memory_mb(),
-        "held_out": evaluate_views(surfels, sky, held, scene, near=limits.near, far=limits.far),
+        "exposure": dict(exposures.figures),
+        "held_out": evaluate_views(
+            surfels, sky, held, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity
+        ),
         "geometry": _geometry(drive, scene, surfels, training.frames), "choices": done.choices,
     }  # fmt: skip

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim
 from unveil_core.files import read_image
+from unveil_core.optimize.exposure import affine_between
 from unveil_core.raster import render
 from unveil_core.semantics.segment import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
@@ -69,15 +70,24 @@ def class_iou(confusion: NDArray[np.int64], names: tuple[str, ...]) -> dict[str,
 
 
 def evaluate_views(
-    surfels: Surfels, sky: Sky, frames: list[Frame], scene: SceneLabels, *, near: float, far: float
-) -> dict[str, Any]:
-    """PSNR, SSIM and mIoU over some frames; PSNR is that of the mean squared error over all of them."""
+    surfels: Surfels, sky: Sky, frames: list[Frame], scene: SceneLabels, *, near: float, far: float,
+    align_exposure: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """PSNR, SSIM and mIoU over some frames; PSNR is that of the mean squared error over all of them.
+
+    Args:
+        align_exposure: for scenes in canonical colours (see ``drives.exposure``): nobody knows the exposure of a frame that was
+            held out, so gain and bias that bring its render nearest to its photograph are applied first.
+    """
     count = len(scene.labels)
     confusion = np.zeros((count, count), np.int64)
     errors, similarities = [], []
     for frame in frames:
         picture, labels = rendered_view(surfels, sky, frame, scene, near=near, far=far)
         photograph = read_image(frame.image_path)
+        if align_exposure:
+            gain, bias = affine_between(picture, photograph)
+            picture = np.clip(gain * picture + bias, 0, 1)
         errors.append(float(squared_error(picture, photograph).mean()))
         similarities.append(ssim(picture, photograph))
         true = frame_labels(frame, scene)

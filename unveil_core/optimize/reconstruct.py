@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
-from unveil_core.files import read_image
+from unveil_core.drives.exposure import Exposures
 from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Course, choose_sh_degree
 from unveil_core.optimize.density import DensitySettings
 from unveil_core.optimize.losses import LossWeights
@@ -95,6 +95,7 @@ def reconstruct(
     scene: SceneLabels,
     settings: ReconstructSettings,
     *,
+    exposures: Exposures | None = None,
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> Reconstruction:
@@ -104,11 +105,13 @@ def reconstruct(
         drive: an imported drive.
         scene: its labels.
         settings: see there.
+        exposures: of the photographs, see ``optimize.exposure``; the scene gets their canonical colours.
         seed: order of the views.
         progress: called per step with loss and the number of surfels.
     """
     limits = scene_range(drive)
-    images = [read_image(f.image_path) for f in drive.frames]
+    exposures = exposures or Exposures()
+    images = [exposures.read(f) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]
     surfels = start_scene(drive, scene, images, labels, settings.start, progress=progress)
     sky = start_sky(drive, scene, images, labels, surfels, limits)

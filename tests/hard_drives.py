@@ -1,0 +1,86 @@
+"""Small drives with one thing wrong each: the street of :mod:`tests.small_street` in thumbnails, spoilt on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from tests.small_street import CAR, FOCAL, HEIGHT, WIDTH, lidar, picture, pose_at
+from unveil_core.drives.drive import PointCloud
+from unveil_core.drives.points import read_points, write_points
+
+SHRINK = 2
+
+
+def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500, shrink: int = SHRINK) -> Path:
+    """A drive with frames at the given metres down the street; returns the path of transforms.json."""
+    (folder / "images").mkdir(parents=True)
+    (folder / "semantics").mkdir()
+    generator = np.random.default_rng(0)
+    frames, cloud = [], []
+    drawn: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+    for i, x in enumerate(places):
+        pose = pose_at(x)
+        if x not in drawn:
+            drawn[x] = picture(pose, True, shrink)
+        image, kind = drawn[x]
+        cv2.imwrite(str(folder / f"images/{i:03d}.png"), image)
+        cv2.imwrite(str(folder / f"semantics/{i:03d}.png"), kind)
+        frames.append({
+            "file_path": f"images/{i:03d}.png", "semantic_path": f"semantics/{i:03d}.png",
+            "transform_matrix": pose.tolist(),
+        })  # fmt: skip
+        cloud.append(lidar(pose, rays, generator))
+    write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
+    width, height = WIDTH // shrink, HEIGHT // shrink
+    document = {
+        "w": width, "h": height, "fl_x": FOCAL / shrink, "fl_y": FOCAL / shrink, "cx": width / 2, "cy": height / 2,
+        "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
+    }  # fmt: skip
+    path = folder / "transforms.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def move(path: Path, offset: np.ndarray) -> None:
+    """Shift the whole drive."""
+    document = json.loads(path.read_text())
+    for frame in document["frames"]:
+        for axis in range(3):
+            frame["transform_matrix"][axis][3] += float(offset[axis])
+    path.write_text(json.dumps(document))
+    replace_points(path, lambda points: points + offset)
+
+
+def replace_points(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Put other points into the drive."""
+    file = path.parent / "points.ply"
+    write_points(PointCloud(change(read_points(file).positions)), file)
+
+
+def replace_images(path: Path, folder: str, change: Callable[[np.ndarray, int], np.ndarray]) -> None:
+    """Change the pictures of a folder; ``change`` gets each and its number."""
+    for i, file in enumerate(sorted((path.parent / folder).iterdir())):
+        cv2.imwrite(str(file), change(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), i))
+
+
+def salted(labels: np.ndarray, share: float, seed: int) -> np.ndarray:
+    """Labels of which a share, pixel by pixel, is another one that occurs."""
+    generator = np.random.default_rng(seed)
+    known = np.unique(labels)
+    wrong = generator.random(labels.shape) < share
+    return np.where(wrong, generator.choice(known, labels.shape), labels).astype(np.uint8)
+
+
+def with_blob(labels: np.ndarray, share: float, seed: int) -> np.ndarray:
+    """Labels in which one square of that share of the image is a car."""
+    generator = np.random.default_rng(seed)
+    side = max(1, round((share * labels.size) ** 0.5))
+    row, column = (int(generator.integers(0, n - side)) for n in labels.shape)
+    spoilt = labels.copy()
+    spoilt[row : row + side, column : column + side] = CAR
+    return spoilt
