@@ -50,7 +50,8 @@ def reconstructed(path: Path, *, judges: Path | None = None) -> Outcome:
     drive = recentred(drive)
     scene, limits = choose_labels(drive), scene_range(drive)
     exposures = fit_exposures(drive)
-    surfels, sky = reconstruct(drive, scene, SETTINGS, exposures=exposures)
+    done = reconstruct(drive, scene, SETTINGS, exposures=exposures)
+    surfels, sky = done.surfels, done.sky
     for values in (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, sky.texture):
         assert bool(torch.isfinite(values).all())
     frames = list((drive if judges is None else recentred(open_drive(judges))).frames)

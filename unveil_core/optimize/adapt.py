@@ -16,7 +16,7 @@ from unveil_core.optimize.schedule import Phase
 from unveil_core.optimize.trainer import Optimization
 from unveil_core.optimize.views import TrainingView
 
-__all__ = ["CHOICES", "AdaptSettings", "Course", "choose_sh_degree", "step_cost"]
+__all__ = ["CHOICES", "AdaptSettings", "Looks", "choose_sh_degree", "step_cost"]
 
 CHOICES = ("coarse", "iterations", "budget", "sh_degree", "sky")
 """What is chosen while it runs, unless the user has: steps at half resolution, steps at full, surfels, colour, panorama."""
@@ -52,7 +52,7 @@ def step_cost(view: TrainingView, surfels: int) -> float:
 
 
 @dataclass
-class Course:
+class Looks:
     """Held-out error against work done.
 
     Attributes:
@@ -104,7 +104,7 @@ class Course:
 
 
 def choose_sh_degree(
-    state: Optimization, phase: Phase, steps: int, highest: int, course: Course
+    state: Optimization, phase: Phase, steps: int, highest: int, looks: Looks
 ) -> tuple[Optimization, dict[str, Any]]:
     """Try degrees of colour, from the present one upwards, for some steps each from the same state.
 
@@ -118,10 +118,10 @@ def choose_sh_degree(
         trial.trainable.raise_sh_degree(degree)
         for _ in range(steps):
             trial.step(phase.views, geometry=False, done=1.0)
-            course.work += step_cost(phase.views[0], len(trial))
-        psnr = decibels(probe_error(trial, course.probes[phase.name]))
+            looks.work += step_cost(phase.views[0], len(trial))
+        psnr = decibels(probe_error(trial, looks.probes[phase.name]))
         tried[str(degree)] = round(psnr, 3)
-        if degree > chosen and psnr < best_psnr + course.settings.sh_gain:
+        if degree > chosen and psnr < best_psnr + looks.settings.sh_gain:
             break
         best, best_psnr, chosen = trial, psnr, degree
     return best, {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": tried}

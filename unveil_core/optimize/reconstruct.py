@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Course, choose_sh_degree
+from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Looks, choose_sh_degree
 from unveil_core.optimize.density import DensitySettings
 from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.parameters import LearningRates
 from unveil_core.optimize.probes import hide, probed_frames
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.optimize.schedule import Phase, run_phase
-from unveil_core.optimize.start import StartSettings, start_scene, start_sky
+from unveil_core.optimize.start import SKY_ROWS, StartSettings, start_scene, start_sky
 from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import TrainingView, training_view
 from unveil_core.progress import Progress, no_progress
@@ -28,6 +28,7 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["PRESETS", "ReconstructSettings", "Reconstruction", "reconstruct"]
 
+MANY_FRAMES = 100
 STABLE, FALLEN = 0.5, 1.2
 """How much of the fall of the step sizes is done in the first stage, and at the end of the second: large steps as long as
 they help, then smaller and smaller ones (Hu et al., *MiniCPM*, 2024, section 4). So the first stage may end at any time."""
@@ -37,12 +38,14 @@ they help, then smaller and smaller ones (Hu et al., *MiniCPM*, 2024, section 4)
 class ReconstructSettings:
     """How much work a reconstruction may be. Numbers are limits of what is chosen while it runs (see ``adapt``).
 
+    They stand for drives of up to ``MANY_FRAMES`` frames; of longer ones steps and surfels may be more in proportion.
+
     Attributes:
         iterations: steps in all at most; the second stage takes ``geometry_share`` of those that are taken.
         geometry_share: share of the second stage.
         coarse_share: share of the steps that run at half resolution, at most.
         sh_degree: of the surfels' colour.
-        sky_rows: of the panorama of the sky.
+        sky_rows: of the panorama of the sky, where that is given.
         start: how fine the start is.
         budget: at most how many surfels density control may reach.
         adapt: when more is worth it.
@@ -55,13 +58,22 @@ class ReconstructSettings:
     geometry_share: float = 0.35
     coarse_share: float = 0.3
     sh_degree: int = 2
-    sky_rows: int = 128
+    sky_rows: int = 64
     start: StartSettings = field(default_factory=StartSettings)
     budget: int = 150_000
     adapt: AdaptSettings = field(default_factory=AdaptSettings)
     given: frozenset[str] = frozenset()
     weights: LossWeights = field(default_factory=LossWeights)
     spared: tuple[str, ...] = ("vegetation",)
+
+    def scaled(self, frames: int) -> ReconstructSettings:
+        """These limits for so many frames."""
+        factor = max(1.0, frames / MANY_FRAMES)
+        more = {
+            name: round(factor * getattr(self, name)) for name in ("iterations", "budget") if name not in self.given
+        }
+        start = replace(self.start, budget=round(factor * self.start.budget))
+        return replace(self, start=start, **more)  # type: ignore[arg-type]
 
 
 PRESETS: dict[str, ReconstructSettings] = {
@@ -109,12 +121,13 @@ def reconstruct(
         seed: order of the views.
         progress: called per step with loss and the number of surfels.
     """
-    limits = scene_range(drive)
+    limits, settings = scene_range(drive), settings.scaled(len(drive.frames))
     exposures = exposures or Exposures()
     images = [exposures.read(f) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]
     surfels = start_scene(drive, scene, images, labels, settings.start, progress=progress)
-    sky = start_sky(drive, scene, images, labels, surfels, limits)
+    rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
+    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, limits, rows)
     fine, coarse = (_views(drive, images, labels, sky, factor) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
@@ -127,7 +140,8 @@ def reconstruct(
         surfels, sky, training, LearningRates(means=0.004 * limits.unit),
         label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared, seed=seed,
     )  # fmt: skip
-    return _optimize(state, fine, coarse, settings, progress)
+    course = _Course(state, fine, coarse, settings, progress)
+    return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
 
 
 def _views(
@@ -136,66 +150,89 @@ def _views(
     return [training_view(f.camera, images[i], labels[i], None, sky, factor=factor) for i, f in enumerate(drive.frames)]
 
 
-def _optimize(
-    state: Optimization, fine: list[TrainingView], coarse: list[TrainingView], settings: ReconstructSettings,
-    progress: Progress,
-) -> Reconstruction:  # fmt: skip
-    """Both stages, as far as each step of them pays."""
-    free = frozenset(CHOICES) - settings.given
-    probed = probed_frames(len(fine)) if free else []
-    course = Course(settings.adapt, {"coarse": [coarse[i] for i in probed], "fine": [fine[i] for i in probed]})
-    choices: dict[str, Any] = {}
-    taken, most = 0, settings.iterations
+class _Course:
+    """Both stages, each part of them as long as it pays.
 
-    def shown(views: list[TrainingView]) -> list[TrainingView]:
-        return [hide(v) if i in probed else v for i, v in enumerate(views)]
+    Attributes:
+        choices: what was chosen by which numbers.
+    """
 
-    def told(state: Optimization, phase: Phase, turn: int) -> bool:
-        progress(taken + turn, most, phase.name, loss=state.loss, surfels=float(len(state)))
-        return False
+    def __init__(
+        self, state: Optimization, fine: list[TrainingView], coarse: list[TrainingView], settings: ReconstructSettings,
+        progress: Progress,
+    ) -> None:  # fmt: skip
+        self.state, self.settings, self.progress = state, settings, progress
+        self.fine, self.coarse = fine, coarse
+        self.free = frozenset(CHOICES) - settings.given
+        self.probed = probed_frames(len(fine)) if self.free else []
+        self.looks = Looks(settings.adapt, {"coarse": self._of_probed(coarse), "fine": self._of_probed(fine)})
+        self.choices: dict[str, Any] = {}
+        self.taken, self.most = 0, settings.iterations
 
-    def run(phase: Phase, ends: Callable[[Optimization], bool]) -> int:
-        course.begin()
+    def run(self) -> tuple[Surfels, Sky]:
+        """Take all steps."""
+        s = self.settings
+        first = round(s.iterations * (1 - s.geometry_share))
+        self._coarse(round(s.iterations * s.coarse_share))
+        self._fine(first - self.taken)
+        # The second stage is as long as the first deserved, and sees what was hidden.
+        second = round(self.taken * s.geometry_share / (1 - s.geometry_share))
+        self.most = self.taken + second
+        self.choices["iterations"] = {"chosen": self.most, "most": s.iterations, "gain": self.looks.gain()}
+        self.choices["looks"] = self.looks.record
+        phase = Phase("geometry", self.fine, second, True, STABLE, FALLEN, prune_every=max(50, second // 3))
+        self._run(phase, lambda: False)
+        return self.state.result()
+
+    def _coarse(self, steps: int) -> None:
+        """The first steps at half size, without growth: what is there suffices for so few pixels. Then colour's degree."""
+        phase = Phase("coarse", self._shown(self.coarse), steps, False, STABLE, STABLE)
+        taken = self._run(phase, lambda: "coarse" in self.free and not self.looks.pays())
+        self.choices["coarse"] = {"chosen": taken, "most": steps, "gain": self.looks.gain()}
+        highest = self.settings.sh_degree
+        if highest and "sh_degree" in self.free and steps:
+            trial = min(max(40, 2 * len(self.fine)), max(20, steps // 4))
+            self.state, self.choices["sh_degree"] = choose_sh_degree(self.state, phase, trial, highest, self.looks)
+        else:
+            self.state.trainable.raise_sh_degree(highest)
+
+    def _fine(self, steps: int) -> None:
+        """At full size: density control until it does not pay, then steps until they do not."""
+        phase = Phase(
+            "fine", self._shown(self.fine), steps, False, STABLE, STABLE, grow_every=self.settings.adapt.every
+        )
+        stopped = False
+
+        def ends() -> bool:
+            nonlocal stopped
+            if self.looks.pays():
+                return False
+            if "budget" in self.free and not stopped:
+                stopped, self.state.density = True, None
+                self.choices["budget"] = {
+                    "chosen": len(self.state), "most": self.settings.budget, "gain": self.looks.gain(),
+                }  # fmt: skip
+                self.looks.begin()
+                return False
+            return "iterations" in self.free
+
+        self._run(phase, ends)
+        self.choices.setdefault("budget", {"chosen": len(self.state), "most": self.settings.budget})
+        self.state.density = None
+
+    def _run(self, phase: Phase, ends: Callable[[], bool]) -> int:
+        self.looks.begin()
 
         def watch(state: Optimization, phase: Phase, turn: int) -> bool:
-            told(state, phase, turn)
-            return bool(probed) and course.look(state, phase, turn) and ends(state)
+            self.progress(self.taken + turn, self.most, phase.name, loss=state.loss, surfels=float(len(state)))
+            return bool(self.probed) and not phase.geometry and self.looks.look(state, phase, turn) and ends()
 
-        return run_phase(state, phase, watch)
+        taken = run_phase(self.state, phase, watch)
+        self.taken += taken
+        return taken
 
-    def first_stage(name: str, views: list[TrainingView], steps: int, *, grow_every: int = 0) -> Phase:
-        return Phase(name, shown(views), steps, False, STABLE, STABLE, grow_every=grow_every)
+    def _of_probed(self, views: list[TrainingView]) -> list[TrainingView]:
+        return [views[i] for i in self.probed]
 
-    def grown(state: Optimization) -> bool:
-        """Whether the phase ends: first density control stops when it does not pay, then the phase."""
-        if course.pays():
-            return False
-        if "budget" in free and state.density is not None:
-            state.density = None
-            choices["budget"] = {"chosen": len(state), "most": settings.budget, "gain": course.gain()}
-            course.begin()
-            return False
-        return "iterations" in free
-
-    most_coarse = round(most * settings.coarse_share)
-    if most_coarse:
-        phase = first_stage("coarse", coarse, most_coarse)
-        taken = run(phase, lambda _: "coarse" in free and not course.pays())
-        choices["coarse"] = {"chosen": taken, "most": most_coarse, "gain": course.gain()}
-    if "sh_degree" in free:
-        steps = max(40, 2 * len(fine))
-        state, choices["sh_degree"] = choose_sh_degree(state, phase, steps, settings.sh_degree, course)
-        taken += steps
-    else:
-        state.trainable.raise_sh_degree(settings.sh_degree)
-    left = round(most * (1 - settings.geometry_share)) - taken
-    phase = first_stage("fine", fine, left, grow_every=settings.adapt.every)
-    taken += run(phase, grown)
-    # What was hidden is shown again, and the second stage is as long as the first deserves.
-    second = round(taken * settings.geometry_share / (1 - settings.geometry_share))
-    most = taken + second
-    choices["iterations"] = {"chosen": most, "most": settings.iterations, "gain": course.gain()}
-    state.density = None
-    phase = Phase("geometry", fine, second, True, STABLE, FALLEN, prune_every=max(50, second // 3))
-    run_phase(state, phase, told)
-    return Reconstruction(*state.result(), {"given": sorted(settings.given), **choices, "looks": course.record})
+    def _shown(self, views: list[TrainingView]) -> list[TrainingView]:
+        return [hide(v) if i in self.probed else v for i, v in enumerate(views)]

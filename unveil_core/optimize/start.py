@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,7 +30,10 @@ from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.surfels.sweep import SweepSettings, sweep_points
 
-__all__ = ["StartSettings", "start_scene", "start_sky", "tracks"]
+__all__ = ["SKY_ROWS", "StartSettings", "start_scene", "start_sky", "tracks"]
+
+
+SKY_ROWS, SKY_GAIN = (8, 16, 32, 64, 128), 0.3
 
 
 @dataclass(frozen=True)
@@ -132,8 +136,23 @@ def start_scene(
     return surfels_from_points(points[good], color[good], label[good], normal[good], spacing, opacity=0.7)
 
 
-def start_sky(drive: Drive, scene: SceneLabels, images, labels, surfels: Surfels, limits: SceneRange) -> Sky:  # type: ignore[no-untyped-def]
-    """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers."""
+def start_sky(
+    drive: Drive,
+    scene: SceneLabels,
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    surfels: Surfels,
+    limits: SceneRange,
+    rows: Sequence[int] = SKY_ROWS,
+) -> tuple[Sky, dict[str, Any]]:
+    """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers.
+
+    Args:
+        rows: heights of the panorama to choose from, rising.
+    Returns:
+        the sky, and what its size was chosen by: a panorama fitted to every second frame is held against the others, and a
+        larger one must explain them better by ``SKY_GAIN`` dB.
+    """
     sky = scene.labels.index("sky")
     samples: list[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]] = []
     for i, frame in enumerate(drive.frames):
@@ -146,4 +165,16 @@ def start_sky(drive: Drive, scene: SceneLabels, images, labels, surfels: Surfels
             above = frame.camera.rays() @ drive.up > 0
             mask = (alpha.numpy() < 0.05) & above
         samples.append((frame.camera, images[i], mask))
-    return fit_sky(samples, drive.up)
+    chosen, best, tried = rows[0], -np.inf, {}
+    for height in rows if len(rows) > 1 and any(m.any() for _, _, m in samples[1::2]) else ():
+        trial = fit_sky(samples[::2], drive.up, height=height)
+        errors = [
+            np.square(trial.render(camera).numpy()[mask] - image[mask] / 255.0).ravel()
+            for camera, image, mask in samples[1::2]
+        ]
+        psnr = float(-10 * np.log10(max(float(np.concatenate(errors).mean()), 1e-12)))
+        tried[str(height)] = round(psnr, 3)
+        if psnr < best + SKY_GAIN:
+            break
+        chosen, best = height, psnr
+    return fit_sky(samples, drive.up, height=chosen), {"chosen": chosen, "psnr_of_rows": tried}
