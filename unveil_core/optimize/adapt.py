@@ -104,24 +104,32 @@ class Looks:
 
 
 def choose_sh_degree(
-    state: Optimization, phase: Phase, steps: int, highest: int, looks: Looks
+    state: Optimization, phase: Phase, steps: int, looks: Looks
 ) -> tuple[Optimization, dict[str, Any]]:
-    """Try degrees of colour, from the present one upwards, for some steps each from the same state.
+    """Drop the highest degree of colour as long as the held-out error hardly tells, each time with some steps to settle.
+
+    Downwards, for what a degree is worth shows only when it has had time to be learned.
 
     Returns:
         the state of the degree that was chosen, and the numbers that chose it.
     """
+    highest = state.trainable.surfels.sh_degree
     tried: dict[str, float] = {}
-    best, best_psnr, chosen = state, -np.inf, state.trainable.surfels.sh_degree
-    for degree in range(chosen, highest + 1):
+    trials: list[Optimization] = []
+    for degree in range(highest + 1):
         trial = state.copy()
-        trial.trainable.raise_sh_degree(degree)
-        for _ in range(steps):
-            trial.step(phase.views, geometry=False, done=1.0)
+        trial.trainable.set_sh_degree(degree)
+        for turn in range(steps):
+            # Smaller and smaller steps, as in the end: large ones shake more than a degree of colour tells.
+            trial.step(phase.views, geometry=False, done=phase.last + (1 - phase.last) * turn / steps)
             looks.work += step_cost(phase.views[0], len(trial))
-        psnr = decibels(probe_error(trial, looks.probes[phase.name]))
-        tried[str(degree)] = round(psnr, 3)
-        if degree > chosen and psnr < best_psnr + looks.settings.sh_gain:
-            break
-        best, best_psnr, chosen = trial, psnr, degree
-    return best, {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": tried}
+        trials.append(trial)
+        tried[str(degree)] = round(decibels(probe_error(trial, looks.probes[phase.name])), 3)
+    psnr = list(tried.values())
+    # The lowest from which no higher one is better by so much a degree.
+    chosen = next(
+        d
+        for d in range(highest + 1)
+        if all(psnr[h] - psnr[d] < looks.settings.sh_gain * (h - d) for h in range(d + 1, highest + 1))
+    )
+    return trials[chosen], {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": tried}

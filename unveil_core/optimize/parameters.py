@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from unveil_core.optimize.adam import adam_step
+from unveil_core.optimize.soft_labels import label_logits
 from unveil_core.surfels.surfels import Surfels, concatenate, with_sh_degree
 
 __all__ = ["LearningRates", "TrainableSurfels"]
@@ -29,6 +30,7 @@ class LearningRates:
     opacity_logits: float = 8e-2
     sh_base: float = 1e-2
     sh_rest: float = 5e-3
+    label_logits: float = 5e-2
     final: float = 0.25
     final_means: float = 0.05
 
@@ -42,7 +44,7 @@ class TrainableSurfels:
     """The one mutable object of the optimization: leaf tensors, their moments, and the fixed labels.
 
     Attributes:
-        leaves: by name, tensors that collect gradients.
+        leaves: by name, tensors that collect gradients; with soft labels also ``label_logits`` (N, K).
         first, second: by name, Adam's moments in the leaves' shapes.
         labels: (N,) int64.
         turn: steps taken.
@@ -50,18 +52,22 @@ class TrainableSurfels:
 
     NAMES = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
-    def __init__(self, surfels: Surfels, rates: LearningRates) -> None:
-        self.rates = rates
+    def __init__(self, surfels: Surfels, rates: LearningRates, *, soft_labels: int = 0) -> None:
+        self.rates, self.soft_labels = rates, soft_labels
         self.turn = 0
         self._set(surfels)
         self.first = {name: torch.zeros_like(leaf.detach()) for name, leaf in self.leaves.items()}
         self.second = {name: torch.zeros_like(leaf.detach()) for name, leaf in self.leaves.items()}
 
-    def _set(self, surfels: Surfels) -> None:
+    def _set(self, surfels: Surfels, logits: Tensor | None = None) -> None:
         self.leaves = {
             name: getattr(surfels, name).detach().clone().contiguous().requires_grad_(True) for name in self.NAMES
         }
         self.labels = surfels.labels
+        if logits is None and self.soft_labels:
+            logits = label_logits(surfels.labels, self.soft_labels)
+        if logits is not None:
+            self.leaves["label_logits"] = logits.detach().clone().requires_grad_(True)
 
     def __len__(self) -> int:
         return int(self.labels.shape[0])
@@ -69,7 +75,7 @@ class TrainableSurfels:
     @property
     def surfels(self) -> Surfels:
         """The current values, differentiable."""
-        return Surfels(**self.leaves, labels=self.labels)
+        return Surfels(**{name: self.leaves[name] for name in self.NAMES}, labels=self.labels)
 
     def step(self, moving: Tensor | None = None, *, done: float = 0.0) -> None:
         """One Adam step of the surfels in ``moving`` (N,) bool, None = all; gradients are cleared.
@@ -90,16 +96,16 @@ class TrainableSurfels:
     def copy(self) -> TrainableSurfels:
         """The same state, to go on from on its own."""
         twin = copy(self)
-        twin._set(self.surfels)
+        twin._set(self.surfels, self.leaves.get("label_logits"))
         twin.first = {name: moment.clone() for name, moment in self.first.items()}
         twin.second = {name: moment.clone() for name, moment in self.second.items()}
         return twin
 
-    def raise_sh_degree(self, degree: int) -> None:
-        """Let the colours have coefficients up to a degree; new ones start at zero."""
-        self._set(with_sh_degree(self.surfels.detach(), degree))
+    def set_sh_degree(self, degree: int) -> None:
+        """Let the colours have coefficients up to a degree; new ones start at zero, higher ones are dropped."""
+        self._set(with_sh_degree(self.surfels.detach(), degree), self.leaves.get("label_logits"))
         for moments in (self.first, self.second):
-            held = moments["sh"]
+            held = moments["sh"][:, : self.leaves["sh"].shape[1]]
             fresh = held.new_zeros(len(held), self.leaves["sh"].shape[1] - held.shape[1], 3)
             moments["sh"] = torch.cat([held, fresh], dim=1)
 
@@ -110,7 +116,13 @@ class TrainableSurfels:
     def rebuild(self, mask: Tensor, added: Surfels | None) -> None:
         """Keep ``mask`` (N,) and append new surfels with zero moments."""
         kept = self.surfels.detach().select(mask)
-        self._set(kept if added is None else concatenate([kept, added]))
+        logits = None
+        if self.soft_labels:
+            logits = self.leaves["label_logits"].detach()[mask]
+            # New surfels are sure of their label again.
+            if added is not None:
+                logits = torch.cat([logits, label_logits(added.labels, self.soft_labels)])
+        self._set(kept if added is None else concatenate([kept, added]), logits)
         for moments in (self.first, self.second):
             for name, leaf in self.leaves.items():
                 held = moments[name][mask]

@@ -18,17 +18,18 @@ from unveil_core.optimize.parameters import LearningRates
 from unveil_core.optimize.probes import hide, probed_frames
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.optimize.schedule import Phase, run_phase
-from unveil_core.optimize.start import SKY_ROWS, StartSettings, start_scene, start_sky
+from unveil_core.optimize.start import SKY_ROWS, StartSettings, random_scene, start_scene, start_sky
 from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import TrainingView, training_view
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.segment import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, as_ellipsoids
 
 __all__ = ["PRESETS", "ReconstructSettings", "Reconstruction", "reconstruct"]
 
 MANY_FRAMES = 100
+FLATNESS = 0.1
 STABLE, FALLEN = 0.5, 1.2
 """How much of the fall of the step sizes is done in the first stage, and at the end of the second: large steps as long as
 they help, then smaller and smaller ones (Hu et al., *MiniCPM*, 2024, section 4). So the first stage may end at any time."""
@@ -51,6 +52,8 @@ class ReconstructSettings:
         adapt: when more is worth it.
         given: choices (see ``CHOICES``) that the limit itself decides: the user's, or all of them for a fixed recipe.
         weights: of the losses, the paper's by default.
+        ellipsoids: 3D Gaussians instead of discs; soft_labels: trainable probabilities instead of hard labels; random_start:
+            surfels thrown into the points' box; all three for comparison only.
         spared: class names that opacity pruning leaves alone (the paper: sky and vegetation).
     """
 
@@ -64,6 +67,9 @@ class ReconstructSettings:
     adapt: AdaptSettings = field(default_factory=AdaptSettings)
     given: frozenset[str] = frozenset()
     weights: LossWeights = field(default_factory=LossWeights)
+    ellipsoids: bool = False
+    soft_labels: bool = False
+    random_start: bool = False
     spared: tuple[str, ...] = ("vegetation",)
 
     def scaled(self, frames: int) -> ReconstructSettings:
@@ -125,12 +131,18 @@ def reconstruct(
     exposures = exposures or Exposures()
     images = [exposures.read(f) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]
-    surfels = start_scene(drive, scene, images, labels, settings.start, progress=progress)
+    if settings.random_start:
+        surfels = random_scene(drive, scene, labels, settings.start.budget, seed=seed)
+    else:
+        surfels = start_scene(drive, scene, images, labels, settings.start, progress=progress)
+    if settings.ellipsoids:
+        surfels = as_ellipsoids(surfels, FLATNESS)
     rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
     sky, sky_choice = start_sky(drive, scene, images, labels, surfels, limits, rows)
     fine, coarse = (_views(drive, images, labels, sky, factor) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
+        soft_labels=settings.soft_labels,
         density=DensitySettings(budget=settings.budget, max_scale=3.0 * limits.unit),
         near=limits.near,
         far=limits.far,
@@ -173,6 +185,7 @@ class _Course:
         """Take all steps."""
         s = self.settings
         first = round(s.iterations * (1 - s.geometry_share))
+        self.state.trainable.set_sh_degree(s.sh_degree)
         self._coarse(round(s.iterations * s.coarse_share))
         self._fine(first - self.taken)
         # The second stage is as long as the first deserved, and sees what was hidden.
@@ -189,12 +202,9 @@ class _Course:
         phase = Phase("coarse", self._shown(self.coarse), steps, False, STABLE, STABLE)
         taken = self._run(phase, lambda: "coarse" in self.free and not self.looks.pays())
         self.choices["coarse"] = {"chosen": taken, "most": steps, "gain": self.looks.gain()}
-        highest = self.settings.sh_degree
-        if highest and "sh_degree" in self.free and steps:
-            trial = min(max(40, 2 * len(self.fine)), max(20, steps // 4))
-            self.state, self.choices["sh_degree"] = choose_sh_degree(self.state, phase, trial, highest, self.looks)
-        else:
-            self.state.trainable.raise_sh_degree(highest)
+        if self.settings.sh_degree and "sh_degree" in self.free and steps:
+            trial = max(1, min(2 * len(self.fine), steps // 8))
+            self.state, self.choices["sh_degree"] = choose_sh_degree(self.state, phase, trial, self.looks)
 
     def _fine(self, steps: int) -> None:
         """At full size: density control until it does not pay, then steps until they do not."""

@@ -30,7 +30,7 @@ from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.surfels.sweep import SweepSettings, sweep_points
 
-__all__ = ["SKY_ROWS", "StartSettings", "start_scene", "start_sky", "tracks"]
+__all__ = ["SKY_ROWS", "StartSettings", "random_scene", "start_scene", "start_sky", "tracks"]
 
 
 SKY_ROWS, SKY_GAIN = (8, 16, 32, 64, 128), 0.3
@@ -134,6 +134,27 @@ def start_scene(
     # Spacing of what remains, bounded: a far lonely point must not become a wall.
     spacing = np.clip(spacing[good], 0.3 * cell.min(), 6 * np.median(spacing[good]))
     return surfels_from_points(points[good], color[good], label[good], normal[good], spacing, opacity=0.7)
+
+
+def random_scene(
+    drive: Drive, scene: SceneLabels, labels: Sequence[NDArray[np.int64]], count: int, *, seed: int = 0
+) -> Surfels:
+    """A start that knows the extent of the points and nothing else, for comparison: places, directions and colours at random.
+
+    Only hard labels cannot be: a surfel has the one that most views show where it lies, hidden or not.
+    """
+    generator = np.random.default_rng(seed)
+    low, high = np.percentile(drive.points.positions, (1, 99), axis=0)
+    points = generator.uniform(low, high, (count, 3))
+    normal = generator.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    spacing = estimate_normals(points, points[:1])[1]
+    limits, sky = scene_range(drive), scene.labels.index("sky")
+    cameras = [f.camera for f in drive.frames]
+    label, _ = vote_labels(points, 1e-6 * spacing, cameras, lambda v: labels[v], len(scene.labels), near=limits.near)
+    good = (label >= 0) & (label != (-2 if sky is None else sky))
+    colors = generator.integers(0, 256, (count, 3)).astype(np.uint8)
+    return surfels_from_points(points[good], colors[good], label[good], normal[good], spacing[good], opacity=0.1)
 
 
 def start_sky(

@@ -17,6 +17,7 @@ from torch import Tensor
 from unveil_core.optimize.density import DensityControl, DensitySettings
 from unveil_core.optimize.losses import LossWeights, l1_dssim, normal_consistency, semantic_cross_entropy
 from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
+from unveil_core.optimize.soft_labels import render_soft_labels
 from unveil_core.optimize.views import TrainingView
 from unveil_core.raster import Rendered, render
 from unveil_core.surfels.sky import Sky
@@ -34,6 +35,7 @@ class TrainSettings:
         density: density control, None = the set of surfels is fixed.
         prune_opacity: surfels fainter than this go when it is time to prune (paper: 0.3), except ``spared_labels``.
         sky_rate: Adam step of the sky panorama, 0 = fixed.
+        soft_labels: whether labels are probabilities that are trained; for comparison.
         near, far: world units; the range that distortion is measured in.
     """
 
@@ -41,6 +43,7 @@ class TrainSettings:
     density: DensitySettings | None = None
     prune_opacity: float = 0.3
     sky_rate: float = 2e-3
+    soft_labels: bool = False
     near: float = 0.2
     far: float = 100.0
 
@@ -74,7 +77,7 @@ class Optimization:
     ) -> None:
         self.settings, self.label_count, self.sky_label, self.moving = settings, label_count, sky_label, moving
         self.spared = torch.tensor(list(spared_labels), dtype=torch.int64)
-        self.trainable = TrainableSurfels(surfels, rates)
+        self.trainable = TrainableSurfels(surfels, rates, soft_labels=label_count if settings.soft_labels else 0)
         self.sky = sky
         self.texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
         self._sky_moments = self._sky_optimizer()
@@ -130,7 +133,7 @@ class Optimization:
     def _render(self, current: Surfels, view: TrainingView, geometry: bool) -> Rendered:
         w, s = self.settings.weights, self.settings
         planes = ["rgb", "alpha"]
-        if w.semantic > 0 and view.labels is not None:
+        if w.semantic > 0 and view.labels is not None and not s.soft_labels:
             planes.append("semantics")
         if geometry:
             planes += ["depth", "normal"] if w.normal > 0 else []
@@ -143,9 +146,13 @@ class Optimization:
         assert out.rgb is not None and out.alpha is not None
         image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_grid, self.texture)
         loss = l1_dssim(image, view.image, view.weight, dssim=w.dssim)
-        if out.semantics is not None and view.labels is not None:
+        semantics = out.semantics
+        if self.settings.soft_labels and w.semantic > 0 and view.labels is not None:
+            logits, s = self.trainable.leaves["label_logits"], self.settings
+            semantics = render_soft_labels(current, logits, view.camera, near=s.near, far=s.far)
+        if semantics is not None and view.labels is not None:
             loss = loss + w.semantic * semantic_cross_entropy(
-                out.semantics, out.alpha, view.labels, sky_label=self.sky_label, weight=view.weight
+                semantics, out.alpha, view.labels, sky_label=self.sky_label, weight=view.weight
             )
         if out.distortion is not None:
             loss = loss + w.distortion * out.distortion.mean()
@@ -157,13 +164,20 @@ class Optimization:
             loss = loss + w.opacity * torch.sigmoid(current.opacity_logits).mean()
         return loss
 
+    def _settle_labels(self) -> None:
+        """Of soft labels the likeliest is the surfel's."""
+        if self.settings.soft_labels:
+            self.trainable.labels = self.trainable.leaves["label_logits"].detach().argmax(dim=1)
+
     def grow(self) -> None:
         """Density control acts, where there is any."""
+        self._settle_labels()
         if self.density is not None:
             self.density.act(self.trainable)
 
     def prune(self) -> None:
         """Faint surfels go."""
+        self._settle_labels()
         opacity = torch.sigmoid(self.trainable.leaves["opacity_logits"].detach())
         keep = (opacity >= self.settings.prune_opacity) | torch.isin(self.trainable.labels, self.spared)
         if not bool(keep.all()):
@@ -173,6 +187,7 @@ class Optimization:
 
     def result(self) -> tuple[Surfels, Sky]:
         """The surfels and the sky as they are now, detached."""
+        self._settle_labels()
         return self.trainable.surfels.detach(), Sky(self.texture.detach().clone(), self.sky.axes)
 
 

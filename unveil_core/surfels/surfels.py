@@ -7,13 +7,14 @@ ellipsoid of *3D Gaussian Splatting* (SIGGRAPH 2023), section 4, for comparison.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-__all__ = ["Surfels", "concatenate", "rotations", "with_sh_degree"]
+__all__ = ["Surfels", "as_ellipsoids", "concatenate", "rotations", "with_sh_degree"]
 
 
 def rotations(quats: Tensor) -> Tensor:
@@ -80,6 +81,12 @@ class Surfels:
     def detach(self) -> Surfels:
         """The same values outside the autograd graph."""
         return replace(self, **{f.name: getattr(self, f.name).detach() for f in fields(self)})
+
+
+def as_ellipsoids(discs: Surfels, thickness: float) -> Surfels:
+    """3D Gaussians in the place of discs: the third scale is ``thickness`` of the smaller of the other two."""
+    third = discs.log_scales.amin(dim=1, keepdim=True) + math.log(thickness)
+    return replace(discs, log_scales=torch.cat([discs.log_scales, third], dim=1))
 
 
 def with_sh_degree(surfels: Surfels, degree: int) -> Surfels:
