@@ -10,6 +10,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.classes import CITYSCAPES, LabelSet, expand_names
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
 from unveil_core.semantics.lift import sample_colors, vote_labels
+from unveil_core.semantics.visibility import points_in_view
 
 CAMERA = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, np.eye(4))
 
@@ -33,7 +34,8 @@ def label_picture() -> np.ndarray:
 
 def test_hidden_points_get_no_vote() -> None:
     points, which, spacing = two_walls()
-    labels, share = vote_labels(points, spacing, [CAMERA], lambda _: label_picture(), 2, near=0.1)
+    views = [points_in_view(points, spacing, CAMERA, near=0.1)]
+    labels, share = vote_labels(len(points), views, lambda _: label_picture(), 2)
     x = points[:, 0] / points[:, 2] * 70 + 40
     border = np.abs(x - 39) < 3
     inside = (x > 3) & (x < 77) & (np.abs(points[:, 1] / points[:, 2] * 70) < 26)
@@ -47,7 +49,8 @@ def test_hidden_points_get_no_vote() -> None:
 
 def test_void_does_not_vote() -> None:
     points, _, spacing = two_walls()
-    labels, _ = vote_labels(points, spacing, [CAMERA], lambda _: np.full((60, 80), -1), 3, near=0.1)
+    views = [points_in_view(points, spacing, CAMERA, near=0.1)]
+    labels, _ = vote_labels(len(points), views, lambda _: np.full((60, 80), -1), 3)
     assert (labels == -1).all()
 
 
@@ -56,7 +59,8 @@ def test_colours_come_from_the_visible_surface() -> None:
     picture = np.zeros((60, 80, 3), dtype=np.uint8)
     picture[:, :39] = (200, 0, 0)
     picture[:, 39:] = (0, 0, 200)
-    colors, known = sample_colors(points, spacing, [CAMERA], lambda _: picture, near=0.1)
+    views = [points_in_view(points, spacing, CAMERA, near=0.1)]
+    colors, known = sample_colors(len(points), views, lambda _: picture)
     x = points[:, 0] / points[:, 2] * 70 + 40
     assert (colors[known & (which == 0) & (x < 36)] == (200, 0, 0)).all()
     assert (colors[known & (which == 1) & (x > 43)] == (0, 0, 200)).all()

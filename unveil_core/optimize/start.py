@@ -26,6 +26,7 @@ from unveil_core.semantics.lift import sample_colors, vote_labels
 from unveil_core.semantics.segment import SceneLabels
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
+from unveil_core.surfels.outliers import lonely_points
 from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.surfels.sweep import SweepSettings, sweep_points
@@ -90,13 +91,14 @@ def start_scene(
     limits = scene_range(drive)
     cameras = [f.camera for f in drive.frames]
     sky = scene.labels.index("sky")
-    positions = [drive.points.positions]
-    _, spacing = estimate_normals(drive.points.positions, np.stack([c.centre for c in cameras]), neighbours=4)
+    centres = np.stack([c.centre for c in cameras])
+    spacing, lonely = lonely_points(drive.points.positions, centres)
+    positions, spacing = [drive.points.positions[~lonely]], spacing[~lonely]
     # An isolated point stands for no more surface than a pixel block of the nearest view would.
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
     for track in tracks(drive):
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
-        usable = [~_measured(drive.points.positions, sizes[0], cameras[i], limits.near) for i in track]
+        usable = [~_measured(positions[0], sizes[0], cameras[i], limits.near) for i in track]
         if sky is not None:
             usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
@@ -111,23 +113,21 @@ def start_scene(
     if len(positions) > 1:
         measured = cKDTree(positions[0])
         extra, footprint = np.concatenate(positions[1:]), np.concatenate(sizes[1:])
-        lonely = measured.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
-        positions, sizes = [positions[0], extra[lonely]], [sizes[0], footprint[lonely]]
+        new = measured.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
+        positions, sizes = [positions[0], extra[new]], [sizes[0], footprint[new]]
     points, size = np.concatenate(positions), np.concatenate(sizes)
     cell = np.maximum(size, settings.spacing_m * limits.unit)
     keep = thin_points(points, cell)
     while len(keep) > settings.budget:
         cell = cell * 1.15
         keep = thin_points(points, cell)
-    points = points[keep]
-    centres = np.stack([c.centre for c in cameras])
+    points, cell = points[keep], cell[keep]
     normal, spacing = estimate_normals(points, centres)
     # What hides others is as large as the thinning left it; lonely strays must not blot out what lies behind them.
-    cover = np.minimum(spacing, 0.7 * cell[keep])
-    label, agreement = vote_labels(
-        points, cover, cameras, lambda v: labels[v], len(scene.labels), near=limits.near, normals=normal
-    )
-    color, seen = sample_colors(points, cover, cameras, lambda v: images[v], near=limits.near, normals=normal)
+    cover = np.minimum(spacing, 0.7 * cell)
+    views = [points_in_view(points, cover, c, near=limits.near, normals=normal) for c in cameras]
+    label, agreement = vote_labels(len(points), views, lambda v: labels[v], len(scene.labels))
+    color, seen = sample_colors(len(points), views, lambda v: images[v])
     good = seen & (label >= 0) & (label != (-2 if sky is None else sky)) & (agreement > 0.4)
     if not good.any():
         raise DriveError("no point of the drive is seen by any frame", path=drive.root, mend="check poses and points")

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.lift import vote_labels
+from unveil_core.semantics.visibility import points_in_view
 
 __all__ = ["Box", "cluster_points", "fit_box", "vote_instances"]
 
@@ -71,7 +72,8 @@ def vote_instances(
             return np.full((cameras[v].height, cameras[v].width), -1, dtype=np.int64)
         return table[image]
 
-    label, _ = vote_labels(positions, spacing, cameras, compact, len(ids), near=near)
+    views = [points_in_view(positions, spacing, camera, near=near) for camera in cameras]
+    label, _ = vote_labels(len(positions), views, compact, len(ids))
     voted = np.where(label >= 0, np.asarray(ids)[np.maximum(label, 0)], 0)
     if (voted > 0).any() and (voted == 0).any():
         # A point that no view shows within an instance belongs to the nearest one that has one.

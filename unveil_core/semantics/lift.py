@@ -11,63 +11,48 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.geometry.camera import Camera
-from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.visibility import PointsInView
 
 __all__ = ["sample_colors", "vote_labels"]
 
 
 def vote_labels(
-    positions: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    cameras: Sequence[Camera],
-    label_image: Callable[[int], NDArray[np.int64]],
-    label_count: int,
-    *,
-    near: float,
-    normals: NDArray[np.float64] | None = None,
+    count: int, views: Sequence[PointsInView], label_image: Callable[[int], NDArray[np.int64]], label_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Label points by the views that see them.
 
     Args:
-        positions: (P, 3); spacing: (P,), world units.
-        cameras: V views.
+        count: P; views: which of the points each of V views sees.
         label_image: gives (H, W) compact labels of view v, negative = no vote.
         label_count: K.
-        near: nearest depth that counts, world units; normals: (P, 3) of the points' surface, if known.
     Returns:
         labels (P,), -1 where nobody voted; the share of the winning label among all votes (P,).
     """
-    votes = np.zeros((len(positions), label_count))
-    for v, camera in enumerate(cameras):
-        seen = points_in_view(positions, spacing, camera, near=near, normals=normals)
+    votes = np.zeros((count, label_count))
+    for v, seen in enumerate(views):
         label = label_image(v)[seen.rows, seen.columns]
         counts = label >= 0
-        votes[seen.index[counts], label[counts]] += 1.0 / np.maximum(seen.depth[counts], near)
+        votes[seen.index[counts], label[counts]] += 1.0 / seen.depth[counts]
     total = votes.sum(axis=1)
     labels = np.where(total > 0, votes.argmax(axis=1), -1)
     return labels, votes.max(axis=1) / np.maximum(total, 1e-12)
 
 
 def sample_colors(
-    positions: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    cameras: Sequence[Camera],
-    image: Callable[[int], NDArray[np.uint8]],
-    *,
-    near: float,
-    normals: NDArray[np.float64] | None = None,
+    count: int, views: Sequence[PointsInView], image: Callable[[int], NDArray[np.uint8]]
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Colour points from the views that see them, nearer views counting more.
 
+    Args:
+        count: P; views: which of the points each of V views sees.
+        image: gives (H, W, 3) uint8 of view v.
     Returns:
         colours (P, 3) uint8, and which points (P,) any view saw.
     """
-    total = np.zeros((len(positions), 3))
-    weight = np.zeros(len(positions))
-    for v, camera in enumerate(cameras):
-        seen = points_in_view(positions, spacing, camera, near=near, normals=normals)
-        w = 1.0 / np.maximum(seen.depth, near) ** 2
+    total = np.zeros((count, 3))
+    weight = np.zeros(count)
+    for v, seen in enumerate(views):
+        w = 1.0 / seen.depth**2
         total[seen.index] += image(v)[seen.rows, seen.columns] * w[:, None]
         weight[seen.index] += w
     known = weight > 0

@@ -1,0 +1,49 @@
+"""Points that stand alone: the spacing of a cloud, and which points it does not explain.
+
+A statistical test of the distances to the neighbours (Rusu et al. 2008, *Towards 3D point cloud based object maps for
+household environments*), against two references instead of one of the whole cloud: a LiDAR's spacing grows with the
+distance, so a point is compared with its neighbours, and with all points at its distance from the cameras.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+__all__ = ["lonely_points"]
+
+NEIGHBOURS, NEAREST = 24, 4
+BESIDE_NEIGHBOURS, AT_ITS_RANGE = 2.5, 2.5
+"""How many times the spacing of its neighbours, or of the points at its distance, makes a point lonely."""
+RANGES = 32
+LEAST_POINTS = 200
+"""Fewer are no cloud that has a spacing."""
+
+
+def lonely_points(
+    positions: NDArray[np.float64], viewpoints: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Spacing of points, and which stand much farther from the others than those do from one another.
+
+    Args:
+        positions: (P, 3), world units; viewpoints: (V, 3) camera centres.
+    Returns:
+        the spacing (P,): root mean square distance to the three nearest neighbours; lonely (P,).
+    """
+    count = len(positions)
+    k = min(NEIGHBOURS, count - 1)
+    if k < 3:
+        return np.full(count, 0.1), np.zeros(count, bool)
+    distance, index = cKDTree(positions).query(positions, k=k + 1, workers=1)
+    spacing = np.sqrt(np.mean(distance[:, 1:4] ** 2, axis=1))
+    if count < LEAST_POINTS:
+        return spacing, np.zeros(count, bool)
+    own = distance[:, 1 : NEAREST + 1].mean(axis=1)
+    # The lower quartile: where strays are many, most neighbours of a stray are strays too.
+    beside = np.partition(own[index[:, 1:]], k // 4, axis=1)[:, k // 4]
+    usual = np.empty(count)
+    away = cKDTree(viewpoints).query(positions)[0]
+    for part in np.array_split(np.argsort(away, kind="stable"), RANGES):
+        usual[part] = np.median(own[part])
+    return spacing, (own > BESIDE_NEIGHBOURS * beside) | (own > AT_ITS_RANGE * usual)
