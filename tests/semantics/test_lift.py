@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,35 @@ def test_hidden_points_get_no_vote() -> None:
     seen = (which == 1) & (x > 43) & inside
     assert (labels[seen] == 1).all()
     assert (share[seen] == 1).all()
+
+
+def test_a_pixel_beside_an_objects_border_counts_less_than_one_amid_its_label() -> None:
+    point, spacing = np.array([[0.0, 0.0, 4.0]]), np.array([0.1])
+    views = [points_in_view(point, spacing, CAMERA, near=0.1)] * 3
+    beside, amid = np.zeros((60, 80), np.int64), np.zeros((60, 80), np.int64)
+    beside[:, 40:] = 1  # two views show the object's last column at the point, one shows it amid the background
+    labels, share = vote_labels(1, views, lambda v: amid if v == 2 else beside, 2)
+    assert labels[0] == 0 and share[0] > 0.75
+    assert vote_labels(1, views[:2], lambda v: beside, 2)[0][0] == 1, "where nothing else is known, it does count"
+
+
+def test_noise_in_the_label_images_is_voted_away() -> None:
+    points, which, spacing = two_walls()
+    generator = np.random.default_rng(3)
+    poses = [np.eye(4) for _ in range(5)]
+    for i, pose in enumerate(poses):
+        pose[0, 3] = 0.05 * (i - 2)
+    views = [points_in_view(points, spacing, replace(CAMERA, world_to_camera=p), near=0.1) for p in poses]
+    noisy = []
+    for _ in poses:
+        picture = label_picture()
+        salt = generator.random(picture.shape) < 0.05
+        picture[salt] = generator.integers(0, 4, salt.sum())
+        noisy.append(picture)
+    clean, _ = vote_labels(len(points), views, lambda _: label_picture(), 4)
+    labels, _ = vote_labels(len(points), views, lambda v: noisy[v], 4)
+    amid = np.abs(points[:, 0] / points[:, 2] * 70 + 40 - 39) > 5
+    assert (labels != clean)[amid].mean() < 0.002
 
 
 def test_void_does_not_vote() -> None:

@@ -1,7 +1,7 @@
 """Labels and colours for points: a visibility-checked vote over the views.
 
 *3D StreetUnveiler*, section 3.1, gives each surfel one hard label; here it is the label that most views, weighted by
-nearness, show where the point is really seen.
+nearness and by the distance from borders between labels, show where the point is really seen.
 """
 
 from __future__ import annotations
@@ -16,10 +16,28 @@ from unveil_core.semantics.visibility import PointsInView
 __all__ = ["sample_colors", "vote_labels"]
 
 
+BORDER_PX, BORDER_POWER = 2, 4
+"""A vote counts by the share of its own label in so wide a border around the pixel, to this power."""
+
+
+def _label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """How much of the square of ``2 * BORDER_PX + 1`` pixels around each has its own label, 0 to 1."""
+    padded = np.pad(image, BORDER_PX, mode="edge")
+    own = image[rows, columns]
+    same = np.zeros(len(rows))
+    for i in range(2 * BORDER_PX + 1):
+        for j in range(2 * BORDER_PX + 1):
+            same += padded[rows + i, columns + j] == own
+    return same / (2 * BORDER_PX + 1) ** 2
+
+
 def vote_labels(
     count: int, views: Sequence[PointsInView], label_image: Callable[[int], NDArray[np.int64]], label_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Label points by the views that see them.
+    """Label points by the views that see them, nearer views and pixels amid their label counting more.
+
+    A pixel beside the border of an object, or one that noise has changed, hardly counts against views that show the point
+    amid a label.
 
     Args:
         count: P; views: which of the points each of V views sees.
@@ -30,9 +48,12 @@ def vote_labels(
     """
     votes = np.zeros((count, label_count))
     for v, seen in enumerate(views):
-        label = label_image(v)[seen.rows, seen.columns]
+        image = label_image(v)
+        label = image[seen.rows, seen.columns]
+        share = _label_share(image, seen.rows, seen.columns)
+        weight = share**BORDER_POWER / seen.depth
         counts = label >= 0
-        votes[seen.index[counts], label[counts]] += 1.0 / seen.depth[counts]
+        votes[seen.index[counts], label[counts]] += weight[counts]
     total = votes.sum(axis=1)
     labels = np.where(total > 0, votes.argmax(axis=1), -1)
     return labels, votes.max(axis=1) / np.maximum(total, 1e-12)
