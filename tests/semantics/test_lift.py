@@ -49,14 +49,15 @@ def test_hidden_points_get_no_vote() -> None:
     assert (share[seen] == 1).all()
 
 
-def test_a_pixel_beside_an_objects_border_counts_less_than_one_amid_its_label() -> None:
+def test_a_lonely_pixel_counts_less_than_a_thin_pole() -> None:
     point, spacing = np.array([[0.0, 0.0, 4.0]]), np.array([0.1])
     views = [points_in_view(point, spacing, CAMERA, near=0.1)] * 3
-    beside, amid = np.zeros((60, 80), np.int64), np.zeros((60, 80), np.int64)
-    beside[:, 40:] = 1  # two views show the object's last column at the point, one shows it amid the background
-    labels, share = vote_labels(1, views, lambda v: amid if v == 2 else beside, 2)
-    assert labels[0] == 0 and share[0] > 0.75
-    assert vote_labels(1, views[:2], lambda v: beside, 2)[0][0] == 1, "where nothing else is known, it does count"
+    salt, pole, wall = (np.zeros((60, 80), np.int64) for _ in range(3))
+    salt[30, 40] = 1
+    pole[:, 40:42] = 1
+    assert vote_labels(1, views, lambda v: wall if v == 2 else salt, 2)[0][0] == 0
+    assert vote_labels(1, views, lambda v: wall if v == 2 else pole, 2)[0][0] == 1
+    assert vote_labels(1, views[:2], lambda v: salt, 2)[0][0] == 1, "where nothing else is known, it does count"
 
 
 def test_noise_in_the_label_images_is_voted_away() -> None:

@@ -1,7 +1,7 @@
 """Labels and colours for points: a visibility-checked vote over the views.
 
 *3D StreetUnveiler*, section 3.1, gives each surfel one hard label; here it is the label that most views, weighted by
-nearness and by the distance from borders between labels, show where the point is really seen.
+nearness, show where the point is really seen.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from unveil_core.semantics.visibility import PointsInView
 __all__ = ["sample_colors", "vote_labels"]
 
 
-BORDER_PX, BORDER_POWER = 2, 4
-"""A vote counts by the share of its own label in so wide a border around the pixel, to this power."""
+BORDER_PX, LEAST_SHARE = 2, 0.3
+"""A pixel counts in full where this share of the square of so wide a border around it has its own label."""
 
 
 def _label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -34,10 +34,9 @@ def _label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDA
 def vote_labels(
     count: int, views: Sequence[PointsInView], label_image: Callable[[int], NDArray[np.int64]], label_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Label points by the views that see them, nearer views and pixels amid their label counting more.
+    """Label points by the views that see them, nearer views counting more and lonely pixels, as noise leaves them, less.
 
-    A pixel beside the border of an object, or one that noise has changed, hardly counts against views that show the point
-    amid a label.
+    Pixels at borders count in full: all of a thin pole are, and the wall behind it would take its points.
 
     Args:
         count: P; views: which of the points each of V views sees.
@@ -51,7 +50,7 @@ def vote_labels(
         image = label_image(v)
         label = image[seen.rows, seen.columns]
         share = _label_share(image, seen.rows, seen.columns)
-        weight = share**BORDER_POWER / seen.depth
+        weight = np.minimum(share / LEAST_SHARE, 1.0) / seen.depth
         counts = label >= 0
         votes[seen.index[counts], label[counts]] += weight[counts]
     total = votes.sum(axis=1)
