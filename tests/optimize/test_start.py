@@ -15,17 +15,37 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.optimize import start as module
 from unveil_core.optimize.start import StartSettings, start_scene
 from unveil_core.semantics.segment import choose_labels, frame_labels
+from unveil_core.semantics.visibility import points_in_view
+from unveil_core.surfels.initialize import thin_points
 
 
 def test_pixels_among_close_points_are_measured() -> None:
     camera = Camera(100, 60, 80.0, 80.0, 50.0, 30.0, np.eye(4))
     side = np.arange(-10, 11) * 0.08  # a point at every second pixel or so
     wall = np.stack([*np.meshgrid(side, side), np.full((21, 21), 5.0)], axis=-1).reshape(-1, 3)
-    mask = module._measured(wall, np.full(len(wall), 0.08), camera, 0.2)
+
+    def measured(points: np.ndarray) -> np.ndarray:
+        seen = points_in_view(points, np.full(len(points), 0.08), camera, near=0.2)
+        return module._measured(seen, camera)
+
+    mask = measured(wall)
     assert mask[30, 50] and mask[38, 42] and not mask[30, 70] and not mask[5, 5]
     # What lies behind the wall or the camera is not seen, and lonely points measure nothing.
-    assert not module._measured(wall * (1, 1, -1), np.full(len(wall), 0.08), camera, 0.2).any()
-    assert not module._measured(wall[::13], np.full(len(wall[::13]), 0.08), camera, 0.2).any()
+    assert not measured(wall * (1, 1, -1)).any()
+    assert not measured(wall[::13]).any()
+
+
+def test_detail_gets_finer_cells_than_a_plain_wall_of_the_same_points() -> None:
+    camera = Camera(100, 60, 80.0, 80.0, 50.0, 30.0, np.eye(4))
+    x, y = np.meshgrid(np.linspace(-2.8, 2.8, 160), np.linspace(-1.6, 1.6, 100))
+    wall = np.stack([x, y, np.full_like(x, 5.0)], axis=-1).reshape(-1, 3)
+    image = np.full((60, 100, 3), 120, np.uint8)
+    image[:, 50:] = np.random.default_rng(0).integers(0, 255, (60, 50, 1))
+    _, detail = module._survey(wall, np.full(len(wall), 0.035), [camera], [image], 0.2)
+    left, right = wall[:, 0] < -0.4, wall[:, 0] > 0.4
+    assert detail[left].max() < 1 < detail[right].min()
+    kept = thin_points(wall, 0.1 * module._cell_share(detail))
+    assert right[kept].sum() > 2 * left[kept].sum() > 0
 
 
 def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,7 @@ from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.semantics.lift import sample_colors, vote_labels
 from unveil_core.semantics.segment import SceneLabels
-from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
 from unveil_core.surfels.outliers import lonely_points
 from unveil_core.surfels.sky import Sky, fit_sky
@@ -52,20 +52,54 @@ MEASURED_SHARE, MEASURED_POINTS = 0.02, 5
 """A pixel is measured where so many points lie within this share of the image's width."""
 
 
+DETAIL_WINDOW = (7, 7)
+FINEST_SHARE = 0.5
+"""Of the usual cell, where the images have most detail."""
+
+
 def tracks(drive: Drive) -> list[list[int]]:
     """Frame indices by camera, in order of travel."""
     names = list(dict.fromkeys(f.camera_name for f in drive.frames))
     return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]
 
 
-def _measured(
-    points: NDArray[np.float64], spacing: NDArray[np.float64], camera: Camera, near: float
-) -> NDArray[np.bool_]:
+def _survey(
+    points: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    near: float,
+) -> tuple[list[NDArray[np.bool_]], NDArray[np.float64]]:
+    """What is measured in each view, (H, W) each, and the detail (P,) that the views show around each point.
+
+    Detail is the contrast of the nearby pixels, levels of 255, the mean over the views that see the point, nan without any.
+    """
+    measured = []
+    total, weight = np.zeros(len(points)), np.zeros(len(points))
+    for camera, image in zip(cameras, images, strict=True):
+        seen = points_in_view(points, spacing, camera, near=near)
+        measured.append(_measured(seen, camera))
+        gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        mean, square = cv2.blur(gray, DETAIL_WINDOW), cv2.blur(gray * gray, DETAIL_WINDOW)
+        contrast = np.sqrt(np.maximum(square - mean * mean, 0))[seen.rows, seen.columns]
+        total[seen.index] += contrast / seen.depth
+        weight[seen.index] += 1 / seen.depth
+    return measured, np.where(weight > 0, total / np.maximum(weight, 1e-12), np.nan)
+
+
+def _cell_share(detail: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(P,) share of the usual cell of thinning: the less, the more detail a point has beyond the median."""
+    if np.isnan(detail).all():
+        return np.ones(len(detail))
+    share = np.clip(np.nanmedian(detail) / np.maximum(detail, 1e-3), FINEST_SHARE, 1.0)
+    return np.nan_to_num(share, nan=1.0)
+
+
+def _measured(seen: PointsInView, camera: Camera) -> NDArray[np.bool_]:
     """(H, W), the pixels around which the view sees measured points close together, as a LiDAR leaves them.
 
     The lonely points of structure from motion measure no surface.
     """
-    seen = points_in_view(points, spacing, camera, near=near)
     count = np.zeros((camera.height, camera.width), np.float32)
     np.add.at(count, (seen.rows, seen.columns), 1.0)
     side = 2 * max(1, round(MEASURED_SHARE * camera.width)) + 1
@@ -96,9 +130,10 @@ def start_scene(
     positions, spacing = [drive.points.positions[~lonely]], spacing[~lonely]
     # An isolated point stands for no more surface than a pixel block of the nearest view would.
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
+    measured, detail = _survey(positions[0], sizes[0], cameras, images, limits.near)
     for track in tracks(drive):
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
-        usable = [~_measured(positions[0], sizes[0], cameras[i], limits.near) for i in track]
+        usable = [~measured[i] for i in track]
         if sky is not None:
             usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
@@ -111,11 +146,13 @@ def start_scene(
     # The drive's own points come first, so that thinning keeps them where both exist; swept ones only where
     # the nearest measured point is farther away than a few pixels.
     if len(positions) > 1:
-        measured = cKDTree(positions[0])
+        known = cKDTree(positions[0])
         extra, footprint = np.concatenate(positions[1:]), np.concatenate(sizes[1:])
-        new = measured.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
+        new = known.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
         positions, sizes = [positions[0], extra[new]], [sizes[0], footprint[new]]
     points, size = np.concatenate(positions), np.concatenate(sizes)
+    # A plain surface needs no finer surfels than its points; what has detail gets all points that there are.
+    size[: len(positions[0])] *= _cell_share(detail)
     cell = np.maximum(size, settings.spacing_m * limits.unit)
     keep = thin_points(points, cell)
     while len(keep) > settings.budget:
