@@ -30,6 +30,7 @@ from unveil_core.surfels.outliers import lonely_points
 from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.surfels.sweep import SweepSettings, sweep_points
+from unveil_core.surfels.tangents import tangent_frames
 
 __all__ = ["SKY_ROWS", "StartSettings", "random_scene", "start_scene", "start_sky", "tracks"]
 
@@ -170,7 +171,10 @@ def start_scene(
         raise DriveError("no point of the drive is seen by any frame", path=drive.root, mend="check poses and points")
     # Spacing of what remains, bounded: a far lonely point must not become a wall.
     spacing = np.clip(spacing[good], 0.3 * cell.min(), 6 * np.median(spacing[good]))
-    return surfels_from_points(points[good], color[good], label[good], normal[good], spacing, opacity=0.7)
+    quats, factors = tangent_frames(points[good], normal[good])
+    return surfels_from_points(
+        points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
+    )
 
 
 def random_scene(

@@ -78,25 +78,29 @@ def surfels_from_points(
     normals: NDArray[np.float64],
     spacing: NDArray[np.float64],
     *,
+    quats: NDArray[np.float64] | None = None,
     sh_degree: int = 0,
     opacity: float = 0.5,
     scale_factor: float = 0.8,
 ) -> Surfels:
-    """One round surfel per point.
+    """One surfel per point.
 
     Args:
-        positions: (P, 3); colors: (P, 3) uint8; labels: (P,) compact; normals: (P, 3) unit; spacing: (P,) world units.
+        positions: (P, 3); colors: (P, 3) uint8; labels: (P,) compact; normals: (P, 3) unit.
+        spacing: (P,) world units, or (P, 2) along both tangent axes of ``quats`` (P, 4), see ``tangent_frames``.
         sh_degree: degree of the colour; higher coefficients start at zero.
         opacity: starting opacity.
         scale_factor: standard deviation as a share of the spacing.
     """
     sh = np.zeros((len(positions), (sh_degree + 1) ** 2, 3), dtype=np.float32)
     sh[:, 0] = (colors.astype(np.float64) / 255 - 0.5) / SH_C0
+    quats = quats_from_normals(normals) if quats is None else quats
+    spacing = np.broadcast_to(spacing[:, None] if spacing.ndim == 1 else spacing, (len(positions), 2))
     scale = np.log(np.maximum(spacing * scale_factor, 1e-7))
     return Surfels(
         means=torch.from_numpy(positions.astype(np.float32)),
-        quats=torch.from_numpy(quats_from_normals(normals).astype(np.float32)),
-        log_scales=torch.from_numpy(np.repeat(scale[:, None], 2, axis=1).astype(np.float32)),
+        quats=torch.from_numpy(quats.astype(np.float32)),
+        log_scales=torch.from_numpy(scale.astype(np.float32)),
         opacity_logits=torch.full((len(positions),), float(np.log(opacity / (1 - opacity)))),
         sh=torch.from_numpy(sh),
         labels=torch.from_numpy(labels.astype(np.int64)),
