@@ -20,6 +20,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.errors import DriveError
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.scene_range import SceneRange, scene_range
+from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.semantics.lift import sample_colors, vote_labels
@@ -172,9 +173,10 @@ def start_scene(
     # Spacing of what remains, bounded: a far lonely point must not become a wall.
     spacing = np.clip(spacing[good], 0.3 * cell.min(), 6 * np.median(spacing[good]))
     quats, factors = tangent_frames(points[good], normal[good])
-    return surfels_from_points(
+    start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
+    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, drive.up, limits)
 
 
 def random_scene(

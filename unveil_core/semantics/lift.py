@@ -13,15 +13,19 @@ from numpy.typing import NDArray
 
 from unveil_core.semantics.visibility import PointsInView
 
-__all__ = ["sample_colors", "vote_labels"]
+__all__ = ["label_share", "sample_colors", "vote_labels"]
 
 
 BORDER_PX, LEAST_SHARE = 2, 0.3
 """A pixel counts in full where this share of the square of so wide a border around it has its own label."""
 
 
-def _label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """How much of the square of ``2 * BORDER_PX + 1`` pixels around each has its own label, 0 to 1."""
+def label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """How much of the square of ``2 * BORDER_PX + 1`` pixels around each of some pixels (M,) has its own label, 0 to 1.
+
+    Args:
+        image: (H, W) labels; rows, columns: (M,) of the pixels.
+    """
     padded = np.pad(image, BORDER_PX, mode="edge")
     own = image[rows, columns]
     same = np.zeros(len(rows))
@@ -49,7 +53,7 @@ def vote_labels(
     for v, seen in enumerate(views):
         image = label_image(v)
         label = image[seen.rows, seen.columns]
-        share = _label_share(image, seen.rows, seen.columns)
+        share = label_share(image, seen.rows, seen.columns)
         weight = np.minimum(share / LEAST_SHARE, 1.0) / seen.depth
         counts = label >= 0
         votes[seen.index[counts], label[counts]] += weight[counts]

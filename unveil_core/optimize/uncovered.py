@@ -1,0 +1,87 @@
+"""Surfels for what the points leave uncovered: upper facades, treetops, the far end of the street.
+
+Only sky may be left to the panorama behind the surfels, or the optimization stretches what is near to cover what is far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.scene_range import SceneRange
+from unveil_core.raster import render
+from unveil_core.semantics.lift import label_share
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["cover_uncovered"]
+
+STEP = 2
+"""Pixels between seeds, and by which the views are coarser that they are found in."""
+COVERED = 0.5
+AMID = 0.9
+"""Least share of its own label around a pixel: neither noise nor a wide surfel at a border may cover sky."""
+
+
+def cover_uncovered(
+    surfels: Surfels,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    label_count: int,
+    sky: int | None,
+    up: NDArray[np.float64],
+    limits: SceneRange,
+) -> Surfels:
+    """Add surfels where a view shows something, but the surfels so far leave most of its light through.
+
+    They stand as far away as the nearest covered pixel of the same label in the image, at the far end of the range without
+    any, and face the view; what one view has planted covers it in the next ones.
+
+    Args:
+        surfels: the start so far.
+        cameras, images: the views, (H, W, 3) uint8; labels: (H, W) compact, negative = unknown, left alone;
+            label_count: K.
+        sky: its label; None = unknown, then pixels above the horizon count as sky. up: (3,) unit.
+        limits: near and far, world units.
+    """
+    for camera, image, label in zip(cameras, images, labels, strict=True):
+        small = camera.resized(max(1, camera.width // STEP), max(1, camera.height // STEP))
+        with torch.no_grad():
+            out = render(
+                surfels, small, ("alpha", "median_depth", "semantics"), label_count=label_count,
+                near=limits.near, far=limits.far,
+            )  # fmt: skip
+        assert out.alpha is not None and out.median_depth is not None and out.semantics is not None
+        # What stands at a covered pixel may be the rim of something else than the image shows there.
+        standing = out.semantics.argmax(2).numpy()
+        alpha, depth = out.alpha.numpy(), out.median_depth.double().numpy()
+        row = ((np.arange(small.height) + 0.5) * camera.height / small.height).astype(np.int64)
+        column = ((np.arange(small.width) + 0.5) * camera.width / small.width).astype(np.int64)
+        shown, rays = label[np.ix_(row, column)], small.rays()
+        empty = (alpha < COVERED) & (shown >= 0) & ((rays @ up <= 0) if sky is None else (shown != sky))
+        rows, columns = np.nonzero(empty)
+        amid = label_share(label, row[rows], column[columns]) >= AMID
+        rows, columns = rows[amid], columns[amid]
+        if not len(rows):
+            continue
+        kind, away = shown[rows, columns], np.full(len(rows), 0.9 * limits.far)
+        for k in np.unique(kind):
+            known = (alpha >= COVERED) & (shown == k) & (standing == k) & (depth > limits.near)
+            if known.any():
+                nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+                of_k = kind == k
+                away[of_k] = depth[tuple(nearest[:, rows[of_k], columns[of_k]])]
+        ray = rays[rows, columns]
+        seeds = surfels_from_points(
+            camera.centre + away[:, None] * ray, image[row[rows], column[columns]], kind,
+            -ray / np.linalg.norm(ray, axis=1, keepdims=True), away / small.fx,
+            sh_degree=surfels.sh_degree, opacity=0.7, scale_factor=0.5,
+        )  # fmt: skip
+        surfels = concatenate([surfels, seeds])
+    return surfels
