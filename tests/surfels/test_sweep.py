@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.parallel import threads
 from unveil_core.surfels.sweep import SweepSettings, sweep_depth, sweep_points
 
 NORMAL, OFFSET = np.array([0.45, 0.1, 1.0]), 6.0
@@ -54,6 +55,21 @@ def test_what_is_not_asked_for_or_plain_has_no_depth() -> None:
     _, score = sweep_depth(cameras[0], pictures[0], others, ladder, SweepSettings(), usable=asked)
     assert (score[:, 60:] < 0).all() and (score[54:] < 0).all()
     assert (score[10:40, 16:56] > 0.75).mean() > 0.9
+
+
+def test_any_number_of_threads_finds_the_same() -> None:
+    cameras = [camera_at(x) for x in (0.0, -0.3, 0.3)]
+    pictures = [photograph(c) for c in cameras]
+    # Other columns are asked for in each band of rows.
+    row, column = np.mgrid[:80, :120]
+    asked = (column > 10 + row // 3) & (column < 100 - row // 5)
+    ladder = 1.0 / np.linspace(1 / 2.0, 1 / 40.0, 72)
+    found = []
+    for count in (1, 3):
+        with threads(count):
+            others = list(zip(cameras[1:], pictures[1:], strict=True))
+            found.append(sweep_depth(cameras[0], pictures[0], others, ladder, SweepSettings(), usable=asked))
+    assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
 
 
 def test_swept_points_lie_on_the_plane() -> None:

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import in_parallel
 from unveil_core.progress import Progress, no_progress
-from unveil_core.surfels.sweep_kernels import NOTHING, sweep_rows
+from unveil_core.surfels.sweep_kernels import BAND, NOTHING, sweep_bands
 
 __all__ = ["SweepSettings", "sweep_depth", "sweep_points"]
 
 Float32 = NDArray[np.float32]
-ROWS_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ def sweep_depth(
     score, before, after = (np.empty(gray.shape, np.float32) for _ in range(3))
     asked = np.ones(gray.shape, np.uint8) if usable is None else usable.astype(np.uint8)
     in_parallel(
-        sweep_rows, len(gray), ROWS_AT_ONCE, gray, pictures, np.stack([t for t, _ in ways]), np.stack([s for _, s in ways]),
+        sweep_bands, -(-len(gray) // BAND), 1, gray, pictures, np.stack([t for t, _ in ways]), np.stack([s for _, s in ways]),
         inverse.astype(np.float32), asked, settings.window // 2, rung, score, before, after,
     )  # fmt: skip
     # A parabola through the winner and its neighbours in the ladder: depth between the steps.

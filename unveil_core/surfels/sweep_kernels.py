@@ -8,12 +8,14 @@ from numba import njit
 
 from unveil_core.parallel import FAST
 
-__all__ = ["NOTHING", "sweep_rows"]
+__all__ = ["NOTHING", "sweep_bands"]
 
 f32, u32, u64 = np.float32, np.uint32, np.uint64
 ONE = u64(1)
 NOTHING = f32(-1)
 """The correlation where nothing could be compared."""
+BAND = 16
+"""Rows that are swept together. How sums round depends on the columns asked for within a band."""
 LEAST_VARIANCE = f32(4)
 """Of grey values, squared levels of 255: below it a window has no texture to compare."""
 
@@ -60,7 +62,7 @@ def _window_sums(values, others, row, half, first, last, down, sums):
 
 
 @njit(**FAST)
-def sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, half, rung, score, before, after):
+def _sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, half, rung, score, before, after):
     """Rows ``start`` to ``stop`` of one frame.
 
     Args:
@@ -135,3 +137,10 @@ def sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, half
         for column in range(first, last):
             if spread[r, column] <= LEAST_VARIANCE or not usable[low + r, column]:
                 score[low + r, column] = NOTHING
+
+
+@njit(**FAST)
+def sweep_bands(start, stop, gray, *arguments):
+    """Bands ``start`` to ``stop`` of ``BAND`` rows, each alone: how many a thread takes must not change what is found."""
+    for band in range(start, stop):
+        _sweep_rows(band * BAND, min((band + 1) * BAND, len(gray)), gray, *arguments)
