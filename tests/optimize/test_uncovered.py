@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
@@ -77,3 +79,18 @@ def test_noise_unknown_labels_and_pixels_above_the_horizon_plant_nothing() -> No
     assert len(cover_uncovered(wall, [CAMERA], [image], [noisy], 3, SKY, UP, LIMITS)) == len(wall)
     assert len(cover_uncovered(wall, [CAMERA], [image], [np.full_like(labels, -1)], 3, SKY, UP, LIMITS)) == len(wall)
     assert len(cover_uncovered(wall, [CAMERA], [image], [np.zeros_like(labels)], 3, None, UP, LIMITS)) == len(wall)
+
+
+def test_a_patch_that_one_view_of_three_labels_wrong_plants_nothing() -> None:
+    image, labels = picture()
+    wall = lower_wall()
+    labels[:32] = SKY
+    wrong = labels.copy()
+    wrong[4:16, 60:72] = TREE
+    poses = [np.eye(4) for _ in range(3)]
+    for i, pose in enumerate(poses):
+        pose[0, 3] = 0.1 * i
+    cameras = [replace(CAMERA, world_to_camera=p) for p in poses]
+    full = cover_uncovered(wall, cameras, [image] * 3, [labels, wrong, labels], 3, SKY, UP, LIMITS)
+    assert len(full) == len(wall)
+    assert len(cover_uncovered(wall, cameras[1:2], [image], [wrong], 3, SKY, UP, LIMITS)) > len(wall)

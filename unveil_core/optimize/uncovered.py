@@ -11,12 +11,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
+from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.scene_range import SceneRange
 from unveil_core.raster import render
-from unveil_core.semantics.lift import label_share
+from unveil_core.semantics.lift import label_share, vote_labels
+from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.ply import normals
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["cover_uncovered"]
@@ -24,8 +27,26 @@ __all__ = ["cover_uncovered"]
 STEP = 2
 """Pixels between seeds, and by which the views are coarser that they are found in."""
 COVERED = 0.5
+AGREEMENT = 0.6
+"""Least share of the views' votes that a planted surfel's label must have."""
 AMID = 0.9
 """Least share of its own label around a pixel: neither noise nor a wide surfel at a border may cover sky."""
+
+
+def _confirmed(
+    surfels: Surfels,
+    cameras: Sequence[Camera],
+    labels: Sequence[NDArray[np.int64]],
+    label_count: int,
+    limits: SceneRange,
+) -> Tensor:
+    """(N,) bool, where the views that see a surfel agree with its label: one view alone may be wrong in a whole patch."""
+    positions = surfels.means.double().numpy()
+    spacing = surfels.log_scales.exp().amax(1).double().numpy()
+    facing = normals(surfels.quats).double().numpy()
+    views = [points_in_view(positions, spacing, camera, near=limits.near, normals=facing) for camera in cameras]
+    label, agreement = vote_labels(len(positions), views, lambda v: labels[v], label_count)
+    return torch.from_numpy((label == surfels.labels.numpy()) & (agreement > AGREEMENT))
 
 
 def cover_uncovered(
@@ -41,7 +62,8 @@ def cover_uncovered(
     """Add surfels where a view shows something, but the surfels so far leave most of its light through.
 
     They stand as far away as the nearest covered pixel of the same label in the image, at the far end of the range without
-    any, and face the view; what one view has planted covers it in the next ones.
+    any, and face the view; what one view has planted covers it in the next ones. Those
+    stay whose label most views confirm.
 
     Args:
         surfels: the start so far.
@@ -50,6 +72,7 @@ def cover_uncovered(
         sky: its label; None = unknown, then pixels above the horizon count as sky. up: (3,) unit.
         limits: near and far, world units.
     """
+    before = len(surfels)
     for camera, image, label in zip(cameras, images, labels, strict=True):
         small = camera.resized(max(1, camera.width // STEP), max(1, camera.height // STEP))
         with torch.no_grad():
@@ -84,4 +107,8 @@ def cover_uncovered(
             sh_degree=surfels.sh_degree, opacity=0.7, scale_factor=0.5,
         )  # fmt: skip
         surfels = concatenate([surfels, seeds])
-    return surfels
+    if len(surfels) == before:
+        return surfels
+    kept = _confirmed(surfels, cameras, labels, label_count, limits)
+    kept[:before] = True
+    return surfels.select(kept)
