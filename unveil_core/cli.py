@@ -115,6 +115,11 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
     )
+    p.add_argument(
+        "--variant", default=None, metavar="NAME",
+        help="fixed, soft_labels, ellipsoids, random_start, no_growth or no_pruning, for comparison",
+    )  # fmt: skip
+    p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
     p.add_argument(
         "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"

@@ -24,7 +24,12 @@ def run_bench(arguments: argparse.Namespace) -> int:
         from unveil_core.bench.reconstruction import bench_reconstruction
 
         told = bench_reconstruction(
-            arguments.drive, quality=arguments.quality, every=arguments.every, without=arguments.without
+            arguments.drive,
+            quality=arguments.quality,
+            every=arguments.every,
+            without=arguments.without,
+            variant=arguments.variant,
+            salt=arguments.salt,
         )
     elif arguments.what == "step":
         size, count = arguments.size or (480, 320), arguments.surfels or 100_000

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from unveil_core.bench.timing import machine, peak_memory_mb
@@ -19,23 +22,40 @@ from unveil_core.drives.importing import recentred
 from unveil_core.errors import SettingsError
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
-from unveil_core.files import read_instance_image, read_label_image
+from unveil_core.files import read_instance_image, read_label_image, write_image_atomic
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
+from unveil_core.optimize.adapt import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.losses import LossWeights
-from unveil_core.optimize.reconstruct import PRESETS, reconstruct
+from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.progress import Progress, no_progress
+from unveil_core.raster import render
+from unveil_core.remove.regions import grow, unobserved_mask
+from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.initialize import thin_points
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOSSES", "bench_reconstruction"]
+__all__ = ["LOSSES", "VARIANTS", "bench_reconstruction"]
 
 LOSSES = ("dssim", "semantic", "distortion", "label_distortion", "normal", "opacity")
 """Names that ``without`` takes: the parts of the loss beside L1."""
+VARIANTS: dict[str, Callable[[ReconstructSettings], ReconstructSettings]] = {
+    "fixed": lambda s: replace(s, given=frozenset(CHOICES)),
+    "soft_labels": lambda s: replace(s, soft_labels=True),
+    "ellipsoids": lambda s: replace(s, ellipsoids=True),
+    "random_start": lambda s: replace(s, random_start=True),
+    "no_growth": lambda s: replace(s, budget=0),
+    "no_pruning": lambda s: replace(s, prune_opacity=0.0),
+}
+"""What the reconstruction may be done with or without instead, by name: all steps, surfels and degrees that the limits allow
+(no adaptation); trainable labels; 3D Gaussians; surfels thrown into the scene; no density control; no opacity pruning."""
 VOXEL_M, DEPTH_M, REACH_M, SAMPLE_M = 0.06, 25.0, 35.0, 0.05
+CROP_M = 5.0
+"""Points farther than this from every true one are left out, as in the paper (section 4)."""
+TOO_CLOSE_M = 0.08
 FINER = 4
 
 
@@ -106,25 +126,65 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
     reference, depth = _true_surface(drive, REACH_M * limits.unit)
     true = reference[depth < DEPTH_M * limits.unit]
     reference, true = (p[thin_points(p, SAMPLE_M * limits.unit)] for p in (reference, true))
-    distances = surface_distances(found, true, reference=reference)
+    distances = surface_distances(found, true, reference=reference, crop=CROP_M * limits.unit)
     return {
         "chamfer_m": round(distances.chamfer / limits.unit, 4),
         **{f"f_score_{t}": round(distances.f_score(t * limits.unit), 4) for t in (0.05, 0.25)},
         **{f"precision_{t}": round(distances.precision(t * limits.unit), 4) for t in (0.05, 0.25)},
         **{f"recall_{t}": round(distances.recall(t * limits.unit), 4) for t in (0.05, 0.25)},
         "points": [len(found), len(true)],
+        "cropped": len(found) - len(distances.to_true),
     }
 
 
+def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
+    """What the alpha maps call never seen when the removable classes go, against what truly was; empty without a truth."""
+    limits = scene_range(drive)
+    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M * limits.unit)
+    left = surfels.select(torch.from_numpy(~gone))
+    both = either = 0
+    for frame in frames:
+        path = None if drive.truth_root is None else drive.truth_root / "unseen" / f"{frame.name}.png"
+        if path is None or not path.is_file():
+            continue
+        alpha = []
+        for part in (surfels, left):
+            with torch.no_grad():
+                plane = render(part, frame.camera, ("alpha",), near=limits.near, far=limits.far).alpha
+            assert plane is not None
+            alpha.append(plane.numpy())
+        removed = grow(np.isin(frame_labels(frame, scene), scene.removed_labels), 2)
+        found, true = unobserved_mask(alpha[0], alpha[1], removed), read_label_image(path) > 127
+        both, either = both + int((found & true).sum()), either + int((found | true).sum())
+    return {"unobserved_iou": round(both / either, 4)} if either else {}
+
+
+def _salted(drive: Drive, scene: SceneLabels, share: float, folder: Path, seed: int) -> Drive:
+    """The drive with so many of its labels' pixels replaced by another of its labels each, written to a folder."""
+    generator = np.random.default_rng(seed)
+    ids, count = np.array(scene.labels.disk_ids), len(scene.labels)
+    frames = []
+    for frame in drive.frames:
+        label = frame_labels(frame, scene)
+        other = (label + generator.integers(1, count, label.shape)) % count
+        noisy = np.where((generator.random(label.shape) < share) & (label >= 0), other, label)
+        path = folder / f"{frame.camera_name}_{frame.name}.png"
+        write_image_atomic(path, np.where(noisy >= 0, ids[noisy], 255).astype(np.uint8))
+        frames.append(replace(frame, semantic_path=path))
+    return replace(drive, frames=tuple(frames))
+
+
 def bench_reconstruction(
-    path: Path, *, quality: str = "standard", every: int = 8, without: tuple[str, ...] = (), seed: int = 0,
-    progress: Progress = no_progress,
+    path: Path, *, quality: str = "standard", every: int = 8, without: tuple[str, ...] = (), variant: str | None = None,
+    salt: float = 0.0, seed: int = 0, progress: Progress = no_progress,
 ) -> dict[str, Any]:  # fmt: skip
     """Reconstruct a drive without every n-th frame, and measure.
 
     Args:
         path: a drive, as for ``unveil run``; its images are used as they are (no lens distortion).
         without: parts of the loss that are left out, see ``LOSSES``.
+        variant: one of ``VARIANTS``.
+        salt: share of the pixels of the training frames' labels that are replaced by any other label.
     Returns:
         seconds, surfels, memory; PSNR, SSIM and mIoU of the held-out frames; Chamfer distance and F-scores where the drive
         has a truth with depth.
@@ -132,6 +192,8 @@ def bench_reconstruction(
     unknown = [name for name in without if name not in LOSSES]
     if unknown:
         raise SettingsError(f"no loss is called {unknown[0]!r}", mend=f"use {', '.join(LOSSES)}")
+    if variant is not None and variant not in VARIANTS:
+        raise SettingsError(f"no variant is called {variant!r}", mend=f"use {', '.join(VARIANTS)}")
     drive = open_drive(path)
     check_drive(drive)
     drive = recentred(drive)
@@ -141,22 +203,26 @@ def bench_reconstruction(
         )
     training, held = split_drive(drive, every)
     scene = choose_labels(drive)
-    preset = PRESETS[quality]
+    preset = PRESETS[quality] if variant is None else VARIANTS[variant](PRESETS[quality])
     weights: LossWeights = replace(preset.weights, **dict.fromkeys(without, 0.0))
     before = machine()
-    begun = time.perf_counter()
-    exposures = fit_exposures(training, progress=progress)
-    done = reconstruct(
-        training, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        told = _salted(training, scene, salt, Path(folder), seed) if salt else training
+        begun = time.perf_counter()
+        exposures = fit_exposures(told, progress=progress)
+        done = reconstruct(
+            told, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
+        )
     seconds = time.perf_counter() - begun
     surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
     return {
-        "machine": before, "drive": path.name, "quality": quality, "without": list(without), "seed": seed,
+        "machine": before, "drive": path.name, "quality": quality, "without": list(without),
+        "variant": variant, "salt": salt, "seed": seed,
         "seconds": round(seconds, 1), "surfels": len(surfels), "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(
             surfels, sky, held, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity
         ),
-        "geometry": _geometry(drive, scene, surfels, training.frames), "choices": done.choices,
+        "geometry": _geometry(drive, scene, surfels, training.frames)
+        | _unobserved_iou(drive, scene, surfels, training.frames), "choices": done.choices,
     }  # fmt: skip

@@ -98,5 +98,6 @@ def evaluate_views(
         "psnr": round(psnr_of_mse(float(np.mean(errors))), 3),
         "psnr_by_frame": [round(psnr_of_mse(e), 3) for e in errors],
         "ssim": round(float(np.mean(similarities)), 4),
+        "label_error": round(1 - float(np.trace(confusion)) / max(1, int(confusion.sum())), 5),
     }
     return told | class_iou(confusion, scene.labels.names)

@@ -52,6 +52,7 @@ class ReconstructSettings:
         adapt: when more is worth it.
         given: choices (see ``CHOICES``) that the limit itself decides: the user's, or all of them for a fixed recipe.
         weights: of the losses, the paper's by default.
+        prune_opacity: surfels fainter than this go in the second stage (paper: 0.3).
         ellipsoids: 3D Gaussians instead of discs; soft_labels: trainable probabilities instead of hard labels; random_start:
             surfels thrown into the points' box; all three for comparison only.
         spared: class names that opacity pruning leaves alone (the paper: sky and vegetation).
@@ -67,6 +68,7 @@ class ReconstructSettings:
     adapt: AdaptSettings = field(default_factory=AdaptSettings)
     given: frozenset[str] = frozenset()
     weights: LossWeights = field(default_factory=LossWeights)
+    prune_opacity: float = 0.3
     ellipsoids: bool = False
     soft_labels: bool = False
     random_start: bool = False
@@ -143,6 +145,7 @@ def reconstruct(
     training = TrainSettings(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
+        prune_opacity=settings.prune_opacity,
         density=DensitySettings(budget=settings.budget, max_scale=3.0 * limits.unit),
         near=limits.near,
         far=limits.far,

@@ -193,8 +193,8 @@ def random_scene(
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     spacing = estimate_normals(points, points[:1])[1]
     limits, sky = scene_range(drive), scene.labels.index("sky")
-    cameras = [f.camera for f in drive.frames]
-    label, _ = vote_labels(points, 1e-6 * spacing, cameras, lambda v: labels[v], len(scene.labels), near=limits.near)
+    views = [points_in_view(points, 1e-6 * spacing, f.camera, near=limits.near) for f in drive.frames]
+    label, _ = vote_labels(count, views, lambda v: labels[v], len(scene.labels))
     good = (label >= 0) & (label != (-2 if sky is None else sky))
     colors = generator.integers(0, 256, (count, 3)).astype(np.uint8)
     return surfels_from_points(points[good], colors[good], label[good], normal[good], spacing[good], opacity=0.1)

@@ -19,7 +19,6 @@ from unveil_core.raster import render
 from unveil_core.semantics.lift import label_share, vote_labels
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import surfels_from_points
-from unveil_core.surfels.ply import normals
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["cover_uncovered"]
@@ -43,7 +42,7 @@ def _confirmed(
     """(N,) bool, where the views that see a surfel agree with its label: one view alone may be wrong in a whole patch."""
     positions = surfels.means.double().numpy()
     spacing = surfels.log_scales.exp().amax(1).double().numpy()
-    facing = normals(surfels.quats).double().numpy()
+    facing = surfels.normals().double().numpy()
     views = [points_in_view(positions, spacing, camera, near=limits.near, normals=facing) for camera in cameras]
     label, agreement = vote_labels(len(positions), views, lambda v: labels[v], label_count)
     return torch.from_numpy((label == surfels.labels.numpy()) & (agreement > AGREEMENT))
