@@ -21,11 +21,12 @@ class LearningRates:
 
     They fall exponentially: the means' to ``final_means`` of the start, the others' to ``final``. A few hundred steps with
     large steps first end 0.6 to 1.4 dB above as many of one size (held-out views of the truth scenes); the higher
-    coefficients take as large steps as the constant one: they see fewer views, and there is no time to wait for them.
+    coefficients take as large steps as the constant one: they see fewer views, and there is no time to wait for them. Rotations
+    take small steps: measured points know their normals, and larger ones buy 0.2 dB with a tenth of the F-score at 5 cm.
     """
 
     means: float
-    quats: float = 4e-3
+    quats: float = 5e-4
     log_scales: float = 3.2e-2
     opacity_logits: float = 8e-2
     sh_base: float = 1e-2
