@@ -70,6 +70,11 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--seed", type=int, default=0)
         p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
         p.add_argument("--shadows", default="auto", choices=("auto", "off"), help="take shadows of what goes along")
+        p.add_argument("--iterations", type=int, default=None, metavar="N", help="steps of the reconstruction")
+        p.add_argument("--sh-degree", type=int, default=None, metavar="L", help="degree of colour by direction, 0 to 3")
+        p.add_argument("--splats", type=int, default=None, metavar="N", help="surfels at most")
+        p.add_argument("--no-adaptation", dest="adapt", action="store_false",
+                       help="take all that the quality allows, not only what the scene needs")  # fmt: skip
         p.add_argument("--inpainter", default="exemplar", choices=("exemplar", "telea", "navier-stokes"),
                        help="for what is neither ground nor seen from anywhere")  # fmt: skip
 
@@ -136,7 +141,10 @@ def _parser() -> argparse.ArgumentParser:
 def _settings(arguments: argparse.Namespace) -> Any:
     from unveil_core.settings import RunSettings
 
-    names = ("remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter")
+    names = (
+        "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "iterations", "sh_degree",
+        "splats", "adapt",
+    )  # fmt: skip
     return RunSettings(**{n: getattr(arguments, n) for n in names})
 
 

@@ -25,6 +25,9 @@ class RunSettings:
         seed: of everything random.
         max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
         shadows: "auto" takes the shadows of what was removed along, "off" leaves them.
+        iterations, sh_degree, splats: steps, degree of colour (0 to 3) and most surfels of the reconstruction; None = chosen
+            while it runs, by held-out error against cost.
+        adapt: False takes all that the quality's limits allow instead of choosing.
         inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
     """
 
@@ -36,6 +39,10 @@ class RunSettings:
     max_side: int | None = None
     shadows: str = "auto"
     inpainter: str = "exemplar"
+    iterations: int | None = None
+    sh_degree: int | None = None
+    splats: int | None = None
+    adapt: bool = True
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -48,6 +55,12 @@ class RunSettings:
                 raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")
         if self.max_side is not None and self.max_side < 32:
             raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
+        for name, given, low, high in (
+            ("iterations", self.iterations, 20, 1_000_000), ("sh_degree", self.sh_degree, 0, 3),
+            ("splats", self.splats, 100, 20_000_000),
+        ):  # fmt: skip
+            if given is not None and not low <= given <= high:
+                raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
         if self.seed < 0:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
         if self.device == "cuda":

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,8 +28,9 @@ from unveil_core.inpaint.time_reversal import FrameTask, paint_in_reversed_time
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
+from unveil_core.optimize.adapt import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.reconstruct import PRESETS, reconstruct
+from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.optimize.start import tracks
@@ -37,6 +40,7 @@ from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.report import write_report
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_instances, frame_labels
+from unveil_core.settings import RunSettings
 from unveil_core.stages import Stage, StageContext
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, up_frame
@@ -112,11 +116,21 @@ def segment_body(context: StageContext) -> None:
 # ----------------------------------------------------------------------------------------------------------- reconstruct
 
 
+def asked_for(settings: RunSettings) -> ReconstructSettings:
+    """The quality's limits, and what the user has decided instead."""
+    preset = PRESETS[settings.quality]
+    given = {
+        "iterations": settings.iterations, "sh_degree": settings.sh_degree, "budget": settings.splats,
+    }  # fmt: skip
+    decided: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))
+
+
 def reconstruct_body(context: StageContext) -> None:
     """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
     drive = read_imported(context.workspace.drive_dir)
     scene = load_labels(context.workspace)
-    settings = PRESETS[context.settings.quality]
+    settings = asked_for(context.settings)
     exposures = fit_exposures(drive, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
     done = reconstruct(
@@ -125,6 +139,7 @@ def reconstruct_body(context: StageContext) -> None:
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
     write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
+    context.workspace.update_stage("reconstruct", choices=done.choices)
 
 
 def instances_body(context: StageContext) -> None:
@@ -423,7 +438,8 @@ STAGES: tuple[Stage, ...] = (
     Stage("segment", segment_body, ("drive",), ("labels.json",), ("remove", "instances")),
     Stage(
         "reconstruct", reconstruct_body, ("drive", "labels.json"),
-        ("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"), ("quality", "seed"),
+        ("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
+        ("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
     ),
     Stage(
         "instances", instances_body, ("drive", "labels.json", "surfels/full.ply"),

@@ -16,7 +16,7 @@ from unveil_core.optimize.schedule import Phase
 from unveil_core.optimize.trainer import Optimization
 from unveil_core.optimize.views import TrainingView
 
-__all__ = ["CHOICES", "AdaptSettings", "Looks", "choose_sh_degree", "step_cost"]
+__all__ = ["CHOICES", "AdaptSettings", "Looks", "decibels", "step_cost"]
 
 CHOICES = ("coarse", "iterations", "budget", "sh_degree", "sky")
 """What is chosen while it runs, unless the user has: steps at half resolution, steps at full, surfels, colour, panorama."""
@@ -36,7 +36,7 @@ class AdaptSettings:
     """
 
     least_gain: float = 0.1
-    sh_gain: float = 0.1
+    sh_gain: float = 0.2
     every: int = 60
     looks: int = 3
 
@@ -101,35 +101,3 @@ class Looks:
         """Whether to go on as now."""
         gain = self.gain()
         return gain is None or gain >= self.settings.least_gain
-
-
-def choose_sh_degree(
-    state: Optimization, phase: Phase, steps: int, looks: Looks
-) -> tuple[Optimization, dict[str, Any]]:
-    """Drop the highest degree of colour as long as the held-out error hardly tells, each time with some steps to settle.
-
-    Downwards, for what a degree is worth shows only when it has had time to be learned.
-
-    Returns:
-        the state of the degree that was chosen, and the numbers that chose it.
-    """
-    highest = state.trainable.surfels.sh_degree
-    tried: dict[str, float] = {}
-    trials: list[Optimization] = []
-    for degree in range(highest + 1):
-        trial = state.copy()
-        trial.trainable.set_sh_degree(degree)
-        for turn in range(steps):
-            # Smaller and smaller steps, as in the end: large ones shake more than a degree of colour tells.
-            trial.step(phase.views, geometry=False, done=phase.last + (1 - phase.last) * turn / steps)
-            looks.work += step_cost(phase.views[0], len(trial))
-        trials.append(trial)
-        tried[str(degree)] = round(decibels(probe_error(trial, looks.probes[phase.name])), 3)
-    psnr = list(tried.values())
-    # The lowest from which no higher one is better by so much a degree.
-    chosen = next(
-        d
-        for d in range(highest + 1)
-        if all(psnr[h] - psnr[d] < looks.settings.sh_gain * (h - d) for h in range(d + 1, highest + 1))
-    )
-    return trials[chosen], {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": tried}

@@ -104,7 +104,11 @@ class TrainableSurfels:
 
     def set_sh_degree(self, degree: int) -> None:
         """Let the colours have coefficients up to a degree; new ones start at zero, higher ones are dropped."""
-        self._set(with_sh_degree(self.surfels.detach(), degree), self.leaves.get("label_logits"))
+        self.set_sh(with_sh_degree(self.surfels.detach(), degree))
+
+    def set_sh(self, recoloured: Surfels) -> None:
+        """Go on with the same surfels in other colours, of any degree."""
+        self._set(recoloured, self.leaves.get("label_logits"))
         for moments in (self.first, self.second):
             held = moments["sh"][:, : self.leaves["sh"].shape[1]]
             fresh = held.new_zeros(len(held), self.leaves["sh"].shape[1] - held.shape[1], 3)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Looks, choose_sh_degree
+from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Looks
+from unveil_core.optimize.colour_degree import choose_sh_degree
 from unveil_core.optimize.density import DensitySettings
 from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.parameters import LearningRates
