@@ -44,9 +44,12 @@ def measure(scene: str, quality: str, folder: Path, more: Sequence[str] = ()) ->
 
 def main() -> None:
     """Measure all runs."""
+    runs: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as folder:
-        runs = [measure(scene, quality, Path(folder), more) for scene in SCENES for quality, more in RUNS]
-    (HERE / "results" / "reconstruction.json").write_text(json.dumps({"runs": runs}, indent=1) + "\n")
+        for quality, more in RUNS:
+            for scene in SCENES:
+                runs.append(measure(scene, quality, Path(folder), more))
+                (HERE / "results" / "reconstruction.json").write_text(json.dumps({"runs": runs}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

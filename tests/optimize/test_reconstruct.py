@@ -1,0 +1,95 @@
+"""A whole reconstruction of a small street: it takes what the scene needs, and what the user says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests import small_street
+from unveil_core.drives import open_drive
+from unveil_core.drives.importing import recentred
+from unveil_core.evaluate.held_out import evaluate_views
+from unveil_core.optimize.adapt import CHOICES, AdaptSettings
+from unveil_core.optimize.reconstruct import MANY_FRAMES, PRESETS, Reconstruction, ReconstructSettings, reconstruct
+from unveil_core.optimize.scene_range import scene_range
+from unveil_core.optimize.start import StartSettings
+from unveil_core.semantics.segment import choose_labels
+
+SMALL = ReconstructSettings(
+    iterations=360, sh_degree=1, start=StartSettings(budget=4000), budget=12_000, adapt=AdaptSettings(every=20)
+)
+
+
+def plain(points: np.ndarray, kind: np.ndarray) -> np.ndarray:
+    """One matte colour for each class."""
+    return np.array([(0.1 + 0.07 * (k % 11), 0.5, 0.7 - 0.04 * (k % 11)) for k in range(19)])[kind]
+
+
+def rich(points: np.ndarray, kind: np.ndarray) -> np.ndarray:
+    """The same with a coarse and a fine pattern."""
+    waves = np.sin(points * (5.0, 6.0, 7.0)).prod(axis=1) + 0.7 * np.sin(points * (17.0, 19.0, 13.0)).sum(axis=1) / 3
+    return np.clip(plain(points, kind) + 0.25 * waves[:, None] * (kind != small_street.SKY)[:, None], 0, 1)
+
+
+def reconstructed(folder: Path, settings: ReconstructSettings) -> tuple[Reconstruction, float]:
+    """The scene of a drive and the PSNR of its own frames."""
+    drive = recentred(open_drive(folder))
+    scene, limits = choose_labels(drive), scene_range(drive)
+    done = reconstruct(drive, scene, settings)
+    told = evaluate_views(done.surfels, done.sky, list(drive.frames), scene, near=limits.near, far=limits.far)
+    return done, told["psnr"]
+
+
+def test_a_plain_scene_comes_out_smaller_and_sooner_than_a_rich_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = {}
+    for shade in (plain, rich):
+        monkeypatch.setattr(small_street, "shade", shade)
+        found[shade.__name__] = reconstructed(small_street.make_small_street(tmp_path / shade.__name__), SMALL)
+    (one, plain_psnr), (other, rich_psnr) = found["plain"], found["rich"]
+    assert plain_psnr >= rich_psnr
+    assert len(one.surfels) < len(other.surfels)
+    assert one.choices["iterations"]["chosen"] <= other.choices["iterations"]["chosen"]
+    assert one.surfels.sh_degree <= other.surfels.sh_degree
+    json.dumps(one.choices)
+    for name in CHOICES:
+        assert "chosen" in one.choices[name], name
+    assert one.choices["looks"] and all("psnr" in look for look in one.choices["looks"])
+
+
+def test_the_user_decides_over_the_scene(tmp_path: Path) -> None:
+    path = small_street.make_small_street(tmp_path)
+    given = replace(
+        SMALL, iterations=70, sh_degree=0, budget=3000, given=frozenset({"iterations", "sh_degree", "budget"})
+    )
+    done, _ = reconstructed(path, given)
+    assert done.choices["given"] == ["budget", "iterations", "sh_degree"]
+    assert abs(done.choices["iterations"]["chosen"] - 70) <= 1 and done.surfels.sh_degree == 0
+    fixed, _ = reconstructed(path, replace(given, given=frozenset(CHOICES)))
+    assert not fixed.choices["looks"], "nothing is hidden from a fixed recipe"
+
+
+def test_comparisons_run_through(tmp_path: Path) -> None:
+    path = small_street.make_small_street(tmp_path)
+    short = replace(SMALL, iterations=60, sh_degree=0)
+    plain_done, plain_psnr = reconstructed(path, short)
+    solid, psnr = reconstructed(path, replace(short, ellipsoids=True))
+    assert solid.surfels.ellipsoids and psnr > plain_psnr - 6
+    soft, psnr = reconstructed(path, replace(short, soft_labels=True))
+    assert psnr > plain_psnr - 3 and not soft.surfels.labels.equal(plain_done.surfels.labels)
+    thrown, psnr = reconstructed(path, replace(short, random_start=True))
+    assert psnr < plain_psnr - 3, "points know more than nothing"
+
+
+def test_long_drives_may_have_more() -> None:
+    standard = PRESETS["standard"]
+    assert standard.scaled(MANY_FRAMES // 2) == standard
+    longer = standard.scaled(3 * MANY_FRAMES)
+    assert longer.iterations == 3 * standard.iterations and longer.budget == 3 * standard.budget
+    asked = replace(standard, given=frozenset({"iterations"})).scaled(3 * MANY_FRAMES)
+    assert asked.iterations == standard.iterations
