@@ -18,9 +18,9 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 SCENES = ("parked_street", "country_road")
 RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("draft", ()),
     ("standard", ()),
     ("standard", ("--variant", "fixed")),
+    ("draft", ()),
     ("standard", ("--salt", "0.05")),
     ("high", ()),
 )
