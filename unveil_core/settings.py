@@ -25,8 +25,9 @@ class RunSettings:
         seed: of everything random.
         max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
         shadows: "auto" takes the shadows of what was removed along, "off" leaves them.
-        iterations, sh_degree, splats: steps, degree of colour (0 to 3) and most surfels of the reconstruction; None = chosen
-            while it runs, by held-out error against cost.
+        iterations, splats: steps and most surfels of the reconstruction; None = chosen while it runs, by held-out error against
+            cost.
+        sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
         adapt: False takes all that the quality's limits allow instead of choosing.
         inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
     """

@@ -117,10 +117,14 @@ def segment_body(context: StageContext) -> None:
 
 
 def asked_for(settings: RunSettings) -> ReconstructSettings:
-    """The quality's limits, and what the user has decided instead."""
+    """The quality's limits, and what the user has decided instead.
+
+    Colour by direction only if asked for: it explains the photographs better, but from where a removed object hid a wall nobody
+    saw the wall's colour, and what it is guessed to be there shows the object's ghost.
+    """
     preset = PRESETS[settings.quality]
     given = {
-        "iterations": settings.iterations, "sh_degree": settings.sh_degree, "budget": settings.splats,
+        "iterations": settings.iterations, "sh_degree": settings.sh_degree or 0, "budget": settings.splats,
     }  # fmt: skip
     decided: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from unveil_core.surfels.initialize import surfels_from_points
-from unveil_core.surfels.ply import normals
 from unveil_core.surfels.tangents import ASPECT, tangent_frames
 
 
@@ -53,7 +52,7 @@ def test_axes_and_sizes_reach_the_surfels() -> None:
         points, np.zeros((len(points), 3), np.uint8), np.zeros(len(points), np.int64), up, 0.1 * factors,
         quats=quats, scale_factor=1.0,
     )  # fmt: skip
-    assert torch.allclose(normals(made.quats), torch.from_numpy(up).float(), atol=1e-6)
+    assert torch.allclose(made.normals(), torch.from_numpy(up).float(), atol=1e-6)
     assert torch.allclose(made.log_scales.exp(), torch.from_numpy(0.1 * factors).float())
 
 

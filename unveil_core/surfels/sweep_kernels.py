@@ -10,6 +10,9 @@ from unveil_core.parallel import FAST
 
 __all__ = ["NOTHING", "sweep_bands"]
 
+STRICT = {**FAST, "fastmath": False}
+"""Sums in the order that is written: free to change it, the compiler rounds differently when it compiles a called kernel alone
+and when it compiles it into its caller, and a cached program would find other depths than a fresh one."""
 f32, u32, u64 = np.float32, np.uint32, np.uint64
 ONE = u64(1)
 NOTHING = f32(-1)
@@ -20,7 +23,7 @@ LEAST_VARIANCE = f32(4)
 """Of grey values, squared levels of 255: below it a window has no texture to compare."""
 
 
-@njit(**FAST)
+@njit(**STRICT)
 def _warp(picture, turn, shift, inverse, row, first, last, warped, seen):
     """A row of the neighbour's picture as the plane brings it here, columns ``first`` to ``last``; 0 and unseen outside."""
     right, bottom = f32(picture.shape[1] - 1), f32(picture.shape[0] - 1)
@@ -45,7 +48,7 @@ def _warp(picture, turn, shift, inverse, row, first, last, warped, seen):
         seen[column] = inside
 
 
-@njit(**FAST)
+@njit(**STRICT)
 def _window_sums(values, others, row, half, first, last, down, sums):
     """Sums of the products of two bands over the window around each pixel of a row, columns ``first`` to ``last``."""
     low, high = u64(first - half), u64(last + half)
@@ -61,7 +64,7 @@ def _window_sums(values, others, row, half, first, last, down, sums):
             sums[column] += down[column + step - u64(half)]
 
 
-@njit(**FAST)
+@njit(**STRICT)
 def _sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, half, rung, score, before, after):
     """Rows ``start`` to ``stop`` of one frame.
 
@@ -139,7 +142,7 @@ def _sweep_rows(start, stop, gray, pictures, turns, shifts, inverse, usable, hal
                 score[low + r, column] = NOTHING
 
 
-@njit(**FAST)
+@njit(**STRICT)
 def sweep_bands(start, stop, gray, *arguments):
     """Bands ``start`` to ``stop`` of ``BAND`` rows, each alone: how many a thread takes must not change what is found."""
     for band in range(start, stop):
