@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from unveil_core.drives.drive import Drive
 from unveil_core.errors import DriveError
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.adapt import decibels
 from unveil_core.optimize.scene_range import SceneRange, scene_range
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.progress import Progress, no_progress
@@ -236,7 +237,7 @@ def start_sky(
             np.square(trial.render(camera).numpy()[mask] - image[mask] / 255.0).ravel()
             for camera, image, mask in samples[1::2]
         ]
-        psnr = float(-10 * np.log10(max(float(np.concatenate(errors).mean()), 1e-12)))
+        psnr = decibels(float(np.concatenate(errors).mean()))
         tried[str(height)] = round(psnr, 3)
         if psnr < best + SKY_GAIN:
             break
