@@ -61,7 +61,7 @@ class ReconstructSettings:
 
     iterations: int = 2000
     geometry_share: float = 0.35
-    coarse_share: float = 0.3
+    coarse_share: float = 0.15
     sh_degree: int = 2
     sky_rows: int = 64
     start: StartSettings = field(default_factory=StartSettings)
@@ -197,6 +197,8 @@ class _Course:
         self.most = self.taken + second
         self.choices["iterations"] = {"chosen": self.most, "most": s.iterations, "gain": self.looks.gain()}
         self.choices["looks"] = self.looks.record
+        # Faint ones go at once: the geometric terms cost per surfel, and what they sharpen should stay.
+        self.state.prune()
         phase = Phase("geometry", self.fine, second, True, STABLE, FALLEN, prune_every=max(50, second // 3))
         self._run(phase, lambda: False)
         return self.state.result()
@@ -207,7 +209,7 @@ class _Course:
         taken = self._run(phase, lambda: "coarse" in self.free and not self.looks.pays())
         self.choices["coarse"] = {"chosen": taken, "most": steps, "gain": self.looks.gain()}
         if self.settings.sh_degree and "sh_degree" in self.free and steps:
-            trial = max(1, min(2 * len(self.fine), steps // 8))
+            trial = max(1, min(len(self.fine), steps // 8))
             self.state, self.choices["sh_degree"] = choose_sh_degree(self.state, phase, trial, self.looks)
 
     def _fine(self, steps: int) -> None:

@@ -37,7 +37,7 @@ from unveil_core.surfels.tangents import tangent_frames
 __all__ = ["SKY_ROWS", "StartSettings", "random_scene", "start_scene", "start_sky", "tracks"]
 
 
-SKY_ROWS, SKY_GAIN = (8, 16, 32, 64, 128), 0.6
+SKY_ROWS, SKY_GAIN = (8, 16, 32, 64, 128), 0.4
 
 
 @dataclass(frozen=True)
