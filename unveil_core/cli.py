@@ -77,6 +77,8 @@ def _parser() -> argparse.ArgumentParser:
                        help="take all that the quality allows, not only what the scene needs")  # fmt: skip
         p.add_argument("--inpainter", default="exemplar", choices=("exemplar", "telea", "navier-stokes"),
                        help="for what is neither ground nor seen from anywhere")  # fmt: skip
+        p.add_argument("--order", default="reverse", choices=("reverse", "forward", "independent"),
+                       help="of the frames when holes are filled; for comparison")  # fmt: skip
 
     p = verbs.add_parser("demo", help="unveil the sample street")
     p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
@@ -142,8 +144,8 @@ def _settings(arguments: argparse.Namespace) -> Any:
     from unveil_core.settings import RunSettings
 
     names = (
-        "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "iterations", "sh_degree",
-        "splats", "adapt",
+        "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
+        "sh_degree", "splats", "adapt",
     )  # fmt: skip
     return RunSettings(**{n: getattr(arguments, n) for n in names})
 

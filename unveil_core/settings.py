@@ -8,9 +8,10 @@ from typing import Any
 from unveil_core.errors import SettingsError
 from unveil_core.inpaint.single_image import INPAINTERS
 
-__all__ = ["QUALITIES", "RunSettings"]
+__all__ = ["ORDERS", "QUALITIES", "RunSettings"]
 
 QUALITIES = ("draft", "standard", "high")
+ORDERS = ("reverse", "forward", "independent")
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class RunSettings:
         sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
         adapt: False takes all that the quality's limits allow instead of choosing.
         inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
+        order: of the frames when holes are filled, "reverse", "forward" or "independent".
     """
 
     remove: tuple[str, ...] = ()
@@ -40,6 +42,7 @@ class RunSettings:
     max_side: int | None = None
     shadows: str = "auto"
     inpainter: str = "exemplar"
+    order: str = "reverse"
     iterations: int | None = None
     sh_degree: int | None = None
     splats: int | None = None
@@ -51,6 +54,7 @@ class RunSettings:
             ("device", self.device, ("auto", "cpu", "cuda")),
             ("shadows", self.shadows, ("auto", "off")),
             ("inpainter", self.inpainter, tuple(INPAINTERS)),
+            ("order", self.order, ORDERS),
         ):
             if value not in known:
                 raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")

@@ -1,4 +1,5 @@
-"""Inpainting in reversed time: the last frame first, each unobserved place invented once, then carried to earlier frames.
+"""Inpainting along the drive, in reversed time: the last frame first, each unobserved place invented once, then carried to earlier
+frames.
 
 *3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time meets it first at
 its best resolution. What is invented becomes surfels on the completed depth; an earlier frame renders them and invents only
@@ -26,7 +27,7 @@ from unveil_core.remove.regions import grow
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["FrameTask", "Painted", "paint_in_reversed_time"]
+__all__ = ["FrameTask", "Painted", "paint_along"]
 
 
 SOLID = 0.6
@@ -70,7 +71,7 @@ class Painted:
     shadow: NDArray[np.bool_]
 
 
-def paint_in_reversed_time(
+def paint_along(
     tasks: Sequence[FrameTask],
     left: Surfels,
     sky: Sky,
@@ -80,10 +81,11 @@ def paint_in_reversed_time(
     label_count: int,
     near: float,
     far: float,
+    order: str = "reverse",
     keyframe_px: int = 40,
     progress: Progress = no_progress,
 ) -> tuple[list[Painted], Surfels | None]:
-    """Clean all frames, last to first.
+    """Clean all frames, one after another.
 
     Args:
         tasks: frames in order of time.
@@ -92,6 +94,7 @@ def paint_in_reversed_time(
         layer: the ground, or None where the scene has none.
         single_image: invents what nobody saw and is not ground.
         label_count: K; near, far: world units.
+        order: "reverse", the paper's; "forward", first frame first, or "independent", each frame for itself, for comparison.
         keyframe_px: a frame that must invent fewer pixels than this does so for itself only, without surfels.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
@@ -99,8 +102,11 @@ def paint_in_reversed_time(
     painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
     scene = left
-    for done, index in enumerate(reversed(range(len(tasks)))):
+    turns = range(len(tasks))
+    for done, index in enumerate(turns if order == "forward" else reversed(turns)):
         task = tasks[index]
+        if order == "independent":
+            scene = left
         out = render_numpy(scene, task.camera, near=near, far=far)
         background = sky.render(task.camera).numpy()
         # A half-covered pixel in the removed region lacks surfels; it is no window to the sky.
@@ -144,7 +150,7 @@ def paint_in_reversed_time(
                 seeds.append(seed_pixels(task.camera, image8, depth, label, empty, sh_degree=left.sh_degree))
                 scene = concatenate([left, *seeds])
         painted[index] = Painted(image8, ground, empty, shadow)
-        progress(done + 1, len(tasks), "inpainting, last frame first")
+        progress(done + 1, len(tasks), "inpainting" if order != "reverse" else "inpainting, last frame first")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
 
 
