@@ -49,6 +49,8 @@ from unveil_core.workspace import Workspace
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 """Edge of a voxel of the fused meshes, metres."""
+SOLID_CLASSES = ("building", "wall")
+"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
 MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
 
@@ -316,9 +318,11 @@ def drive_ground_layer(
     of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
     fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
+    keep = torch.from_numpy(~gone)
+    solid = [k for k, n in enumerate(scene.labels.names) if n in SOLID_CLASSES]
     return build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, progress=context.progress,
+        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid, progress=context.progress,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.inpaint.shade import Light, Shade, disc, luminance, masked_blur, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.progress import Progress, no_progress
 
@@ -44,24 +45,11 @@ class FillSettings:
     search_m: float = 30.0
 
 
-def _luma(color: Float32) -> Float32:
-    return color @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
-
-
-def _masked_blur(picture: Float32, mask: NDArray[np.bool_], sigma: float) -> Float32:
-    """Gaussian blur that only looks at ``mask``; pictures are (A, B) or (A, B, C)."""
-    m = mask.astype(np.float32)
-    weight = cv2.GaussianBlur(m, (0, 0), sigma)
-    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), sigma)
-    weight = np.maximum(weight, 1e-6)
-    return value / (weight if picture.ndim == 2 else weight[..., None])
-
-
-def lateral_profile(chart: StreetChart, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
+def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
     """Median colour and upper luma level per lateral offset, in a window that slides along the street.
 
     Args:
-        usable: (A, B) texels that count.
+        color: (A, B, 3) of the chart; usable: (A, B) texels that count.
         window, hop: half window and step, in texels.
     Returns:
         median (A, B, 3) and the 70th percentile of luma (A, B), both interpolated along the street.
@@ -70,12 +58,14 @@ def lateral_profile(chart: StreetChart, usable: NDArray[np.bool_], *, window: in
     centres = np.arange(0, rows + hop, hop)
     medians = np.full((len(centres), columns, 3), np.nan, dtype=np.float32)
     levels = np.full((len(centres), columns), np.nan, dtype=np.float32)
-    luma = _luma(chart.color)
-    everything = np.where(usable[..., None], chart.color, np.nan)
+    luma = luminance(color)
+    everything = np.where(usable[..., None], color, np.nan)
     all_luma = np.where(usable, luma, np.nan)
     for k, centre in enumerate(centres):
         part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
-        enough = usable[part].sum(axis=0) >= 8
+        # A few texels between two cars say less than many farther along.
+        least = max(8, 2 * window // 3 // 4)
+        enough = usable[part].sum(axis=0) >= least
         if enough.any():
             medians[k, enough] = np.nanmedian(everything[part][:, enough], axis=0)
             levels[k, enough] = np.nanpercentile(all_luma[part][:, enough], 70, axis=0)
@@ -121,6 +111,7 @@ def fill_chart(
     settings: FillSettings,
     *,
     unit: float,
+    light: Light | None = None,
     progress: Progress = no_progress,
 ) -> StreetChart:
     """Relight what lay in the shadow of removed objects, and invent what nobody saw.
@@ -129,6 +120,8 @@ def fill_chart(
         chart: as read.
         footprint: (A, B) texels under or inside removed objects.
         settings: see there; unit: world units per metre.
+        light: the sun and its shadows, None where it does not shine or is not known; then nearness to the objects tells
+            which dark texels are their shadow, and what is invented has the shade that prevails around it.
     """
     per_m = unit / chart.texel
     seen = chart.source == OBSERVED
@@ -136,64 +129,120 @@ def fill_chart(
     s, l = chart.coordinates()  # noqa: E741
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(l, rows)).reshape(rows, columns)
     window, hop = int(settings.window_m * per_m), max(1, int(4 * per_m))
-    _, level = lateral_profile(chart, seen, window=window, hop=hop)
-    smooth = _masked_blur(_luma(chart.color), seen, 0.06 * per_m)
-    dark = seen & (smooth < settings.shadow_ratio * level)
-    # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(0.12 * per_m) + 1,) * 2)
-    dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
-    if settings.shadow_reach_m > 0:
-        shadow = object_shadows(dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=int(0.4 * per_m))
-        # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
-        hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * level)))
-        hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, kernel).astype(bool) & seen
+
+    def profile(color: Float32, usable: NDArray[np.bool_]) -> Float32:
+        return lateral_profile(color, usable, window=window, hop=hop)[0]
+
+    if light is None:
+        shade = _prevailing_shade(chart, seen, settings, window=window, hop=hop, per_m=per_m)
     else:
-        shadow = hopeless = np.zeros_like(seen)
+        shade = read_shade(chart.color, seen, light.kept | light.gone, profile, texels_per_m=per_m)
+    shadow, hopeless = _of_removed(chart, seen, shade, footprint, settings, light, per_m)
     hole = inside & (~seen | hopeless)
+    kernel = disc(0.12 * per_m)
     # The penumbra reaches a little beyond what counts as dark.
     wide = cv2.dilate(shadow.astype(np.uint8), kernel).astype(bool)
     sound = seen & ~hole & ~wide & ~cv2.dilate(footprint.astype(np.uint8), kernel).astype(bool)
-    median, _ = lateral_profile(chart, sound, window=window, hop=hop)
+    missing = np.zeros(seen.shape, dtype=np.float32)
+    if light is not None:
+        stays = shade.dark & ~shadow
+        missing = shade_where_unseen(light, sound, stays, texels_per_m=per_m)
+        missing[sound] = cv2.GaussianBlur(stays.astype(np.float32), (0, 0), 0.03 * per_m)[sound]
+    left = 1 - missing[..., None] * (1 - shade.ratio)
+    # In full sun: what the medians and the texture are taken from.
+    sunny = np.where(seen[..., None], chart.color / left, 0).astype(np.float32)
+    border = (missing > 0.02) & (missing < 0.98)
+    border = cv2.dilate(border.astype(np.uint8), kernel).astype(bool)
+    even = sound & ~border if light is not None else sound
+    median = profile(sunny, even)
+    if light is not None:
+        # Light and dark alike vary along the street: more sky, a bright wall across.
+        median = median * (1 + masked_blur(sunny / np.maximum(median, 0.02) - 1, even, 1.5 * per_m, prior=0.05))
+    target = median * left
 
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
     if shadow.any():
         relit = shadow & seen & ~hole
-        soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
-        local = _masked_blur(color, relit, 0.25 * per_m)
-        target = _masked_blur(median, relit, 0.25 * per_m)
-        ratio = np.clip(target / np.maximum(local, 0.02), 1.0, 4.0)
-        full_gain = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
-        # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
-        bright = np.maximum(1.0, 1.05 * median / np.maximum(_masked_blur(color, seen, 0.03 * per_m), 0.02))
-        border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(
-            bool
-        )
-        gain = np.where(border[..., None], np.minimum(full_gain, bright), full_gain).astype(np.float32)
+        gain = _gain(chart.color, target, seen, shadow, wide, relit, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    detail = np.where(sound[..., None], chart.color - median, 0).astype(np.float32)
+    detail = np.where(even[..., None], sunny - median, 0).astype(np.float32)
     invented = _quilt(
-        detail, sound, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+        detail, even, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
     )
-    fill = median + settings.texture * invented
+    fill = (median + settings.texture * invented) * left
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
     # Beyond the street the chart repeats its profile, so that nothing black is blended in at its edge.
     beyond = ~inside & ~seen
-    color[beyond] = median[beyond]
+    color[beyond] = target[beyond]
     source[beyond] = OUTSIDE
     labels = chart.label.copy()
     unknown = hole & (labels < 0)
     if unknown.any():
         labels[unknown] = _lateral_labels(chart.label, seen)[np.nonzero(unknown)[1]]
     # Beside the object's outline pixels are too mixed to be read; they show the invented ground as well.
-    size = 2 * int(0.6 * per_m) + 1
-    close = cv2.dilate(footprint.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))) > 0
+    close = cv2.dilate(footprint.astype(np.uint8), disc(0.6 * per_m)) > 0
     progress(2, 2, "filling the street")
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
+
+
+def _prevailing_shade(
+    chart: StreetChart, seen: NDArray[np.bool_], settings: FillSettings, *, window: int, hop: int, per_m: float
+) -> Shade:
+    """Dark is what is darker than its lateral offset mostly is; no ratio, for nothing says what is shadow for good."""
+    median, level = lateral_profile(chart.color, seen, window=window, hop=hop)
+    smooth = masked_blur(luminance(chart.color), seen, 0.06 * per_m)
+    dark = seen & (smooth < settings.shadow_ratio * level)
+    # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
+    opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(0.12 * per_m))
+    scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
+    return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
+
+
+def _of_removed(
+    chart: StreetChart, seen: NDArray[np.bool_], shade: Shade, footprint: NDArray[np.bool_], settings: FillSettings,
+    light: Light | None, per_m: float,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:  # fmt: skip
+    """Seen texels (A, B) in the shadow of what is removed, and those that are too dark or too near to it to hold anything."""
+    if settings.shadow_reach_m <= 0:
+        return np.zeros_like(seen), np.zeros_like(seen)
+    touch = int(0.4 * per_m)
+    near = object_shadows(shade.dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=touch)
+    if light is None:
+        shadow = near
+    else:
+        # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
+        blur = 0.2 * per_m
+        gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
+        contact = near & (cv2.dilate(footprint.astype(np.uint8), disc(touch)) > 0)
+        shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
+    smooth = masked_blur(luminance(chart.color), seen, 0.06 * per_m)
+    # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
+    hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * luminance(shade.lit))))
+    hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * per_m)).astype(bool) & seen
+    return shadow, hopeless
+
+
+def _gain(
+    color: Float32, target: Float32, seen: NDArray[np.bool_], shadow: NDArray[np.bool_], wide: NDArray[np.bool_],
+    relit: NDArray[np.bool_], per_m: float,
+) -> Float32:  # fmt: skip
+    """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth."""
+    kernel = disc(0.12 * per_m)
+    soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
+    local = masked_blur(color, relit, 0.25 * per_m)
+    wanted = masked_blur(target, relit, 0.25 * per_m)
+    ratio = np.clip(wanted / np.maximum(local, 0.02), 1.0, 4.0)
+    full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
+    # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
+    bright = np.maximum(1.0, 1.05 * target / np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02))
+    border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(bool)
+    gain: Float32 = np.where(border[..., None], np.minimum(full, bright), full).astype(np.float32)
+    return gain
 
 
 def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArray[np.int16]:

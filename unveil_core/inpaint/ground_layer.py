@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
+from unveil_core.inpaint.lighting import light_of_scene
 from unveil_core.inpaint.street import Ground, fit_ground, fit_path
 from unveil_core.inpaint.street_chart import StreetChart, blur_levels, read_chart, sample_chart
+from unveil_core.inpaint.sun import Sun
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.surfels.surfels import Surfels
@@ -49,11 +51,12 @@ class GroundPixels:
 
 @dataclass(frozen=True, eq=False)
 class GroundLayer:
-    """A filled chart with its blur levels."""
+    """A filled chart with its blur levels, and the sun that shone on it, where that is known."""
 
     chart: StreetChart
     colors: list[Float32]
     gains: list[Float32]
+    sun: Sun | None = None
 
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
         """(H, W) pixels that may show relit ground, found by projecting its texels."""
@@ -181,6 +184,9 @@ def build_ground_layer(
     settings: FillSettings,
     *,
     unit: float,
+    scene: tuple[Surfels, Surfels] | None = None,
+    solid: Sequence[int] = (),
+    sun: tuple[float, float] | None = None,
     texel_m: float = 0.04,
     progress: Progress = no_progress,
 ) -> GroundLayer:
@@ -188,13 +194,19 @@ def build_ground_layer(
 
     Args:
         removed: (M, 3) world centres of removed surfels, one array per object.
+        scene: surfels of what stays and of what is removed, whose shadows tell where the sun stands; None leaves the sun out.
+        solid: labels of what is solid down to the ground.
+        sun: its compass azimuth and elevation, degrees; None = looked for.
     """
     chart = read_chart(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
     )  # fmt: skip
     footprint = _footprint(chart, removed, unit=unit)
-    filled = fill_chart(chart, footprint, settings, unit=unit, progress=progress)
-    return GroundLayer(filled, blur_levels(filled.color), blur_levels(filled.gain))
+    light = None if scene is None else light_of_scene(chart, *scene, unit=unit, solid=solid, given=sun)
+    filled = fill_chart(chart, footprint, settings, unit=unit, light=light, progress=progress)
+    return GroundLayer(
+        filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
+    )
 
 
 def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, unit: float) -> NDArray[np.bool_]:

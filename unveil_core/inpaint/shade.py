@@ -1,0 +1,147 @@
+"""Light and shade on the street chart: what the ground would look like in full sun, and where the sun does not reach it.
+
+The colour of a texel is taken as that of its lateral offset in full sun, times a ratio where it lies in shadow: an intrinsic
+decomposition with two states of light (Barrow and Tenenbaum, *Recovering intrinsic scene characteristics from images*, 1978).
+Which texels lie in shadow is read from the picture; the shadows that the scene casts say which of them belong to what, and
+what the light is like where nobody saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.inpaint.sun import Sun
+
+__all__ = ["Light", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
+
+Float32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Profile = Callable[[Float32, Mask], Float32]
+"""From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
+
+DARKEST, BRIGHTEST = 0.15, 0.9
+"""Limits of what shadow leaves of a colour."""
+ROUNDS = 3
+REACH_M, SMOOTH_M = 4.0, 0.25
+"""How far what is seen of the shade corrects what the scene's shadows say, and how smoothly, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Attributes:
+    sun: where the sun stands.
+    kept, gone: (A, B) bool, texels in the shadow of what stays, and of what is removed.
+    """
+
+    sun: Sun
+    kept: Mask
+    gone: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """Attributes:
+    dark: (A, B) bool, seen texels in shadow.
+    ratio: (3,) what shadow leaves of a colour.
+    lit: (A, B, 3) median colour of the lateral offset in full sun.
+    """
+
+    dark: Mask
+    ratio: Float32
+    lit: Float32
+
+
+def luminance(color: Float32) -> Float32:
+    """(…) of sRGB (…, 3), Rec. 601 weights."""
+    return color @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+
+
+def masked_blur(picture: Float32, mask: Mask, sigma: float, *, prior: float = 0.0) -> Float32:
+    """Gaussian blur of (A, B) or (A, B, C) that only looks at ``mask``; ``prior`` pulls towards 0 where little is in reach."""
+    m = mask.astype(np.float32)
+    weight = cv2.GaussianBlur(m, (0, 0), sigma)
+    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), sigma)
+    weight = np.maximum(weight + prior, 1e-6)
+    return value / (weight if picture.ndim == 2 else weight[..., None])
+
+
+def read_shade(color: Float32, seen: Mask, expected: Mask, profile: Profile, *, texels_per_m: float) -> Shade:
+    """Tell shadow from sun in what was seen.
+
+    Starting from the shadows that the scene casts: they give the ratio at the offsets that have both, the ratio gives the
+    colours in full sun, and against these every texel shows its own state; and again.
+
+    Args:
+        color: (A, B, 3) of the chart; seen: (A, B).
+        expected: (A, B) texels that the scene casts shadow on.
+        profile: see :data:`Profile`.
+    """
+    smooth = masked_blur(color, seen, 0.06 * texels_per_m)
+    log = np.log(np.maximum(luminance(smooth), 0.01))
+    dark = expected & seen
+    ratio = np.full(3, 0.5, dtype=np.float32)
+    lit = color
+    for _ in range(ROUNDS):
+        ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(0.15 * texels_per_m)))
+        lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
+        fall = float(np.log(luminance(ratio)))
+        # Half way down is the border; what the scene says moves it by a quarter.
+        threshold = np.where(expected, 0.3 * fall, 0.7 * fall)
+        dark = seen & (log - np.log(np.maximum(luminance(lit), 0.01)) < threshold)
+        # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
+        kernel = disc(0.12 * texels_per_m)
+        dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
+    return Shade(dark, ratio, lit)
+
+
+def disc(radius: float) -> NDArray[np.uint8]:
+    """A round structuring element, radius in texels."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(radius) + 1,) * 2).astype(np.uint8)
+
+
+def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
+    """(3,) the median over lateral offsets of dark by lit, away from the shadows' borders; ``before`` where none has both."""
+    kernel = disc(border)
+    inner = seen & dark & (cv2.erode((dark | ~seen).astype(np.uint8), kernel) > 0)
+    outer = seen & ~dark & (cv2.dilate(dark.astype(np.uint8), kernel) == 0)
+    both = np.flatnonzero((inner.sum(axis=0) >= 20) & (outer.sum(axis=0) >= 20))
+    if not len(both):
+        return before
+    quotients = np.stack(
+        [np.median(smooth[inner[:, c], c], axis=0) / np.maximum(np.median(smooth[outer[:, c], c], axis=0), 0.02) for c in both]
+    )  # fmt: skip
+    weight = np.minimum(inner[:, both].sum(axis=0), outer[:, both].sum(axis=0))
+    order = np.argsort(quotients, axis=0)
+    passed = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
+    middle = order[passed.argmax(axis=0), np.arange(3)]
+    return np.clip(quotients[middle, np.arange(3)], DARKEST, BRIGHTEST).astype(np.float32)
+
+
+def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
+    """(A, B) 0 to 1, how much of the sun's light is missing when what is removed is gone.
+
+    The shadows of what stays, corrected by what was seen close by: a roof that no camera saw casts its shadow all the same.
+
+    Args:
+        sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
+    """
+    kept = light.kept.astype(np.float32)
+    missed = np.where(sound, dark.astype(np.float32) - kept, 0).astype(np.float32)
+    distance, place = cv2.distanceTransformWithLabels(
+        (~sound).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_place = np.zeros(place.max() + 1, dtype=np.float32)
+    of_place[place[sound]] = missed[sound]
+    # A border's misplacement is no news: what is missed must be broad.
+    broad = cv2.GaussianBlur(missed, (0, 0), 0.2 * texels_per_m)
+    of_place[place[sound & (np.abs(broad) < 0.4)]] = 0
+    correction = of_place[place] * (distance < REACH_M * texels_per_m)
+    correction = cv2.GaussianBlur(correction, (0, 0), SMOOTH_M * texels_per_m)
+    share = cv2.GaussianBlur(kept, (0, 0), 0.05 * texels_per_m) + correction
+    soft: Float32 = np.clip((share - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
+    return soft
