@@ -100,6 +100,27 @@ def lidar(pose: np.ndarray, rays: int, generator: np.random.Generator) -> np.nda
     return points
 
 
+def write_free_truth(folder: Path) -> None:
+    """``truth/free`` of two places 1.5 m beside the path and two 1 m above it."""
+    for name in ("images", "removed"):
+        (folder / "truth/free" / name).mkdir(parents=True, exist_ok=True)
+    entries = []
+    for track, shift in (("beside", (0.0, -1.5, 0.0)), ("above", (0.0, 0.0, 1.0))):
+        for i in (1, 5):
+            pose = pose_at(i * 1.0)
+            pose[:3, 3] += shift
+            empty, _ = picture(pose, False)
+            _, kind = picture(pose, True)
+            cv2.imwrite(str(folder / f"truth/free/images/{i:02d}_{track}.png"), empty)
+            mask = np.where(kind == CAR, 255, 0).astype(np.uint8)
+            cv2.imwrite(str(folder / f"truth/free/removed/{i:02d}_{track}.png"), mask)
+            entries.append(
+                {"file_path": f"images/{i:02d}_{track}.png", "camera": track, "transform_matrix": pose.tolist()}
+            )
+    size = {"w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2}
+    (folder / "truth/free/transforms.json").write_text(json.dumps({**size, "frames": entries}))
+
+
 def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
     """Write the drive and its truth; returns the path of transforms.json."""
     for name in ("images", "semantics", "instances", "masks", "truth/images", "truth/removed", "truth/depth"):
@@ -127,6 +148,7 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
             entry["semantic_path"], entry["instance_path"] = f"semantics/{i:02d}.png", f"instances/{i:02d}.png"
         frames.append(entry)
         cloud.append(lidar(pose, 3000, generator))
+    write_free_truth(folder)
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
     document = {
         "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2,

@@ -58,6 +58,15 @@ def test_the_car_goes_and_the_street_continues(done: Workspace, street: Path) ->
     assert psnr[1] > 19 and psnr[1] > psnr[0] + 6, psnr
 
 
+def test_the_empty_scene_holds_from_free_viewpoints(done: Workspace) -> None:
+    """1.5 m beside the path and 1 m above it, where the drive never was."""
+    metrics = json.loads((done.root / "metrics.json").read_text())
+    free, recorded = metrics["free_views"]["regions"], metrics["truth"]["regions"]
+    assert free["free_removed"]["psnr"] > recorded["removed"]["methods"]["input"]["psnr"] + 6
+    assert metrics["free_views"]["below_recorded"]["free_removed"] < 3
+    assert free["free_whole"]["psnr"] > 20
+
+
 def test_nothing_else_changes(done: Workspace, street: Path) -> None:
     for i in range(8):
         image = cv2.imread(str(street.parent / f"images/{i:02d}.png"))

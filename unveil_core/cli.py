@@ -107,6 +107,20 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
     p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
     common(p)
+    p = verbs.add_parser(
+        "render", help="render the scene from free views: a path of cameras, or beside the drive's own"
+    )
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument("--path", type=Path, default=None, metavar="FILE",
+                   help="cameras: transforms.json or nerfstudio's camera path; by default the drive's own")  # fmt: skip
+    p.add_argument(
+        "--beside", type=float, default=0.0, metavar="METRES", help="to the right of the path (left: negative)"
+    )
+    p.add_argument("--above", type=float, default=0.0, metavar="METRES", help="up from the path")
+    p.add_argument("--planes", type=_names, default=("rgb",), metavar="PLANES", help="rgb,depth,normal,alpha,semantics")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    common(p)
     p = verbs.add_parser("export", help="write a mesh for another program: another format, fewer triangles")
     p.add_argument("workspace", type=Path)
     p.add_argument("--to", default=None, choices=("ply", "obj", "glb"), help="by default what FILE's suffix says")
@@ -157,6 +171,29 @@ def _sample_drive() -> Path:
     return folder
 
 
+def _render(arguments: argparse.Namespace) -> int:
+    import time
+
+    from unveil_core.console import reporting
+    from unveil_core.rendering import render_views
+    from unveil_core.workspace import Workspace
+
+    with reporting(arguments.json) as reporter:
+
+        def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+            reporter({
+                "t": round(time.time(), 3), "stage": "render", "done": done, "total": total, "message": message,
+                "level": "info", **metrics,
+            })  # fmt: skip
+
+        views = render_views(
+            Workspace.open(arguments.workspace), arguments.output, state=arguments.state, path=arguments.path,
+            beside=arguments.beside, above=arguments.above, planes=arguments.planes, progress=progress,
+        )  # fmt: skip
+    print(json.dumps({"folder": str(arguments.output), "views": views}) if arguments.json else arguments.output)
+    return 0
+
+
 def _run(arguments: argparse.Namespace) -> int:
     verb = arguments.verb
     if verb == "doctor":
@@ -198,6 +235,8 @@ def _run(arguments: argparse.Namespace) -> int:
         metrics = run_evaluation(root, arguments.truth, lpips=arguments.lpips, fid=arguments.fid)
         print(json.dumps(metrics, indent=1))
         return 0
+    if verb == "render":
+        return _render(arguments)
     if verb == "export":
         from unveil_core.exporting import export_mesh
         from unveil_core.workspace import Workspace

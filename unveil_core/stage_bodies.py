@@ -42,8 +42,9 @@ from unveil_core.semantics.instances import cluster_points, fit_box, vote_instan
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_instances, frame_labels
 from unveil_core.settings import RunSettings
 from unveil_core.stages import Stage, StageContext
+from unveil_core.surfels.picture import picture_of
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import Sky, up_frame
+from unveil_core.surfels.sky import load_sky, save_sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace import Workspace
 
@@ -53,17 +54,6 @@ SOLID_CLASSES = ("building", "wall")
 """What reaches down to the ground and lets no light through, though cars may hide its foot."""
 MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
-
-
-def load_sky(path: Path) -> Sky:
-    """The sky of a workspace."""
-    data = np.load(path, allow_pickle=False)
-    return Sky(torch.from_numpy(data["texture"]), data["axes"])
-
-
-def save_sky(sky: Sky, path: Path) -> None:
-    """Write the sky as a plain npz."""
-    write_atomic(path, lambda stream: np.savez(stream, texture=sky.texture.numpy(), axes=sky.axes))
 
 
 def load_labels(workspace: Workspace) -> SceneLabels:
@@ -403,10 +393,8 @@ def reoptimize_body(context: StageContext) -> None:
     )  # fmt: skip
     write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
     for i, frame in enumerate(drive.frames):
-        out = render_numpy(empty, frame.camera, near=limits.near, far=limits.far)
-        picture = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(frame.camera).numpy()
-        picture8 = np.clip(np.round(picture * 255), 0, 255).astype(np.uint8)
-        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture8))
+        picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
+        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         removed |= load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
@@ -478,7 +466,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "report", report_body,
         ("drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes/full.ply",
-         "meshes/empty.ply", "meshes/empty.glb"),
+         "meshes/empty.ply", "meshes/empty.glb", "surfels/empty.ply", "surfels/sky.npz"),
         ("metrics.json", "report"),
     ),
 )  # fmt: skip

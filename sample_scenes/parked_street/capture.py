@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import sys
 import tempfile
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from mathutils.bvhtree import BVHTree
 WIDTH, HEIGHT, FOV = 384, 256, math.radians(70)
 FINEST_CELL = 0.15
 STEP, CAMERA_HEIGHT, PITCH = 1.15, 1.6, math.radians(4.0)
+JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 
 
 def configure(scene, *, samples: int) -> None:  # type: ignore[no-untyped-def]
@@ -113,6 +112,12 @@ def number_objects(scene) -> dict[int, tuple[int, int]]:  # type: ignore[no-unty
     return table
 
 
+def instance_table(scene) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Number the objects; returns the instance (0 for none) of each object index."""
+    table = number_objects(scene)
+    return np.array([table[i][1] for i in range(len(table))])
+
+
 def scan(scene, poses) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
     """A spinning 64-beam LiDAR on the roof, one turn a frame: points (P, 3) and the frame each was taken at."""
     bpy.context.view_layer.update()
@@ -174,6 +179,23 @@ def rays(pose: np.ndarray) -> np.ndarray:
     return local @ pose[:3, :3].T
 
 
+def never_seen(pose: np.ndarray, region: np.ndarray, depth: np.ndarray, poses, full_depth) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """(H, W) pixels of a region of an empty view whose surface no frame of the crowded drive shows."""
+    unseen = region & np.isfinite(depth)
+    rows, columns = np.nonzero(unseen)
+    places = pose[:3, 3] + rays(pose)[rows, columns] * depth[rows, columns, None]
+    for other, image in zip(poses, full_depth, strict=True):
+        seen, _, _ = looked_up(other, places, image, 0.03)
+        unseen[rows[seen], columns[seen]] = False
+    return unseen
+
+
+def intrinsics() -> dict[str, float]:
+    """Of every camera, as transforms.json names them."""
+    focal = WIDTH / 2 / math.tan(FOV / 2)
+    return {"w": WIDTH, "h": HEIGHT, "fl_x": focal, "fl_y": focal, "cx": WIDTH / 2, "cy": HEIGHT / 2}
+
+
 def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type: ignore[no-untyped-def]
     """Render both states and write the drive with its truth."""
     for name in ("images", "semantics", "instances", "truth/images", "truth/depth", "truth/removed", "truth/unseen", "truth/shadow"):
@@ -197,12 +219,11 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
                 if not hidden:
                     index.append(ids)
                 print(f"{'empty' if hidden else 'crowded'} {frame + 1}/{count}", flush=True)
-    quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     rows_of_frames = []
     for i in range(count):
         stem = f"{i:04d}"
-        cv2.imwrite(str(folder / f"images/{stem}.jpg"), full[i], quality)
-        cv2.imwrite(str(folder / f"truth/images/{stem}.jpg"), empty[i], quality)
+        cv2.imwrite(str(folder / f"images/{stem}.jpg"), full[i], JPEG)
+        cv2.imwrite(str(folder / f"truth/images/{stem}.jpg"), empty[i], JPEG)
         cv2.imwrite(str(folder / f"semantics/{stem}.png"), classes[index[i]].astype(np.uint8))
         cv2.imwrite(str(folder / f"instances/{stem}.png"), instances[index[i]].astype(np.uint16))
         # Every second pixel, as KITTI keeps depth: 256 steps a metre, 0 for none. Small, and fine enough.
@@ -216,13 +237,7 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
         shadow = (luma[1] - luma[0] > 10) & ~border
         shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         cv2.imwrite(str(folder / f"truth/shadow/{stem}.png"), shadow * 255)
-        # A place is unseen where no frame of the crowded drive shows the empty street's surface there.
-        unseen = removed & np.isfinite(empty_depth[i])
-        rows, columns = np.nonzero(unseen)
-        places = poses[i][:3, 3] + rays(poses[i])[rows, columns] * empty_depth[i][rows, columns, None]
-        for j in range(count):
-            seen, _, _ = looked_up(poses[j], places, full_depth[j], 0.03)
-            unseen[rows[seen], columns[seen]] = False
+        unseen = never_seen(poses[i], removed, empty_depth[i], poses, full_depth)
         cv2.imwrite(str(folder / f"truth/unseen/{stem}.png"), unseen.astype(np.uint8) * 255)
         matrix = poses[i].copy()
         matrix[:3, 3] += offset
@@ -232,11 +247,10 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
             "transform_matrix": matrix.tolist(),
         })  # fmt: skip
     write_points(points, poses, full, full_depth, folder / "points.ply", offset)
-    focal = WIDTH / 2 / math.tan(FOV / 2)
     names = [{"id": int(o["instance"]), "class": "person" if o["class"] == PERSON else "car", "name": o.name} for o in objects]
     document = {
-        "camera_model": "PINHOLE", "w": WIDTH, "h": HEIGHT, "fl_x": focal, "fl_y": focal, "cx": WIDTH / 2,
-        "cy": HEIGHT / 2, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "instances": names,
+        "camera_model": "PINHOLE", **intrinsics(),
+        "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "instances": names,
         "frames": rows_of_frames,
     }  # fmt: skip
     (folder / "transforms.json").write_text(json.dumps(document, indent=1))
@@ -265,22 +279,3 @@ def write_points(points, poses, pictures, depths, path: Path, offset: np.ndarray
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
     header += "".join(f"property double {n}\n" for n in "xyz") + "".join(f"property uchar {n}\n" for n in ("red", "green", "blue"))
     path.write_bytes((header + "end_header\n").encode() + table.tobytes())
-
-
-def command(description: str | None, build, offset: np.ndarray, *, samples: int, folder: Path) -> None:  # type: ignore[no-untyped-def]
-    """The command line of a truth scene: build, render crowded and empty, cast the LiDAR, derive masks, write."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--frames", type=int, default=28)
-    parser.add_argument("--samples", type=int, default=samples)
-    parser.add_argument("--only", type=int, nargs="*", help="render just these frames, as PNG, and stop")
-    parser.add_argument("-o", "--output", type=Path, default=folder)
-    arguments = parser.parse_args(sys.argv[1:])
-    scene = build()
-    configure(scene, samples=arguments.samples)
-    cameras = drive(scene, frames=arguments.frames)
-    if arguments.only:
-        for frame in arguments.only:
-            render_color(scene, cameras, frame, arguments.output / f"preview_{frame:04d}.png")
-        return
-    write_drive(scene, cameras, arguments.output, offset)
-    print(json.dumps({"frames": arguments.frames, "objects": len(removable(scene))}))

@@ -2,7 +2,7 @@
 
 Run with Blender's Python module (``pip install bpy==5.0.1 OpenEXR opencv-contrib-python-headless``):
 
-    python make_street.py [--frames 28] [--samples 64] [--only 3] [-o FOLDER]
+    python make_street.py [--frames 28] [--samples 64] [--only 3] [--free] [-o FOLDER]
 
 Writes transforms.json, images/, semantics/, instances/, points.ply and truth/ in the layout that Unveil reads.
 """
@@ -17,12 +17,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import build_street  # noqa: E402
-import capture  # noqa: E402
+import command_line  # noqa: E402
 
 UTM = np.array([352_140.0, 5_812_960.0, 34.0])
 """Where the street stands in the world: large coordinates, as surveyed drives have them."""
 
 
 if __name__ == "__main__":
-    capture.command(__doc__, lambda: build_street.build(seed=7), UTM, samples=64, folder=Path(__file__).parent)
+    command_line.command(__doc__, lambda: build_street.build(seed=7), UTM, samples=64, folder=Path(__file__).parent)
     bpy.ops.wm.quit_blender() if bpy.app.binary_path else None

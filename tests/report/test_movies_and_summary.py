@@ -129,6 +129,17 @@ def test_summary_says_what_metrics_say(finished: Path) -> None:
     assert max(len(line) for line in text.splitlines() if str(finished) not in line) <= 100
 
 
+def test_summary_has_a_line_for_free_viewpoints(finished: Path, tmp_path: Path) -> None:
+    metrics = json.loads((finished / "metrics.json").read_text())
+    metrics["free_views"] = {"views": 4, "regions": {"free_removed": {"psnr": 18.24, "ssim": 0.611}}}
+    (tmp_path / "metrics.json").write_text(json.dumps(metrics))
+    out = io.StringIO()
+    print_summary(tmp_path, out)
+    line = next(line for line in out.getvalue().splitlines() if "beside and above the path" in line)
+    assert line.endswith("-") and "18.2 dB / 0.611" in line
+    assert len(line) <= 100
+
+
 def test_summary_of_nothing(tmp_path: Path) -> None:
     out = io.StringIO()
     print_summary(tmp_path, out)

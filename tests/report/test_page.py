@@ -250,3 +250,24 @@ def test_pages_stay_small(width: int, height: int, count: int) -> None:
     assert wide / tall == pytest.approx(width / height, rel=0.05)
     if (width, height) == (384, 256):
         assert (wide, tall) == (width, height)
+
+
+def test_free_viewpoints_stand_beside_the_recorded_ones(finished: Path, tmp_path: Path) -> None:
+    assert "From free viewpoints" not in page_of(finished, tmp_path / "without")[1].text
+    metrics = json.loads((finished / "metrics.json").read_text())
+
+    def scores(psnr: float | None, ssim: float) -> dict[str, object]:
+        return {"psnr": psnr, "ssim": ssim, "pixels": 9, "views": 2}
+
+    regions = {"free_removed": scores(18.24, 0.611), "free_whole": scores(23.46, 0.702)}
+    tracks = {"beside": {"free_removed": scores(17.31, 0.577), "free_whole": scores(None, 1.0)}}
+    metrics["free_views"] = {"views": 4, "regions": regions, "tracks": tracks}
+    write_report(finished, tmp_path / "with", metrics)
+    text = Page((tmp_path / "with/index.html").read_text()).text
+    table = text[text.index("From free viewpoints") :]
+    assert "from 4 places where the drive never was" in table
+    recorded = metrics["truth"]["regions"]["removed"]["methods"]["render"]["psnr"]
+    order = ["Whole removed region", "Whole picture", "Recorded places", f"{recorded:.1f} dB", "All free viewpoints",
+             "18.2 dB", "/ 0.611", "23.5 dB", "Beside", "17.3 dB", "/ 0.577", "exact"]  # fmt: skip
+    places = [table.index(word) for word in order]
+    assert places == sorted(places)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from unveil_core.drives import open_drive
+from unveil_core.drives.camera_path import read_camera_path
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.importing import recentred
 from unveil_core.files import read_image, read_instance_image, read_label_image
@@ -88,6 +89,49 @@ def test_points_fall_on_what_they_hit(folder: Path) -> None:
     assert road.sum() > FEWEST_ROAD[folder.name]
     assert np.median(np.abs(true - z[inside])[road]) < 0.15
     assert (labels[z[inside] < 0.9 * np.where(true > 0, true, 1e9)] != 10).mean() > 0.98  # none in the sky
+
+
+def test_free_views_stand_beside_and_above_the_path(folder: Path) -> None:
+    drive = recentred(open_drive(folder))
+    views = read_camera_path(folder / "truth/free/transforms.json", drive)
+    frames = {f.name: f.camera for f in drive.frames}
+    assert [v.track for v in views].count("beside") == [v.track for v in views].count("above") == 7
+    sides = []
+    for view in views:
+        own = frames[view.name.split("_")[0]]
+        x, y, z = own.world_to_camera[:3, :3] @ (view.camera.centre - own.centre)
+        assert np.linalg.norm((x, y, z)) == pytest.approx(1.5 if view.track == "beside" else 1.0, abs=1e-6)
+        np.testing.assert_allclose(view.camera.world_to_camera[:3, :3], own.world_to_camera[:3, :3], atol=1e-9)
+        assert (view.camera.width, view.camera.fx) == (own.width, pytest.approx(own.fx))
+        if view.track == "beside":
+            assert abs(y) < 1e-6 and abs(z) < 1e-6
+            sides.append(np.sign(x))
+        else:
+            assert (view.camera.centre - own.centre)[2] == pytest.approx(1.0, abs=1e-6)
+    assert {*sides} == {-1.0, 1.0}
+    assert sum(p.stat().st_size for p in (folder / "truth/free").rglob("*") if p.is_file()) < 1e6
+
+
+def test_free_views_show_the_street_of_the_truth(folder: Path) -> None:
+    """What stands where, by the recorded truth's depth, has the same colour in the free picture."""
+    drive = recentred(open_drive(folder))
+    off = []
+    for view in read_camera_path(folder / "truth/free/transforms.json", drive):
+        picture = read_image(folder / f"truth/free/images/{view.name}.jpg").astype(float)
+        removed = read_label_image(folder / f"truth/free/removed/{view.name}.png") > 0
+        unseen = read_label_image(folder / f"truth/free/unseen/{view.name}.png") > 0
+        assert not (unseen & ~removed).any()
+        name = view.name.split("_")[0]
+        frame = next(f for f in drive.frames if f.name == name)
+        street = read_image(folder / f"truth/images/{name}.jpg").astype(float)[1::2, 1::2]
+        depth = read_instance_image(folder / f"truth/depth/{name}.png") / 256.0
+        near = (depth > 4) & (depth < 12)
+        places = (frame.camera.centre + depth[..., None] * frame.camera.rays()[1::2, 1::2])[near]
+        pixel, z = view.camera.project(places)
+        inside = (z > 1) & (pixel >= 1).all(axis=1) & (pixel < (383, 255)).all(axis=1)
+        column, row = pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
+        off.append(np.abs(picture[row, column] - street[near][inside]).mean(axis=1))
+    assert np.median(np.concatenate(off)) < 6
 
 
 @pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender's Python module is an extra")

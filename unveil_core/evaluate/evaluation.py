@@ -24,6 +24,7 @@ from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.baselines import BASELINES
+from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 from unveil_core.files import read_image, read_label_image, write_json_atomic
@@ -106,7 +107,8 @@ def run_evaluation(
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
         ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
-        of ``frames``, which is smaller for the single-image baselines of a long drive. With their networks the methods
+        of ``frames``, which is smaller for the single-image baselines of a long drive; and with a ``free/`` in the truth
+        ``free_views`` (see :func:`unveil_core.evaluate.free_views.measure_free_views`). With their networks the methods
         of the region ``whole`` have ``lpips``, the mean over frames, and ``fid``. Floats are rounded to 4 digits;
         what is infinite or undefined is None.
     Raises:
@@ -149,8 +151,13 @@ def run_evaluation(
             "none of the drive's frames has a true image here", path=Path(truth_root) / "images",
             mend="name the true images like the drive's frames",
         )  # fmt: skip
-    metrics: dict[str, Any] = _rounded(_summary(measured))
-    return metrics
+    metrics = _summary(measured)
+    recorded = metrics.get("truth", {}).get("regions", {})
+    free = measure_free_views(workspace_root, drive, truth, recorded, progress)
+    if free is not None:
+        metrics["free_views"] = free
+    rounded: dict[str, Any] = _rounded(metrics)
+    return rounded
 
 
 def write_metrics(metrics: dict[str, Any], path: Path) -> None:

@@ -13,7 +13,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from unveil_core.evaluate import METHODS
+from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.files import write_bytes_atomic
 from unveil_core.progress import Progress, no_progress
 from unveil_core.report.chart import psnr_chart
@@ -52,7 +52,7 @@ def write_report(
 def build_page(shown: Shown) -> str:
     """The page as text."""
     parts = [
-        _header(shown), _viewer(shown), _numbers(shown), _truth(shown), _meshes(shown.meshes), _objects(shown),
+        _header(shown), _viewer(shown), _numbers(shown), _truth(shown), _free_views(shown), _meshes(shown.meshes), _objects(shown),
         _stages(shown), _settings(shown),
     ]  # fmt: skip
     style, script = (files("unveil_core.report").joinpath(name).read_text() for name in ("page.css", "page.js"))
@@ -206,14 +206,7 @@ def _truth(shown: Shown) -> str:
     for method, name in METHODS.items():
         if not any(method in _methods(metrics, r) for r in regions):
             continue
-        cells = []
-        for region in regions:
-            score = _methods(metrics, region).get(method)
-            cells.append(
-                f"<td>{decibels(score.get('psnr'))} <small>/ {similarity(score.get('ssim'))}</small></td>"
-                if score
-                else "<td>–</td>"
-            )
+        cells = [_score_cell(_methods(metrics, region).get(method)) for region in regions]
         style = ' class="ours"' if method == "ours" else ""
         rows.append(f"<tr{style}><th>{escape(name)}</th>{''.join(cells)}</tr>")
     truth = metrics["truth"]
@@ -234,6 +227,37 @@ def _truth(shown: Shown) -> str:
         f'<div class="card padded"><div class="scroll"><table><thead><tr><th></th>{heads}</tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>{psnr_chart(metrics.get('per_frame', []))}{note}</div>",
     )
+
+
+def _free_views(shown: Shown) -> str:
+    """The 3D scene from the recorded places and from others, a row each."""
+    metrics = shown.metrics or {}
+    free = metrics.get("free_views", {})
+    columns = [r for r in FREE_REGIONS if r in free.get("regions", {})]
+    if not columns:
+        return ""
+    recorded = {r: _methods(metrics, FREE_REGIONS[r]).get("render") for r in columns}
+    places = {"Recorded places": recorded, "All free viewpoints": free["regions"]}
+    places |= {track.capitalize(): scores for track, scores in free.get("tracks", {}).items()}
+    titles = {**REGION_TITLES, "whole": "Whole picture"}
+    heads = "".join(f"<th>{titles[FREE_REGIONS[r]]}</th>" for r in columns)
+    rows = "".join(
+        f"<tr><th>{escape(place)}</th>{''.join(_score_cell(scores.get(r)) for r in columns)}</tr>"
+        for place, scores in places.items()
+        if any(scores.values())
+    )
+    return _section(
+        "From free viewpoints",
+        f"The rendered empty scene from {free['views']} places where the drive never was, against true pictures from there.",
+        f'<div class="card padded"><div class="scroll"><table><thead><tr><th></th>{heads}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div></div>",
+    )
+
+
+def _score_cell(score: dict[str, Any] | None) -> str:
+    if not score:
+        return "<td>–</td>"
+    return f"<td>{decibels(score.get('psnr'))} <small>/ {similarity(score.get('ssim'))}</small></td>"
 
 
 # --------------------------------------------------------------------------------------------------------- other pieces

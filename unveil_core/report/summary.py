@@ -50,6 +50,11 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
             if any(scores):
                 cells = (f"{decibels(s['psnr'])} / {similarity(s['ssim'])}" if s else "-" for s in scores)
                 lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in cells))
+    free = metrics.get("free_views", {}).get("regions", {})
+    if columns and free:
+        scores = [free.get(f"free_{c}") for c in columns]
+        cells = (f"{decibels(s['psnr'])} / {similarity(s['ssim'])}" if s else "-" for s in scores)
+        lines.append(f"    {'rendered, beside and above the path':<36}" + "".join(f"{cell:>18}" for cell in cells))
     coverage = metrics.get("coverage", {})
     if coverage.get("removed") and coverage.get("unobserved_of_removed") is not None:
         lines.append(

@@ -6,7 +6,9 @@ pixels first and may be trained with the surfels; no surfel carries the label sk
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,9 +16,11 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from unveil_core.errors import UnveilError
+from unveil_core.files import write_atomic
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["Sky", "fit_sky", "up_frame"]
+__all__ = ["Sky", "fit_sky", "load_sky", "save_sky", "up_frame"]
 
 
 def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,3 +110,21 @@ def fit_sky(
         smooth = gaussian_filter(filled, sigma=(2, 2, 0), mode=("nearest", "wrap", "nearest"))
         texture = np.where(seen[..., None], grid, smooth)
     return Sky(torch.from_numpy(texture.transpose(2, 0, 1).astype(np.float32).copy()), axes)
+
+
+def save_sky(sky: Sky, path: Path) -> None:
+    """Write the sky as a plain npz."""
+    write_atomic(path, lambda stream: np.savez(stream, texture=sky.texture.numpy(), axes=sky.axes))
+
+
+def load_sky(path: Path) -> Sky:
+    """The sky of a workspace.
+
+    Raises:
+        UnveilError: missing or damaged.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return Sky(torch.from_numpy(data["texture"]), data["axes"])
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise UnveilError(f"is no readable sky: {error}", path=path, mend="run `unveil reconstruct` again") from error
