@@ -110,11 +110,9 @@ def check_footage(
     )  # fmt: skip
     workspace = run(folder / "drive", folder / "workspace", chosen, until="reoptimize", reporter=reporter)
     progress = _progress(reporter)
-    frames = []
-    for i, frame in enumerate(scene.drive.frames):
-        known = seen_elsewhere(scene.sights, pixels, i, far=scene.far, unit=scene.unit)
-        frames.append(HoldoutFrame(frame, scene.sights[i], pixels[i], scene.removed[i], known))
-        progress(i + 1, len(scene.drive.frames), "finding what other frames saw")
+    known = seen_elsewhere(scene.sights, pixels, far=scene.far, unit=scene.unit, progress=progress)
+    parts = zip(scene.drive.frames, scene.sights, pixels, scene.removed, known, strict=True)
+    frames = [HoldoutFrame(*part) for part in parts]
     found = measure_holdout(frames, scene.cars, drive, workspace.root, unit=scene.unit, progress=progress)
     write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}

@@ -71,29 +71,35 @@ def _unused_ids(used: NDArray[np.uint16]) -> int:
 # ---------------------------------------------------------------------------------------------------------------- evidence
 
 
-def seen_elsewhere(sights: Sequence[Sight], cars: Sequence[CarPixels], index: int, *, far: float, unit: float) -> Mask:
-    """(H, W) pixels of a frame's virtual cars whose street another frame shows outside of its own.
+def seen_elsewhere(
+    sights: Sequence[Sight], cars: Sequence[CarPixels], *, far: float, unit: float, progress: Progress = no_progress
+) -> list[Mask]:
+    """Per frame (H, W), pixels of its virtual cars whose street another frame shows outside of its own.
 
     Args:
-        sights, cars: of all frames; index: which frame.
+        sights, cars: of all frames.
         far: the sky is taken to be this far away, world units; unit: world units per metre.
     """
-    sight = sights[index]
-    rows, columns = np.nonzero(cars[index].number)
-    depth = np.minimum(sight.depth[rows, columns], far)
-    points = sight.camera.centre + depth[:, None] * sight.camera.rays()[rows, columns]
-    found = np.zeros(len(rows), dtype=bool)
-    for other, view in enumerate(sights):
-        if other == index or found.all():
-            continue
-        left = np.flatnonzero(~found)
-        hidden = grow(cars[other].number > 0, BORDER_PX) | view.barred
-        inside, row, column, z = _pixels_of(points[left], view, 0.2 * unit)
-        shown = ~hidden[row, column] & (np.minimum(z, far) <= _reach(view, row, column, unit))
-        found[left[inside[shown]]] = True
-    seen = np.zeros(sight.depth.shape, dtype=bool)
-    seen[rows[found], columns[found]] = True
-    return seen
+    hidden = [grow(own.number > 0, BORDER_PX) | sight.barred for own, sight in zip(cars, sights, strict=True)]
+    found = []
+    for i, (sight, own) in enumerate(zip(sights, cars, strict=True)):
+        rows, columns = np.nonzero(own.number)
+        depth = np.minimum(sight.depth[rows, columns], far)
+        points = sight.camera.centre + depth[:, None] * sight.camera.rays()[rows, columns]
+        known = np.zeros(len(rows), dtype=bool)
+        # Neighbours first: they see most, and what is found need not be looked for again.
+        for other in sorted(range(len(sights)), key=lambda k: abs(k - i)):
+            left = np.flatnonzero(~known)
+            if other == i or not len(left):
+                continue
+            inside, row, column, z = _pixels_of(points[left], sights[other], 0.2 * unit)
+            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(sights[other], row, column, unit))
+            known[left[inside[shown]]] = True
+        seen = np.zeros(sight.depth.shape, dtype=bool)
+        seen[rows[known], columns[known]] = True
+        found.append(seen)
+        progress(i + 1, len(sights), "finding what other frames saw")
+    return found
 
 
 def _pixels_of(
@@ -108,7 +114,7 @@ def _pixels_of(
 
 def _reach(sight: Sight, row: NDArray[np.int64], column: NDArray[np.int64], unit: float) -> NDArray[np.float64]:
     """Depth up to which something is seen at pixels."""
-    return sight.depth[row, column] * (1 + DEPTH_SHARE) + DEPTH_M * unit
+    return sight.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M * unit
 
 
 def moved_points(

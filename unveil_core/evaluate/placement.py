@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -62,6 +63,11 @@ class Sight:
     camera: Camera
     depth: Float64
     barred: Mask
+
+    @cached_property
+    def farthest(self) -> Float64:
+        """(H, W) the largest depth within a pixel around: ground seen at a grazing angle falls off steeply."""
+        return cv2.dilate(self.depth, np.ones((3, 3), np.uint8)).astype(np.float64)
 
     def coarse(self, width: int) -> Sight:
         """About so wide, by leaving pixels out."""
