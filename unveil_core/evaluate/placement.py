@@ -46,6 +46,8 @@ LEAST_VISIBLE, LEAST_CLEAN = 0.6, 0.7
 """Share of the car that nothing hides, and of its visible pixels those that nothing real was removed from."""
 ENOUGH_SHARE = 0.06
 """Of a frame; a car that is larger in it counts no more."""
+FARTHEST_M = 50.0
+"""From farther away no frame is asked."""
 LEAST_FRAMES = 3
 APART_M = 7.0
 
@@ -61,13 +63,13 @@ class Sight:
     """
 
     camera: Camera
-    depth: Float64
+    depth: NDArray[np.floating]
     barred: Mask
 
     @cached_property
-    def farthest(self) -> Float64:
+    def farthest(self) -> NDArray[np.floating]:
         """(H, W) the largest depth within a pixel around: ground seen at a grazing angle falls off steeply."""
-        return cv2.dilate(self.depth, np.ones((3, 3), np.uint8)).astype(np.float64)
+        return cv2.dilate(self.depth, np.ones((3, 3), np.uint8)).astype(self.depth.dtype)
 
     def coarse(self, width: int) -> Sight:
         """About so wide, by leaving pixels out."""
@@ -96,7 +98,7 @@ class CarPixels:
     """
 
     number: NDArray[np.uint8]
-    depth: Float64
+    depth: NDArray[np.floating]
     color: NDArray[np.uint8]
 
 
@@ -105,7 +107,7 @@ def sight_of(surfels: Surfels, camera: Camera, barred: Mask, *, near: float, far
     with torch.no_grad():
         out = render(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
     assert out.alpha is not None and out.median_depth is not None
-    return Sight(camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.double().numpy(), np.inf), barred)
+    return Sight(camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.numpy(), np.float32(np.inf)), barred)
 
 
 def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:
@@ -137,7 +139,7 @@ def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float6
 def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
     """The cars in a frame, behind what stands nearer."""
     shape = sight.depth.shape
-    number, nearest = np.zeros(shape, dtype=np.uint8), np.full(shape, np.inf)
+    number, nearest = np.zeros(shape, dtype=np.uint8), np.full(shape, np.inf, dtype=np.float32)
     color = np.zeros((*shape, 3), dtype=np.uint8)
     for car in cars:
         found = _visible(car, sight)
@@ -153,6 +155,9 @@ def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
         color[window][seen] = paint_car(car, sight.camera.centre, rays, hits)
         nearest[window][seen] = depth[seen]
         number[window][seen] = car.number
+    if not number.any():
+        # Most frames of a long drive: no memory for what says nothing.
+        return CarPixels(number, np.broadcast_to(np.float32(np.inf), shape), np.broadcast_to(np.uint8(0), (*shape, 3)))
     return CarPixels(number, nearest, color)
 
 
@@ -220,6 +225,8 @@ def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.
     shares, cleaned = np.zeros(len(sights)), np.zeros(len(sights))
     good = np.zeros(len(sights), dtype=bool)
     for i, sight in enumerate(sights):
+        if np.linalg.norm(sight.camera.centre - car.centre) > FARTHEST_M * car.unit:
+            continue
         found = _visible(car, sight)
         if found is None:
             continue
