@@ -161,6 +161,21 @@ def test_what_stands_nearer_hides_it_and_cars_hide_one_another() -> None:
     assert not (behind.number[seen["car"] > 0]).any()
 
 
+def test_the_roughness_of_the_ground_hides_no_car_but_a_kerbside_box_does() -> None:
+    """A reconstruction puts ground half a metre nearer than it is, at a grazing angle by a few centimetres of height."""
+    ground, _, sights, _ = street(())
+    car = park(ground, 9.0, 2.0, unit=1.0, number=1)
+    plain = see_cars([car], sights[0])
+    rays = sights[0].camera.rays()
+    for height, expected in ((0.12, 1.0), (0.7, 0.75)):
+        with np.errstate(divide="ignore"):
+            at = (height - 1.6) / rays[..., 2]
+        raised = (rays[..., 2] < 0) & (at < 6.4)
+        sight = Sight(sights[0].camera, np.where(raised, at, sights[0].depth), sights[0].barred)
+        kept = (see_cars([car], sight).number > 0).sum() / (plain.number > 0).sum()
+        assert kept == 1.0 if expected == 1.0 else kept < expected
+
+
 def test_a_coarse_sight_looks_through_the_same_pixels() -> None:
     camera = street_camera(2.0, 96, 64)
     depth = cast(camera)["depth"].astype(np.float64)

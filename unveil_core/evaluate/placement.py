@@ -132,8 +132,13 @@ def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float6
     rays = sight.camera.rays()[window]
     hits = cast_car(car, sight.camera.centre, rays.reshape(-1, 3))
     depth = hits.depth.reshape(rays.shape[:2])
-    # What is as near as the car is the ground it stands on.
-    return window, depth, np.isfinite(depth) & (depth < sight.depth[window] + 0.1 * car.unit)
+    there = sight.depth[window]
+    # Low in front of the car, and yet on a ray that meets it above its floor, is nothing but the ground's own roughness;
+    # at a grazing angle a bump of a hand's breadth comes nearer by half a metre.
+    with np.errstate(invalid="ignore"):
+        above = (sight.camera.centre - car.centre) @ car.axes[2] + there * (rays @ car.axes[2])
+    hides = (there < depth - 0.1 * car.unit) & (above > LOW_M * car.unit)
+    return window, depth, np.isfinite(depth) & ~hides
 
 
 def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
