@@ -167,7 +167,7 @@ def test_the_roughness_of_the_ground_hides_no_car_but_a_kerbside_box_does() -> N
     car = park(ground, 9.0, 2.0, unit=1.0, number=1)
     plain = see_cars([car], sights[0])
     rays = sights[0].camera.rays()
-    for height, expected in ((0.12, 1.0), (0.7, 0.75)):
+    for height, expected in ((0.12, 1.0), (0.9, 0.75)):
         with np.errstate(divide="ignore"):
             at = (height - 1.6) / rays[..., 2]
         raised = (rays[..., 2] < 0) & (at < 6.4)

@@ -31,6 +31,8 @@ ROOM_M = 0.25
 """Around the car, in which nothing may stand either."""
 LOW_M = 0.3
 """Less than this above the ground is ground: kerbs, and its own roughness."""
+THING_M = 0.7
+"""What hides a car reaches higher than this: reconstructed ground on real footage may be off by half of that."""
 CELL_M = 0.1
 STRAYS = 2
 """So many surfels off the ground are no object yet."""
@@ -134,11 +136,14 @@ def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float6
     depth = hits.depth.reshape(rays.shape[:2])
     there = sight.depth[window]
     # Low in front of the car, and yet on a ray that meets it above its floor, is nothing but the ground's own roughness;
-    # at a grazing angle a bump of a hand's breadth comes nearer by half a metre.
+    # at a grazing angle a bump of a hand's breadth comes nearer by half a metre. A thing reaches higher somewhere.
     with np.errstate(invalid="ignore"):
         above = (sight.camera.centre - car.centre) @ car.axes[2] + there * (rays @ car.axes[2])
-    hides = (there < depth - 0.1 * car.unit) & (above > LOW_M * car.unit)
-    return window, depth, np.isfinite(depth) & ~hides
+    before = (there < depth - 0.1 * car.unit) & (above > LOW_M * car.unit)
+    count, part = cv2.connectedComponents(before.astype(np.uint8), connectivity=8)
+    things = np.zeros(count, dtype=bool)
+    things[np.unique(part[before & (above > THING_M * car.unit)])] = True
+    return window, depth, np.isfinite(depth) & ~things[part]
 
 
 def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
