@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.errors import Cancelled, DriveError, UnveilError
+from unveil_core.errors import Cancelled, DriveError, SettingsError, UnveilError
 
 __all__ = ["main"]
 
@@ -101,11 +101,18 @@ def _parser() -> argparse.ArgumentParser:
             p.add_argument("--remove", type=_names, default=None, metavar="CLASSES")
             p.add_argument("--instances", type=_ids, default=None, metavar="IDS")
         common(p)
-    p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street")
+    p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street, or with its own photographs")
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
     p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
+    p.add_argument("--holdout-masks", action="store_true",
+                   help="lay virtual cars over street that is seen, remove them, compare; takes a drive, too")  # fmt: skip
+    p.add_argument("--cars", type=int, default=None, metavar="N", help="virtual cars (2)")
+    p.add_argument("--quality", default=None, choices=("draft", "standard", "high"),
+                   help="of the run with the virtual cars, by default the workspace's")  # fmt: skip
+    p.add_argument("-o", "--output", type=Path, default=None, metavar="DIR",
+                   help="of the run with the virtual cars, by default WORKSPACE_holdout")  # fmt: skip
     common(p)
     p = verbs.add_parser(
         "render", help="render the scene from free views: a path of cameras, or beside the drive's own"
@@ -227,7 +234,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
             print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
         return 0
+    if verb == "evaluate" and arguments.holdout_masks:
+        return _check_footage(arguments)
     if verb == "evaluate":
+        for name in ("cars", "quality", "output"):
+            if getattr(arguments, name) is not None:
+                raise SettingsError(f"--{name} is for virtual cars only", mend="add --holdout-masks")
         from unveil_core.evaluate import run_evaluation
         from unveil_core.workspace import Workspace
 
@@ -262,6 +274,23 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     with reporting(arguments.json) as reporter:
         run_verb(verb, arguments.workspace, settings, reporter=reporter)
+    return 0
+
+
+def _check_footage(arguments: argparse.Namespace) -> int:
+    from unveil_core.console import reporting
+    from unveil_core.footage_check import CARS, check_footage, holdout_lines
+    from unveil_core.settings import RunSettings
+
+    for name in ("truth", "lpips", "fid"):
+        if getattr(arguments, name) is not None:
+            raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
+    with reporting(arguments.json) as reporter:
+        found = check_footage(
+            arguments.workspace, arguments.output, cars=CARS if arguments.cars is None else arguments.cars,
+            settings=RunSettings(quality=arguments.quality or "standard"), quality=arguments.quality, reporter=reporter,
+        )  # fmt: skip
+    print(json.dumps({"holdout": found}) if arguments.json else "\n".join(holdout_lines(found)))
     return 0
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.evaluate.street_workspace import build_workspace
+from tests.mesh.street import cast, street_camera
 from unveil_core.errors import Cancelled, WorkspaceError
 from unveil_core.evaluate import psnr, run_evaluation, ssim, write_metrics
 from unveil_core.evaluate.baselines import telea
@@ -123,6 +124,22 @@ def test_truth_for_some_frames(workspace: Path) -> None:
     metrics = run_evaluation(workspace)
     assert metrics["frames"] == 3
     assert metrics["truth"]["frames"] == 2
+
+
+def test_flicker_by_the_true_depth(workspace: Path) -> None:
+    """The delivery's noise of 4 levels, anew in each frame, is what flickers; the true street does so by sampling only."""
+    assert "flicker" not in run_evaluation(workspace)  # nothing tells how far away the street is
+    truth = workspace.parent / "drive_on_disk/truth"
+    for i, path in enumerate(sorted((truth / "images").glob("*.png"))):
+        depth = cast(street_camera(1.2 * i))["depth"][1::2, 1::2]
+        write_image_atomic(truth / "depth" / path.name, np.round(depth * 256).astype(np.uint16))
+    found = run_evaluation(workspace)["flicker"]
+    assert found["depth"] == "truth" and found["pairs"] == 2 and found["pixels"] > 100
+    assert set(found["methods"]) == {"ours", "render", "telea", "shift_map", "truth"}
+    squared = {name: m["squared"] for name, m in found["methods"].items()}
+    # Two draws of noise add up, the interpolated one at 4/9 on average of its variance at least, at 1 at most.
+    assert 16 * 1.4 < squared["ours"] - squared["truth"] < 16 * 2.2
+    assert 3 < (squared["render"] - squared["truth"]) / (squared["ours"] - squared["truth"]) < 5
 
 
 def test_long_drives_fill_some_frames_only(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:

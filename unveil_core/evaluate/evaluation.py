@@ -10,26 +10,29 @@ import math
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.drives.drive import Frame
+from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.errors import WorkspaceError
-from unveil_core.evaluate.baselines import BASELINES
+from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
+from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
-from unveil_core.files import read_image, read_label_image, write_json_atomic
+from unveil_core.evaluate.pictures import fitted, frame_file, own_mask, truth_file, truth_mask
+from unveil_core.files import read_image, write_json_atomic
+from unveil_core.optimize.scene_range import scene_range
 from unveil_core.progress import Progress, no_progress
 from unveil_core.remove.regions import grow
+from unveil_core.surfels.ply import read_surfels
 
 __all__ = ["METHODS", "run_evaluation", "write_metrics"]
 
@@ -80,6 +83,8 @@ class _FrameResult:
     scores: dict[tuple[str, str], _Score] = field(default_factory=dict)
     overlaps: dict[str, tuple[int, int]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    filled: dict[str, Picture] = field(default_factory=dict)
+    """Per baseline: (M, 3) colours of the pixels that it filled, see :func:`_hole`."""
     lpips: dict[str, float] = field(default_factory=dict)
     features: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
     """Per method: of its picture and of the true one."""
@@ -109,7 +114,10 @@ def run_evaluation(
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
         of ``frames``, which is smaller for the single-image baselines of a long drive; and with a ``free/`` in the truth
         ``free_views`` (see :func:`unveil_core.evaluate.free_views.measure_free_views`). With their networks the methods
-        of the region ``whole`` have ``lpips``, the mean over frames, and ``fid``. Floats are rounded to 4 digits;
+        of the region ``whole`` have ``lpips``, the mean over frames, and ``fid``. ``flicker``
+        is what :func:`unveil_core.evaluate.flicker.measure_flicker` finds inside the removed region, of the ``truth``
+        itself too, and whose ``depth`` it was warped by: "truth" where that has ``depth/``, else the empty "scene"; without
+        truth the single-image baselines are not in it. Floats are rounded to 4 digits;
         what is infinite or undefined is None.
     Raises:
         WorkspaceError: a delivered frame is missing, the truth folder shows none of the frames, or a network has too
@@ -125,7 +133,7 @@ def run_evaluation(
         )
     networks = _Networks(None if lpips is None else LpipsModel(lpips), None if fid is None else FeatureModel(fid))
     if lpips is not None or fid is not None:
-        there = 0 if truth is None else sum(_truth_file(truth / "images", f) is not None for f in drive.frames)
+        there = 0 if truth is None else sum(truth_file(truth / "images", f) is not None for f in drive.frames)
         if there < (1 if fid is None else 2):
             raise WorkspaceError(
                 f"{'FID' if fid is not None else 'LPIPS'} needs true images of the empty street, and has {there}",
@@ -133,9 +141,11 @@ def run_evaluation(
             )  # fmt: skip
     results: list[_FrameResult | None] = [None] * len(drive.frames)
     every = max(1, math.ceil(len(drive.frames) / BASELINE_FRAMES))
+    # Two neighbours at a time, so that their flicker can be measured.
+    filled = {i for i in range(len(drive.frames)) if i % (2 * every) < 2}
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = {
-            pool.submit(_measure_frame, workspace_root, truth, f, i % every == 0, networks): i
+            pool.submit(_measure_frame, workspace_root, truth, f, i in filled, networks): i
             for i, f in enumerate(drive.frames)
         }
         try:
@@ -153,9 +163,13 @@ def run_evaluation(
         )  # fmt: skip
     metrics = _summary(measured)
     recorded = metrics.get("truth", {}).get("regions", {})
+    flicker = _flicker(
+        workspace_root, drive, truth, {f: r for f, r in zip(drive.frames, measured, strict=True)}, progress
+    )
     free = measure_free_views(workspace_root, drive, truth, recorded, progress)
-    if free is not None:
-        metrics["free_views"] = free
+    for name, found in (("flicker", flicker), ("free_views", free)):
+        if found:
+            metrics[name] = found
     rounded: dict[str, Any] = _rounded(metrics)
     return rounded
 
@@ -172,7 +186,7 @@ def _measure_frame(
     root: Path, truth: Path | None, frame: Frame, with_baselines: bool, networks: _Networks
 ) -> _FrameResult:
     photograph = read_image(frame.image_path)
-    delivered_path = _frame_file(root / "frames", frame)
+    delivered_path = frame_file(root / "frames", frame)
     if not delivered_path.is_file():
         raise WorkspaceError("this frame was not delivered yet", path=delivered_path, mend="run `unveil reoptimize`")
     delivered = read_image(delivered_path)
@@ -183,9 +197,9 @@ def _measure_frame(
             path=delivered_path, mend="run `unveil reoptimize` again",
         )  # fmt: skip
     empty = np.zeros(shape, dtype=bool)
-    removed = _own_mask(root / "masks/removed", frame, shape)
-    shadows = _own_mask(root / "masks/shadows", frame, shape)
-    unobserved = _own_mask(root / "masks/unobserved", frame, shape)
+    removed = own_mask(root / "masks/removed", frame, shape)
+    shadows = own_mask(root / "masks/shadows", frame, shape)
+    unobserved = own_mask(root / "masks/unobserved", frame, shape)
     result = _FrameResult(frame.name, frame.camera_name, int(np.prod(shape)))
     own_removed = empty if removed is None else removed
     result.removed = int(np.count_nonzero(own_removed))
@@ -195,7 +209,7 @@ def _measure_frame(
     if change.size:
         result.untouched_max = int(change.max())
         result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
-    if truth is not None and (true_image := _truth_file(truth / "images", frame)) is not None:
+    if truth is not None and (true_image := truth_file(truth / "images", frame)) is not None:
         _measure_against_truth(
             result, root, truth, frame, photograph, delivered, true_image, removed, unobserved, with_baselines, networks
         )
@@ -207,10 +221,10 @@ def _measure_against_truth(
     true_image: Path, removed: Mask | None, unobserved: Mask | None, with_baselines: bool, networks: _Networks,
 ) -> None:  # fmt: skip
     shape = photograph.shape[:2]
-    street = _fitted(read_image(true_image), shape)
-    true_removed = _truth_mask(truth / "removed", frame, shape)
-    true_unseen = _truth_mask(truth / "unseen", frame, shape)
-    shadow = _truth_mask(truth / "shadow", frame, shape)
+    street = fitted(read_image(true_image), shape)
+    true_removed = truth_mask(truth / "removed", frame, shape)
+    true_unseen = truth_mask(truth / "unseen", frame, shape)
+    shadow = truth_mask(truth / "shadow", frame, shape)
     region = true_removed if true_removed is not None else removed
     split = true_unseen if true_unseen is not None else unobserved
     regions: dict[str, Mask] = {"whole": np.ones(shape, dtype=bool)}
@@ -221,16 +235,18 @@ def _measure_against_truth(
         if shadow is not None:
             regions["cast_shadow"] = shadow & ~region
     pictures = {"ours": delivered, "input": photograph}
-    render_path = _frame_file(root / "renders", frame)
+    render_path = frame_file(root / "renders", frame)
     if render_path.is_file():
-        pictures["render"] = _fitted(read_image(render_path), shape)
+        pictures["render"] = fitted(read_image(render_path), shape)
     if with_baselines and region is not None and region.any():
         for name, fill in BASELINES.items():
             started = time.perf_counter()
             pictures[name] = fill(photograph, region)
             result.seconds[name] = time.perf_counter() - started
+            result.filled[name] = pictures[name][grow(region, GROWN_PX)]
     elif with_baselines and region is not None:
         pictures.update(dict.fromkeys(BASELINES, photograph))
+        result.filled = dict.fromkeys(BASELINES, photograph[region])
     for method, picture in pictures.items():
         error = squared_error(picture, street)
         similar = ssim_map(picture, street) if min(shape) >= SSIM_WINDOW else np.full(shape, np.nan)
@@ -249,42 +265,46 @@ def _measure_against_truth(
             result.overlaps[name] = (int(np.count_nonzero(own & true)), int(np.count_nonzero(own | true)))
 
 
-def _frame_file(folder: Path, frame: Frame) -> Path:
-    return folder / frame.camera_name / f"{frame.name}.png"
+# -------------------------------------------------------------------------------------------------------------- flicker
 
 
-def _own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
-    path = _frame_file(folder, frame)
-    return _fitted_mask(read_label_image(path), shape) if path.is_file() else None
+def _flicker(
+    root: Path, drive: Drive, truth: Path | None, results: Mapping[Frame, _FrameResult], progress: Progress
+) -> dict[str, Any]:
+    """Empty where nothing says how far away the street is."""
+    limits = scene_range(drive)
+    exact = truth is not None and any(truth_file(truth / "depth", f) is not None for f in drive.frames)
+    if not exact and not (root / "surfels/empty.ply").is_file():
+        return {}
+    scene = None if exact else read_surfels(root / "surfels/empty.ply")
 
+    def depth_of(frame: Frame) -> DepthGrid | None:
+        if scene is not None:
+            return rendered_depth(scene, frame.camera, near=limits.near, far=limits.far)
+        path = None if truth is None else truth_file(truth / "depth", frame)
+        return None if path is None else read_depth(path, frame.camera, limits.unit)
 
-def _truth_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
-    path = _truth_file(folder, frame)
-    return None if path is None else _fitted_mask(read_label_image(path), shape)
+    def region_of(frame: Frame) -> Mask | None:
+        shape = (frame.camera.height, frame.camera.width)
+        true = None if truth is None else truth_mask(truth / "removed", frame, shape)
+        return own_mask(root / "masks/removed", frame, shape) if true is None else true
 
+    def pictures_of(frame: Frame) -> dict[str, Picture]:
+        shape = (frame.camera.height, frame.camera.width)
+        pictures = {"ours": read_image(frame_file(root / "frames", frame))}
+        if (render_path := frame_file(root / "renders", frame)).is_file():
+            pictures["render"] = fitted(read_image(render_path), shape)
+        if truth is not None and (true_image := truth_file(truth / "images", frame)) is not None:
+            pictures["truth"] = fitted(read_image(true_image), shape)
+        region = region_of(frame)
+        assert region is not None
+        for name, colors in results[frame].filled.items():
+            pictures[name] = read_image(frame.image_path)
+            pictures[name][grow(region, GROWN_PX)] = colors
+        return pictures
 
-def _truth_file(folder: Path, frame: Frame) -> Path | None:
-    """``<folder>/<camera>/<frame>.*`` before ``<folder>/<frame>.*``: drives of several cameras repeat frame names."""
-    for parent in (folder / frame.camera_name, folder):
-        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
-            path = parent / f"{frame.name}{suffix}"
-            if path.is_file():
-                return path
-    return None
-
-
-def _fitted(image: Picture, shape: tuple[int, ...]) -> Picture:
-    if image.shape[:2] == tuple(shape[:2]):
-        return image
-    return cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA).astype(np.uint8)
-
-
-def _fitted_mask(labels: NDArray[np.integer], shape: tuple[int, ...]) -> Mask:
-    mask: Mask = labels > 127
-    if mask.shape != tuple(shape[:2]):
-        covered = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
-        mask = np.asarray(covered >= 0.5)
-    return mask
+    found = measure_flicker(drive.frames, depth_of, region_of, pictures_of, progress)
+    return {"depth": "truth" if exact else "scene", **found} if found else {}
 
 
 # -------------------------------------------------------------------------------------------------------------- pooling

@@ -18,6 +18,8 @@ RESULTS = (
 )  # fmt: skip
 COLUMNS = {"removed": "removed", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
 
+FLICKERING = {name: METHODS.get(name, "the true street") for name in ("truth", "ours", "render", "telea", "shift_map")}
+
 
 def print_summary(workspace_root: Path, file: TextIO) -> None:
     """Print where the results are, how good they are beside the baselines, and what each stage cost.
@@ -55,6 +57,10 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
         scores = [free.get(f"free_{c}") for c in columns]
         cells = (f"{decibels(s['psnr'])} / {similarity(s['ssim'])}" if s else "-" for s in scores)
         lines.append(f"    {'rendered, beside and above the path':<36}" + "".join(f"{cell:>18}" for cell in cells))
+    flicker = metrics.get("flicker", {}).get("methods", {})
+    if flicker:
+        parts = (f"{name} {flicker[m]['absolute']:.1f}" for m, name in FLICKERING.items() if m in flicker)
+        lines.append(f"  flicker inside, levels of 255: {', '.join(parts)}")
     coverage = metrics.get("coverage", {})
     if coverage.get("removed") and coverage.get("unobserved_of_removed") is not None:
         lines.append(

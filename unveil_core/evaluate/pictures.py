@@ -1,0 +1,60 @@
+"""The per-frame pictures that an evaluation compares: where they lie, and brought to one size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.drive import Frame
+from unveil_core.files import read_label_image
+
+__all__ = ["fitted", "fitted_mask", "frame_file", "own_mask", "truth_file", "truth_mask"]
+
+Picture = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+
+def frame_file(folder: Path, frame: Frame) -> Path:
+    """Where a workspace keeps a frame's picture in one of its per-frame folders."""
+    return folder / frame.camera_name / f"{frame.name}.png"
+
+
+def own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
+    """(H, W) a frame's mask of the workspace, None where it is not there."""
+    path = frame_file(folder, frame)
+    return fitted_mask(read_label_image(path), shape) if path.is_file() else None
+
+
+def truth_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
+    """(H, W) a frame's mask of the truth, None where it is not there."""
+    path = truth_file(folder, frame)
+    return None if path is None else fitted_mask(read_label_image(path), shape)
+
+
+def truth_file(folder: Path, frame: Frame) -> Path | None:
+    """``<folder>/<camera>/<frame>.*`` before ``<folder>/<frame>.*``: drives of several cameras repeat frame names."""
+    for parent in (folder / frame.camera_name, folder):
+        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
+            path = parent / f"{frame.name}{suffix}"
+            if path.is_file():
+                return path
+    return None
+
+
+def fitted(image: Picture, shape: tuple[int, ...]) -> Picture:
+    """A picture (h, w, 3) brought to a size (H, W) by area."""
+    if image.shape[:2] == tuple(shape[:2]):
+        return image
+    return cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def fitted_mask(labels: NDArray[np.integer], shape: tuple[int, ...]) -> Mask:
+    """A mask image (h, w) of 0 and 255 as bool (H, W): True where half of a pixel's area is."""
+    mask: Mask = labels > 127
+    if mask.shape != tuple(shape[:2]):
+        covered = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+        mask = np.asarray(covered >= 0.5)
+    return mask
