@@ -24,6 +24,7 @@ from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
 from unveil_core.inpaint.single_image import inpainter
+from unveil_core.inpaint.street import Ground
 from unveil_core.inpaint.time_reversal import FrameTask, paint_along
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
@@ -35,7 +36,8 @@ from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.optimize.start import tracks
 from unveil_core.raster import render
-from unveil_core.remove.regions import grow, region_map, unobserved_mask
+from unveil_core.remove.observed import never_seen, seen_view
+from unveil_core.remove.regions import grow, region_map
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.report import write_report
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
@@ -262,22 +264,38 @@ def remove_body(context: StageContext) -> None:
     marked = Surfels(
         surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, (~keep).long()
     )
+    ground = drive_ground(drive, scene, left)
+    views, empties = [], []
     for done, frame in enumerate(drive.frames):
+        planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(marked, frame.camera, ("alpha", "semantics"), label_count=2, near=limits.near, far=limits.far)
-            empty = render(left, frame.camera, ("alpha",), near=limits.near, far=limits.far)
-        assert full.alpha is not None and full.semantics is not None and empty.alpha is not None
+            full = render(marked, frame.camera, planes, label_count=2, near=limits.near, far=limits.far)
+        assert full.alpha is not None and full.depth is not None and full.semantics is not None
         own = object_mask(frame, scene, full.semantics[..., 1].numpy())
+        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own))
+        empties.append(render_numpy(left, frame.camera, near=limits.near, far=limits.far))
+        context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
+    for done, (frame, view, empty) in enumerate(zip(drive.frames, views, empties, strict=True)):
+        ground_depth = np.full(view.hidden.shape, np.inf)
+        if ground is not None:
+            ground_depth[view.hidden] = ground.intersect(frame.camera, frame.camera.rays()[view.hidden])[0]
+        unseen = never_seen(frame.camera, view.hidden, empty["alpha"], empty["depth"], ground_depth, views)
         # Antialiased borders carry the object's colour one or two pixels beyond its label.
-        removed = grow(own, max(2, round(frame.camera.width / 400)))
-        unobserved = unobserved_mask(full.alpha.numpy(), empty.alpha.numpy(), removed)
+        removed = grow(view.hidden, max(2, round(frame.camera.width / 400)))
         save_mask(removed, frame_file(context.output("masks/removed"), frame))
-        save_mask(unobserved, frame_file(context.output("masks/unobserved"), frame))
-        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, own, unobserved))
-        context.progress(done + 1, len(drive.frames), "finding what nobody saw")
+        save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, view.hidden, unseen))
+        context.progress(len(drive.frames) + done + 1, 2 * len(drive.frames), "finding what nobody saw")
 
 
 # --------------------------------------------------------------------------------------------------------------- inpaint
+
+
+def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels) -> Ground | None:
+    """The ground under the drive's longest track, from the scene without what is removed; None where it has none."""
+    track = max(tracks(drive), key=len)
+    cameras = [drive.frames[i].camera for i in track]
+    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit)
 
 
 def drive_ground_layer(
@@ -286,11 +304,7 @@ def drive_ground_layer(
 ) -> GroundLayer | None:  # fmt: skip
     """The ground of the empty street, or None where the scene has none."""
     limits = scene_range(drive)
-    track = max(tracks(drive), key=len)
-    ground = fit_drive_ground(
-        surfels.select(torch.from_numpy(~gone)), scene.labels, [drive.frames[i].camera for i in track], drive.up,
-        unit=limits.unit,
-    )  # fmt: skip
+    ground = drive_ground(drive, scene, surfels.select(torch.from_numpy(~gone)))
     if ground is None:
         return None
     labels = [frame_labels(f, scene) for f in drive.frames]

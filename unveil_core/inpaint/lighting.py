@@ -134,11 +134,10 @@ def _look_for_sun(chart: StreetChart, casters: Surfels, unit: float) -> Sun | No
     weight = cv2.blur(observed.astype(np.float32), (step, step))
     mean = cv2.blur(np.where(observed, darkness, 0).astype(np.float32), (step, step)) / np.maximum(weight, 1e-6)
 
-    def coarse(plane: NDArray[np.generic]) -> NDArray[np.generic]:
-        return plane[step // 2 :: step, step // 2 :: step]
-
+    cells = np.s_[step // 2 :: step, step // 2 :: step]
     s, l = (along[step // 2 :: step] for along in chart.coordinates())  # noqa: E741
     if min(len(s), len(l)) < 2:
         return None
     means = casters.means.detach().double().numpy()
-    return find_sun(coarse(mean), coarse(weight) > 0.5, s, l, chart.ground, means, unit=unit)  # type: ignore[arg-type]
+    known = weight[cells] > 0.5
+    return find_sun(mean[cells].astype(np.float32), known, s, l, chart.ground, means, unit=unit)

@@ -141,7 +141,9 @@ def paint_along(
         image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
         # Where surfels carried from a later frame cover the hole, it is no hole any more.
         below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0 if layer is not None else task.unobserved
-        empty = (task.unobserved | (task.removed & below)) & ~ground & ~solid
+        # The mask's border, beyond the object's own pixels, shows what lies beside them.
+        unseen = grow(task.unobserved, 3) & task.removed
+        empty = (unseen | (task.removed & below)) & ~ground & ~solid
         if empty.any():
             image8 = _around(single_image, image8, empty)
             if int(empty.sum()) >= keyframe_px:

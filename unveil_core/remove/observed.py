@@ -15,14 +15,15 @@ from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["SeenView", "places_seen", "sky_seen"]
+__all__ = ["SeenView", "never_seen", "places_seen", "seen_view", "sky_seen"]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 AGREEMENT = 0.15
 """Share of its depth by which what a frame shows may be nearer than a place and still not be called in front of it: the surface
 behind what is removed is known so well."""
-SKY_ALPHA = 0.3
+SKY_ALPHA, SURFACE = 0.3, 0.5
+"""A pixel of the full scene with less alpha shows sky, one of the empty scene with more shows a surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +32,19 @@ class SeenView:
 
     Attributes:
         camera: of the frame.
-        depth: (H, W) float32 of the full scene, along the optical axis; alpha: (H, W) float32.
+        depth: (H, W) float32 of the full scene, along the optical axis, inf where it shows sky.
         hidden: (H, W) bool, pixels that show a removed object.
     """
 
     camera: Camera
     depth: NDArray[np.float32]
-    alpha: NDArray[np.float32]
     hidden: Mask
+
+
+def seen_view(camera: Camera, depth: NDArray[np.float32], alpha: NDArray[np.float32], hidden: Mask) -> SeenView:
+    """What a frame shows, from the full scene's planes (H, W): depth weighted by alpha, and alpha."""
+    shown = np.where(alpha > SKY_ALPHA, depth / np.maximum(alpha, SKY_ALPHA), np.inf)
+    return SeenView(camera, shown.astype(np.float32), hidden)
 
 
 def _pixels(camera: Camera, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, NDArray[np.int64]]:
@@ -67,6 +73,29 @@ def sky_seen(directions: Array, views: Sequence[SeenView]) -> Mask:
     seen = np.zeros(len(directions), dtype=bool)
     for view in views:
         row, column, _, index = _pixels(view.camera, view.camera.centre + 1e6 * directions)
-        sky = ~view.hidden[row, column] & (view.alpha[row, column] < SKY_ALPHA)
+        sky = ~view.hidden[row, column] & np.isinf(view.depth[row, column])
         seen[index[sky]] = True
     return seen
+
+
+def never_seen(
+    camera: Camera, hidden: Mask, alpha_left: NDArray[np.float32], depth_left: NDArray[np.float32], ground_depth: Array,
+    views: Sequence[SeenView],
+) -> Mask:  # fmt: skip
+    """Pixels (H, W) of a removed object behind which lies what no frame shows.
+
+    Args:
+        camera: of the frame; hidden: (H, W), where it shows a removed object.
+        alpha_left, depth_left: (H, W) of the scene without the removed; ground_depth: (H, W) of the ground, inf where none.
+        views: all frames.
+    """
+    rays = camera.rays()[hidden]
+    depth = np.where(alpha_left[hidden] > SURFACE, depth_left[hidden].astype(np.float64), np.inf)
+    depth = np.minimum(depth, ground_depth[hidden])
+    place = np.isfinite(depth)
+    seen = np.zeros(len(rays), dtype=bool)
+    seen[place] = places_seen(camera.centre + depth[place, None] * rays[place], views)
+    seen[~place] = sky_seen(rays[~place], views)
+    mask = np.zeros(hidden.shape, dtype=bool)
+    mask[hidden] = ~seen
+    return mask
