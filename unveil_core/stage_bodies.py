@@ -410,9 +410,11 @@ def reoptimize_body(context: StageContext) -> None:
         picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
-        removed |= load_mask(frame_file(workspace.root / "masks/shadows", frame))
+        shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        delivered = compose_frame(photograph, exposures.delivered(frame, clean[i]), removed)
+        # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
+        street = exposures.delivered(frame, np.where(removed[..., None], picture, clean[i]))
+        delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("frames"), frame), delivered)
 
 
