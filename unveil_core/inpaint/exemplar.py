@@ -190,6 +190,10 @@ def fill_chart(
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
 
 
+PENUMBRA_M = 0.2
+"""How far on either side of a shadow's border its light may be a mixture, metres."""
+
+
 def _prevailing_shade(
     chart: StreetChart, seen: NDArray[np.bool_], settings: FillSettings, *, window: int, hop: int, per_m: float
 ) -> Shade:
@@ -232,16 +236,20 @@ def _gain(
     relit: NDArray[np.bool_], per_m: float,
 ) -> Float32:  # fmt: skip
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth."""
-    kernel = disc(0.12 * per_m)
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     local = masked_blur(color, relit, 0.25 * per_m)
     wanted = masked_blur(target, relit, 0.25 * per_m)
     ratio = np.clip(wanted / np.maximum(local, 0.02), 1.0, 4.0)
     full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
-    # Along the border, penumbra and a pixel's misplacement would be brightened beyond the lit street.
-    bright = np.maximum(1.0, 1.05 * target / np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02))
-    border = (cv2.dilate(wide.astype(np.uint8), kernel) > 0) & ~cv2.erode(shadow.astype(np.uint8), kernel).astype(bool)
-    gain: Float32 = np.where(border[..., None], np.minimum(full, bright), full).astype(np.float32)
+    # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
+    # street is.
+    own = np.maximum(luminance(masked_blur(color, seen, 0.03 * per_m)), 0.02)
+    share = (luminance(target) / own - 1) / np.maximum(luminance(ratio) - 1, 0.02)
+    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)[..., None]
+    ring = disc(PENUMBRA_M * per_m)
+    border = (cv2.dilate(shadow.astype(np.uint8), ring) > 0) & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
+    inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
+    gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
     return gain
 
 

@@ -38,6 +38,7 @@ class GroundPixels:
         covered: (H, W) bool, the chart has a colour there.
         shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
             was given up, see StreetChart.
+        extent: (H, W) of a pixel along the street, in texels of the chart.
     """
 
     hit: NDArray[np.bool_]
@@ -47,6 +48,7 @@ class GroundPixels:
     covered: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
     replaced: NDArray[np.bool_]
+    extent: Float32
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +84,14 @@ class GroundLayer:
         gain = np.ones((len(rays), 3), dtype=np.float32)
         covered = np.zeros(len(rays), dtype=bool)
         replaced = np.zeros(len(rays), dtype=bool)
+        extent = np.zeros(len(rays), dtype=np.float32)
         if hit.any():
             z = depth[hit]
             # A pixel's extent on the ground: z/f across, and stretched by the grazing angle along.
             direction = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
             grazing = np.maximum(np.abs(direction @ self.chart.ground.path.axes[2]), 0.01)
             across = z / camera.fx
+            extent[hit] = across / grazing / self.chart.texel
             color[hit] = sample_chart(self.colors, self.chart, street[hit], across / grazing, across)
             gain[hit] = sample_chart(self.gains, self.chart, street[hit], across / grazing, across)
             row, column, on_chart = self.chart.index_of(street[hit])
@@ -108,6 +112,7 @@ class GroundLayer:
             covered=spread(covered, False),
             shadow=spread((gain.max(axis=1) > 1.02) | replaced, False),
             replaced=spread(replaced, False),
+            extent=spread(extent, 0.0),
         )
 
 

@@ -34,6 +34,9 @@ SOLID = 0.6
 """A pixel of the empty scene with more alpha than this shows a surface."""
 RING_PX = 14
 """How far around the mask the photograph's own ground is compared with the chart."""
+FINE_TEXELS = 4.0
+"""A pixel that covers more of the chart along the street starts to be taken from it."""
+BORDER_PX = 2
 KNEE_SHARE = 0.28
 """Height of a knee as a share of the camera's height over the ground."""
 
@@ -120,7 +123,7 @@ def paint_along(
         ceiling = np.full(task.removed.shape, np.inf)
         if layer is not None:
             ring = grow(task.removed, RING_PX) & ~grow(task.removed, 2)
-            look = layer.look(task.camera, task.removed | ring | layer.shadow_pixels(task.camera))
+            look = layer.look(task.camera, task.removed | ring | grow(layer.shadow_pixels(task.camera), BORDER_PX))
             ceiling = look.depth
             # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
             # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
@@ -129,14 +132,18 @@ def paint_along(
             plain = ring & look.covered & ~in_front & ~look.shadow & _shows_ground(look.depth, out)
             fill[ground] = look.color[ground] + _tint(original, look.color, plain)
             on_ground = look.replaced | _shows_ground(look.depth, out)
-            shadow = look.shadow & ~in_front & ~task.removed & on_ground
+            # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
+            shadow = grow(look.shadow, BORDER_PX) & look.covered & ~in_front & ~task.removed & on_ground
             gain[shadow] = look.gain[shadow]
             over = shadow & look.replaced
             original[over] = look.color[over]
             gain[over] = 1.0  # the chart shows it lit already
         relit = np.clip(original * gain, 0, 1)
         if layer is not None and shadow.any():
-            relit[shadow] = _held(relit[shadow], look.color[shadow])
+            # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
+            distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)[:, None]
+            held = _held(relit[shadow], look.color[shadow])
+            relit[shadow] = held * (1 - distant) + look.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
         image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
         # Where surfels carried from a later frame cover the hole, it is no hole any more.
@@ -170,8 +177,8 @@ def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.
     """Relit colours (N, 3), kept near the chart's: along a shadow's border a pixel's misplacement would brighten what is
     lit already, or leave what is dark."""
     level, relit_level = chart.mean(axis=1, keepdims=True), relit.mean(axis=1, keepdims=True)
-    share = np.clip(relit_level, 0, 1.12 * level + 0.02) / np.maximum(relit_level, 1e-3)
-    held: NDArray[np.float32] = np.where(relit_level < 0.72 * level, chart, relit * share).astype(np.float32)
+    share = np.clip(relit_level, 0, 1.08 * level + 0.02) / np.maximum(relit_level, 1e-3)
+    held: NDArray[np.float32] = np.where(relit_level < 0.9 * level, chart, relit * share).astype(np.float32)
     return held
 
 
@@ -189,7 +196,7 @@ def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArr
 
 def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.float32]]) -> NDArray[np.bool_]:
     """Pixels where the scene itself shows the ground: nothing relights a wall behind it."""
-    return np.isfinite(ground_depth) & (np.abs(out["depth"] - ground_depth) < 0.1 * ground_depth)
+    return np.isfinite(ground_depth) & (np.abs(out["depth"] - ground_depth) < 0.2 * ground_depth)
 
 
 def _nearest_label(
