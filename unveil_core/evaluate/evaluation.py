@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +25,7 @@ from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.baselines import BASELINES
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
+from unveil_core.evaluate.truth import REGIONS, fitted, fitted_mask, regions_of, truth_file, truth_mask
 from unveil_core.files import read_image, read_label_image, write_json_atomic
 from unveil_core.progress import Progress, no_progress
 from unveil_core.remove.regions import grow
@@ -123,7 +123,7 @@ def run_evaluation(
         )
     networks = _Networks(None if lpips is None else LpipsModel(lpips), None if fid is None else FeatureModel(fid))
     if lpips is not None or fid is not None:
-        there = 0 if truth is None else sum(_truth_file(truth / "images", f) is not None for f in drive.frames)
+        there = 0 if truth is None else sum(truth_file(truth / "images", f) is not None for f in drive.frames)
         if there < (1 if fid is None else 2):
             raise WorkspaceError(
                 f"{'FID' if fid is not None else 'LPIPS'} needs true images of the empty street, and has {there}",
@@ -188,7 +188,7 @@ def _measure_frame(
     if change.size:
         result.untouched_max = int(change.max())
         result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
-    if truth is not None and (true_image := _truth_file(truth / "images", frame)) is not None:
+    if truth is not None and (true_image := truth_file(truth / "images", frame)) is not None:
         _measure_against_truth(
             result, root, truth, frame, photograph, delivered, true_image, removed, unobserved, with_baselines, networks
         )
@@ -200,23 +200,15 @@ def _measure_against_truth(
     true_image: Path, removed: Mask | None, unobserved: Mask | None, with_baselines: bool, networks: _Networks,
 ) -> None:  # fmt: skip
     shape = photograph.shape[:2]
-    street = _fitted(read_image(true_image), shape)
-    true_removed = _truth_mask(truth / "removed", frame, shape)
-    true_unseen = _truth_mask(truth / "unseen", frame, shape)
-    shadow = _truth_mask(truth / "shadow", frame, shape)
-    region = true_removed if true_removed is not None else removed
-    split = true_unseen if true_unseen is not None else unobserved
-    regions: dict[str, Mask] = {"whole": np.ones(shape, dtype=bool)}
-    if region is not None:
-        regions["removed"] = region
-        if split is not None:
-            regions["unseen"], regions["seen_elsewhere"] = region & split, region & ~split
-        if shadow is not None:
-            regions["cast_shadow"] = shadow & ~region
+    street = fitted(read_image(true_image), shape)
+    true_removed = truth_mask(truth / "removed", frame, shape)
+    true_unseen = truth_mask(truth / "unseen", frame, shape)
+    regions = regions_of(truth, frame, shape, removed=removed, unobserved=unobserved)
+    region = regions.get("removed")
     pictures = {"ours": delivered, "input": photograph}
     render_path = _frame_file(root / "renders", frame)
     if render_path.is_file():
-        pictures["render"] = _fitted(read_image(render_path), shape)
+        pictures["render"] = fitted(read_image(render_path), shape)
     if with_baselines and region is not None and region.any():
         for name, fill in BASELINES.items():
             started = time.perf_counter()
@@ -248,36 +240,7 @@ def _frame_file(folder: Path, frame: Frame) -> Path:
 
 def _own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
     path = _frame_file(folder, frame)
-    return _fitted_mask(read_label_image(path), shape) if path.is_file() else None
-
-
-def _truth_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
-    path = _truth_file(folder, frame)
-    return None if path is None else _fitted_mask(read_label_image(path), shape)
-
-
-def _truth_file(folder: Path, frame: Frame) -> Path | None:
-    """``<folder>/<camera>/<frame>.*`` before ``<folder>/<frame>.*``: drives of several cameras repeat frame names."""
-    for parent in (folder / frame.camera_name, folder):
-        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
-            path = parent / f"{frame.name}{suffix}"
-            if path.is_file():
-                return path
-    return None
-
-
-def _fitted(image: Picture, shape: tuple[int, ...]) -> Picture:
-    if image.shape[:2] == tuple(shape[:2]):
-        return image
-    return cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA).astype(np.uint8)
-
-
-def _fitted_mask(labels: NDArray[np.integer], shape: tuple[int, ...]) -> Mask:
-    mask: Mask = labels > 127
-    if mask.shape != tuple(shape[:2]):
-        covered = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
-        mask = np.asarray(covered >= 0.5)
-    return mask
+    return fitted_mask(read_label_image(path), shape) if path.is_file() else None
 
 
 # -------------------------------------------------------------------------------------------------------------- pooling
@@ -314,7 +277,7 @@ def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
         for (region, method), score in result.scores.items():
             grouped[region][method].append(score)
     regions: dict[str, Any] = {}
-    for region in ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole"):
+    for region in REGIONS:
         if region not in grouped:
             continue
         by_method = grouped[region]

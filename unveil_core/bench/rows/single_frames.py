@@ -1,0 +1,48 @@
+"""Rows without 3D and without time: each frame filled for itself, the whole object masked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from unveil_core.bench.rows.footage import Footage, Mask, Picture, deliver, fill_around
+from unveil_core.evaluate.baselines import GROWN_PX, shift_map, telea
+from unveil_core.progress import Progress
+
+__all__ = ["classic", "per_frame", "untouched"]
+
+
+def untouched(footage: Footage, progress: Progress) -> list[Picture]:
+    """The crowded frames themselves."""
+    return list(footage.photographs)
+
+
+def per_frame(footage: Footage, progress: Progress) -> list[Picture]:
+    """The configured single-image model on each frame (the row of LaMa and SDXL)."""
+    clean = []
+    for image, removed in zip(footage.photographs, footage.removed, strict=True):
+        clean.append(fill_around(footage.single_image, image, removed))
+        progress(len(clean), len(footage.photographs), "filling frame by frame")
+    return deliver(footage, None, clean)
+
+
+def classic(fill: Callable[[Picture, Mask], Picture]) -> Callable[[Footage, Progress], list[Picture]]:
+    """A row of one of ``evaluate.baselines``."""
+
+    def run(footage: Footage, progress: Progress) -> list[Picture]:
+        size = 2 * GROWN_PX + 1
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        clean = []
+        for image, removed in zip(footage.photographs, footage.removed, strict=True):
+            # It grows the mask itself, by as much as these masks have been grown already.
+            own = cv2.erode(removed.astype(np.uint8), kernel).astype(bool)
+            clean.append(fill(image, own))
+            progress(len(clean), len(footage.photographs), "filling frame by frame")
+        return deliver(footage, None, clean)
+
+    return run
+
+
+TELEA, SHIFT_MAP = classic(telea), classic(shift_map)

@@ -1,0 +1,146 @@
+"""Rows that inpaint the 3D scene by others' ideas: SPIn-NeRF and Infusion, with surfels in the place of their fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.bench.rows.footage import (
+    SOLID,
+    Footage,
+    Mask,
+    Picture,
+    Splats,
+    deliver,
+    fill_around,
+    look,
+    open_splats,
+)
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.progress import Progress
+from unveil_core.remove.regions import grow
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["infusion", "spin_nerf"]
+
+BORDER_PX = 2
+"""Depth beside a removed object's mask is a mixture of the object's and the street's."""
+
+
+@dataclass(frozen=True)
+class SpinNerfSettings:
+    """Attributes:
+    more: as many times the steps of the pipeline's re-optimization, for here everything moves.
+    depth_weight: of the depth prior beside L1 and D-SSIM.
+    """
+
+    more: int = 4
+    depth_weight: float = 0.1
+
+
+@dataclass(frozen=True)
+class InfusionSettings:
+    """Attributes:
+    every: one frame in so many is inpainted.
+    share: of the steps of the pipeline's re-optimization.
+    """
+
+    every: int = 10
+    share: float = 0.5
+
+
+def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings | None = None) -> list[Picture]:
+    """Mirzaei et al., *SPIn-NeRF: Multiview Segmentation and Perceptual Inpainting with Neural Radiance Fields* (CVPR 2023).
+
+    Each frame's whole object mask is inpainted by the single-image model, independently, and so is its depth; one scene is
+    fitted to all of them together. Their field has no shape of its own to begin with, here surfels are seeded on the inpainted
+    depth wherever nothing stands. Their perceptual loss inside the masks, which bears labels that contradict each other, needs a
+    network; here it is L1 and D-SSIM. Depth is continued smoothly instead of being painted by the model for colours.
+    """
+    settings = settings or SpinNerfSettings()
+    splats = open_splats(footage)
+    labels, depths, seeds = [], [], []
+    scene = splats.left
+    for i, frame in enumerate(footage.drive.frames):
+        removed = footage.removed[i]
+        labels.append(fill_around(footage.single_image, splats.images[i], removed))
+        depth = _depth_around(splats, frame.camera, removed)
+        depths.append(np.where(removed, depth, 0.0))
+        out = render_numpy(scene, frame.camera, near=splats.limits.near, far=splats.limits.far)
+        empty = removed & (out["alpha"] <= SOLID)
+        if empty.any():
+            seeds.append(_seed(splats, frame.camera, labels[i], depth, empty))
+            scene = concatenate([splats.left, *seeds])
+        progress(i + 1, len(labels), "inpainting each frame")
+    preset = REOPTIMIZE_PRESETS[footage.settings.quality]
+    preset = replace(
+        preset, iterations=settings.more * preset.iterations,
+        weights=replace(preset.weights, depth=settings.depth_weight),
+    )  # fmt: skip
+    targets = [(f.camera, label) for f, label in zip(footage.drive.frames, labels, strict=True)]
+    scene = reoptimize(
+        scene, np.ones(len(scene), dtype=bool), splats.sky, targets, preset, unit=splats.limits.unit,
+        near=splats.limits.near, far=splats.limits.far, label_count=len(splats.labels.labels), depths=depths,
+        seed=footage.settings.seed, progress=progress,
+    )  # fmt: skip
+    return deliver(footage, splats, _views(footage, splats, scene))
+
+
+def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | None = None) -> list[Picture]:
+    """Liu et al., *Infusion: Inpainting 3D Gaussians via Learning Depth Completion from Diffusion Prior* (2024).
+
+    One frame in ten is a reference: what is missing in the scene without the objects is inpainted there by the single-image
+    model, its depth completed from what is around, its pixels unprojected, and the new surfels fitted to the references for a
+    few steps. Several references are taken one after the other, each with what the ones before have filled (their section on
+    complex scenes). Their depth completion is a diffusion model; here inverse depth is continued smoothly. What no reference
+    shows stays empty, as with them.
+    """
+    settings = settings or InfusionSettings()
+    splats = open_splats(footage)
+    frames, scene = footage.drive.frames, splats.left
+    seeds: list[Surfels] = []
+    targets: list[tuple[Camera, Picture]] = []
+    chosen = range(0, len(frames), settings.every)
+    for done, i in enumerate(chosen):
+        camera, removed = frames[i].camera, footage.removed[i]
+        picture, out = look(scene, splats.sky, camera, splats.limits)
+        missing = removed & (out["alpha"] <= SOLID)
+        incomplete = np.where(removed[..., None], picture, splats.images[i])
+        filled = fill_around(footage.single_image, incomplete, missing)
+        targets.append((camera, filled))
+        if missing.any():
+            known = (out["alpha"] > 0.5) & ~missing
+            depth = complete_depth(out["depth"], known, missing, np.full(missing.shape, np.inf))
+            seeds.append(_seed(splats, camera, filled, depth, missing))
+            scene = concatenate([splats.left, *seeds])
+        progress(done + 1, len(chosen), "inpainting the references")
+    if seeds:
+        preset = REOPTIMIZE_PRESETS[footage.settings.quality]
+        preset = replace(preset, iterations=round(settings.share * preset.iterations))
+        fresh = np.arange(len(scene)) >= len(splats.left)
+        scene = reoptimize(
+            scene, fresh, splats.sky, targets, preset, unit=splats.limits.unit, near=splats.limits.near,
+            far=splats.limits.far, label_count=len(splats.labels.labels), seed=footage.settings.seed, progress=progress,
+        )  # fmt: skip
+    return deliver(footage, splats, _views(footage, splats, scene))
+
+
+def _depth_around(splats: Splats, camera: Camera, removed: Mask) -> NDArray[np.float64]:
+    """(H, W) depth of the full scene, continued into the whole mask from around it."""
+    out = render_numpy(splats.full, camera, near=splats.limits.near, far=splats.limits.far)
+    wide = grow(removed, BORDER_PX)
+    return complete_depth(out["depth"], out["alpha"] > 0.5, wide, np.full(removed.shape, np.inf))
+
+
+def _seed(splats: Splats, camera: Camera, color: Picture, depth: NDArray[np.float64], mask: Mask) -> Surfels:
+    """A surfel per pixel of a mask. Labels play no part in what these rows optimize."""
+    label = np.zeros(mask.shape, np.int64)
+    return seed_pixels(camera, color, depth, label, mask, sh_degree=splats.left.sh_degree)
+
+
+def _views(footage: Footage, splats: Splats, scene: Surfels) -> list[Picture]:
+    return [look(scene, splats.sky, f.camera, splats.limits)[0] for f in footage.drive.frames]
