@@ -28,13 +28,13 @@ def reference_reverse(footage: Footage, progress: Progress) -> list[Picture]:
     for track in tracks(footage.drive):
         later: Picture | None = None
         for i in reversed(track):
-            image, removed = footage.photographs[i], footage.removed[i]
-            if removed.any():
+            image, hole = footage.photographs[i], footage.holes[i]
+            if hole.any():
                 if later is None:
-                    clean[i] = fill_around(footage.single_image, image, removed)
+                    clean[i] = fill_around(footage.single_image, image, hole)
                 else:
-                    painted = footage.reference(image, removed, later)
-                    clean[i] = np.where(removed[..., None], painted, image).astype(np.uint8)
+                    painted = footage.reference(image, hole, later)
+                    clean[i] = np.where(hole[..., None], painted, image).astype(np.uint8)
             later = clean[i]
             done += 1
             progress(done, len(clean), "painting, last frame first")
@@ -50,15 +50,15 @@ def transfer_reverse(footage: Footage, progress: Progress) -> list[Picture]:
     for track in tracks(footage.drive):
         later: tuple[Camera, Picture, NDArray[np.float64]] | None = None
         for i in reversed(track):
-            camera, removed = footage.drive.frames[i].camera, footage.removed[i]
-            depth = _empty_depth(splats, camera, removed)
-            hole, picture = removed, clean[i]
-            if later is not None and removed.any():
-                moved, shown = transferred(camera, depth, removed, *later)
+            camera, hole = footage.drive.frames[i].camera, footage.holes[i]
+            depth = _empty_depth(splats, camera, hole)
+            rest, picture = hole, clean[i]
+            if later is not None and hole.any():
+                moved, shown = transferred(camera, depth, hole, *later)
                 picture = np.where(shown[..., None], moved, picture).astype(np.uint8)
-                hole = removed & ~shown
-            if hole.any():
-                picture = fill_around(footage.single_image, picture, hole)
+                rest = hole & ~shown
+            if rest.any():
+                picture = fill_around(footage.single_image, picture, rest)
             clean[i] = picture
             later = (camera, picture, depth)
             done += 1
@@ -66,13 +66,13 @@ def transfer_reverse(footage: Footage, progress: Progress) -> list[Picture]:
     return deliver(footage, splats, clean)
 
 
-def _empty_depth(splats: Splats, camera: Camera, removed: Mask) -> NDArray[np.float64]:
+def _empty_depth(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:
     """(H, W) depth without the removed objects: rendered where something stands behind them, else continued from around;
     of the sky, far away."""
     out = render_numpy(splats.left, camera, near=splats.limits.near, far=splats.limits.far)
     solid = out["alpha"] > SOLID
     depth = np.where(solid, out["depth"], splats.limits.far).astype(np.float32)
-    return complete_depth(depth, solid, removed & ~solid, np.full(removed.shape, np.inf))
+    return complete_depth(depth, solid, hole & ~solid, np.full(hole.shape, np.inf))
 
 
 def transferred(

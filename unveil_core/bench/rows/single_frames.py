@@ -22,8 +22,8 @@ def untouched(footage: Footage, progress: Progress) -> list[Picture]:
 def per_frame(footage: Footage, progress: Progress) -> list[Picture]:
     """The configured single-image model on each frame (the row of LaMa and SDXL)."""
     clean = []
-    for image, removed in zip(footage.photographs, footage.removed, strict=True):
-        clean.append(fill_around(footage.single_image, image, removed))
+    for image, hole in zip(footage.photographs, footage.holes, strict=True):
+        clean.append(fill_around(footage.single_image, image, hole))
         progress(len(clean), len(footage.photographs), "filling frame by frame")
     return deliver(footage, None, clean)
 
@@ -35,9 +35,9 @@ def classic(fill: Callable[[Picture, Mask], Picture]) -> Callable[[Footage, Prog
         size = 2 * GROWN_PX + 1
         kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         clean = []
-        for image, removed in zip(footage.photographs, footage.removed, strict=True):
-            # It grows the mask itself, by as much as these masks have been grown already.
-            own = cv2.erode(removed.astype(np.uint8), kernel).astype(bool)
+        for image, hole in zip(footage.photographs, footage.holes, strict=True):
+            # It grows the mask itself.
+            own = cv2.erode(hole.astype(np.uint8), kernel).astype(bool)
             clean.append(fill(image, own))
             progress(len(clean), len(footage.photographs), "filling frame by frame")
         return deliver(footage, None, clean)

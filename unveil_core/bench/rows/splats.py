@@ -22,13 +22,9 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.progress import Progress
-from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["infusion", "spin_nerf"]
-
-BORDER_PX = 2
-"""Depth beside a removed object's mask is a mixture of the object's and the street's."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +62,12 @@ def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings |
     labels, depths, seeds = [], [], []
     scene = splats.left
     for i, frame in enumerate(footage.drive.frames):
-        removed = footage.removed[i]
-        labels.append(fill_around(footage.single_image, splats.images[i], removed))
-        depth = _depth_around(splats, frame.camera, removed)
-        depths.append(np.where(removed, depth, 0.0))
+        hole = footage.holes[i]
+        labels.append(fill_around(footage.single_image, splats.images[i], hole))
+        depth = _depth_around(splats, frame.camera, hole)
+        depths.append(np.where(hole, depth, 0.0))
         out = render_numpy(scene, frame.camera, near=splats.limits.near, far=splats.limits.far)
-        empty = removed & (out["alpha"] <= SOLID)
+        empty = hole & (out["alpha"] <= SOLID)
         if empty.any():
             seeds.append(_seed(splats, frame.camera, labels[i], depth, empty))
             scene = concatenate([splats.left, *seeds])
@@ -106,10 +102,10 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
     targets: list[tuple[Camera, Picture]] = []
     chosen = range(0, len(frames), settings.every)
     for done, i in enumerate(chosen):
-        camera, removed = frames[i].camera, footage.removed[i]
+        camera, hole = frames[i].camera, footage.holes[i]
         picture, out = look(scene, splats.sky, camera, splats.limits)
-        missing = removed & (out["alpha"] <= SOLID)
-        incomplete = np.where(removed[..., None], picture, splats.images[i])
+        missing = hole & (out["alpha"] <= SOLID)
+        incomplete = np.where(hole[..., None], picture, splats.images[i])
         filled = fill_around(footage.single_image, incomplete, missing)
         targets.append((camera, filled))
         if missing.any():
@@ -129,11 +125,10 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
     return deliver(footage, splats, _views(footage, splats, scene))
 
 
-def _depth_around(splats: Splats, camera: Camera, removed: Mask) -> NDArray[np.float64]:
+def _depth_around(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:
     """(H, W) depth of the full scene, continued into the whole mask from around it."""
     out = render_numpy(splats.full, camera, near=splats.limits.near, far=splats.limits.far)
-    wide = grow(removed, BORDER_PX)
-    return complete_depth(out["depth"], out["alpha"] > 0.5, wide, np.full(removed.shape, np.inf))
+    return complete_depth(out["depth"], out["alpha"] > 0.5, hole, np.full(hole.shape, np.inf))
 
 
 def _seed(splats: Splats, camera: Camera, color: Picture, depth: NDArray[np.float64], mask: Mask) -> Surfels:
