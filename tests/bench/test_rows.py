@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.bench.plot import spread
 from unveil_core.bench.rows import ROWS, chosen_rows
 from unveil_core.bench.rows.flow import bilinear, complete_smoothly, inpaint_along_flow
 from unveil_core.bench.rows.footage import fill_around
@@ -134,6 +135,15 @@ def test_rows_are_chosen_by_name() -> None:
     assert set(chosen_rows(("ours", "flow"))) == {"ours", "flow"}
     with pytest.raises(SettingsError, match="'oars'"):
         chosen_rows(("oars",))
+
+
+def test_names_in_a_plot_make_room_for_each_other() -> None:
+    assert spread([5.0, 40.0, 20.0], 10) == [5.0, 40.0, 20.0], "there is room"
+    assert spread([20.0, 21.0], 10) == [15.5, 25.5]
+    generator = np.random.default_rng(0)
+    places = generator.uniform(0, 60, 9).tolist()
+    moved = spread(places, 10)
+    assert np.diff(sorted(moved)).min() > 10 - 1e-9 and np.argsort(moved).tolist() == np.argsort(places).tolist()
 
 
 def test_depth_prior_pulls_towards_the_expected_depth() -> None:
