@@ -45,7 +45,7 @@ def test_every_row_runs_or_says_what_it_lacks(told: dict) -> None:
     assert list(rows) == list(ROWS)
     for name, row in rows.items():
         if ROWS[name].weights:
-            assert row["status"] == NEEDS_WEIGHTS and ".onnx" in row["mend"] or "ONNX" in row["mend"]
+            assert row["status"] == NEEDS_WEIGHTS and "ONNX" in row["mend"]
             continue
         assert row["status"] == "done" and row["seconds"] >= row["own_seconds"] >= 0 and row["peak_memory_mb"] > 50
         better = row["regions"]["removed"]["psnr"] - rows["input"]["regions"]["removed"]["psnr"]
@@ -96,12 +96,14 @@ def test_a_reference_model_is_given_the_later_frame(told: dict, street: Path) ->
         reference=mean_of_reference,
     )
     assert done["rows"][0]["status"] == "done" and len(seen) >= 3
-    # The first frame, which shows the car, comes last; its reference is the second, cleaned (but for the seam).
+    # The first frame, which shows the car, comes last; its reference is the second, cleaned (but for the seam, and the
+    # rim that rows fill and do not deliver).
     later = cv2.imread(str(keep / "reference_reverse/camera/01.png"))[..., ::-1]
     mask = cv2.imread(str(told["folder"] / "scene/masks/removed/camera/01.png"), 0) > 0
     inside = cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0
+    outside = cv2.dilate(mask.astype(np.uint8), np.ones((9, 9))) == 0
     same = (seen[-1] == later).all(axis=2)
-    assert inside.sum() > 50 and same[~mask].all() and same[inside].all()
+    assert inside.sum() > 50 and same[outside].all() and same[inside].all()
 
 
 @pytest.mark.parametrize(
