@@ -135,9 +135,9 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most so many; all by default")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
     common(p)
-    p = verbs.add_parser("bench", help="measure the rasterizer, a training step or a reconstruction against truth")
-    p.add_argument("what", choices=("raster", "step", "reconstruction"))
-    p.add_argument("drive", type=Path, nargs="?", default=None, help="to reconstruct; the sample street by default")
+    p = verbs.add_parser("bench", help="measure the rasterizer, a training step, a reconstruction or whole runs")
+    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline"))
+    p.add_argument("drive", type=Path, nargs="?", default=None, help="with a truth; the sample street by default")
     p.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
     p.add_argument(
@@ -148,6 +148,15 @@ def _parser() -> argparse.ArgumentParser:
         help="fixed, soft_labels, ellipsoids, random_start, no_growth or no_pruning, for comparison",
     )  # fmt: skip
     p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
+    p.add_argument(
+        "--rows", type=_names, default=(), metavar="NAMES", help="of the pipeline's baselines; all by default"
+    )
+    p.add_argument(
+        "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
+    )
+    p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
+    p.add_argument("--inpainter", default="exemplar", metavar="NAME", help="single-image inpainter of all rows")
+    p.add_argument("--seed", type=int, default=0)
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
     p.add_argument(
         "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
@@ -216,7 +225,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if verb == "bench":
         from unveil_core.bench.command import run_bench
 
-        if arguments.what == "reconstruction" and arguments.drive is None:
+        if arguments.what in ("reconstruction", "pipeline") and arguments.drive is None:
             arguments.drive = _sample_drive()
         return run_bench(arguments)
     from unveil_core.console import reporting

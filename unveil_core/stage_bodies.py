@@ -126,9 +126,13 @@ def asked_for(settings: RunSettings) -> ReconstructSettings:
 
 def reconstruct_body(context: StageContext) -> None:
     """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
+    reconstruct_with(context, asked_for(context.settings))
+
+
+def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> None:
+    """What :func:`reconstruct_body` does, with settings of one's own: for comparison."""
     drive = read_imported(context.workspace.drive_dir)
     scene = load_labels(context.workspace)
-    settings = asked_for(context.settings)
     exposures = fit_exposures(drive, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
     done = reconstruct(

@@ -31,6 +31,21 @@ def run_bench(arguments: argparse.Namespace) -> int:
             variant=arguments.variant,
             salt=arguments.salt,
         )
+    elif arguments.what == "pipeline":
+        from unveil_core.bench.pipeline import bench_pipeline, write_pipeline_plot
+        from unveil_core.console import reporting
+        from unveil_core.settings import RunSettings
+
+        settings = RunSettings(quality=arguments.quality, inpainter=arguments.inpainter, seed=arguments.seed)
+        with reporting(False) as reporter:  # on standard error; the result is what goes to standard output
+            told = bench_pipeline(
+                arguments.drive,
+                settings,
+                rows=arguments.rows,
+                scene=arguments.scene,
+                keep=arguments.keep,
+                reporter=reporter,
+            )
     elif arguments.what == "step":
         size, count = arguments.size or (480, 320), arguments.surfels or 100_000
         if arguments.quick:
@@ -54,7 +69,13 @@ def run_bench(arguments: argparse.Namespace) -> int:
         write_json_atomic(arguments.output, told)
         if arguments.what == "raster":
             write_plot(told, arguments.output.with_suffix(".png"))
-    print(json.dumps(told, indent=1) if arguments.json or arguments.what != "raster" else _table(told))
+        elif arguments.what == "pipeline":
+            write_pipeline_plot(told, arguments.output.with_suffix(".png"))
+    tables = {"raster": _table, "pipeline": _pipeline_table}
+    if arguments.json or arguments.what not in tables:
+        print(json.dumps(told, indent=1))
+    else:
+        print(tables[arguments.what](told))
     return 0
 
 
@@ -69,4 +90,28 @@ def _table(told: dict[str, Any]) -> str:
         lines.append(f"{row['name']:<36}{row['ms']:>9.1f}{row['least_ms']:>9.1f}{row.get('ratio', 1.0):>8.2f}{cells}")
     lines.append("slow rivals, {}x{}, {:,} surfels".format(*told["rivals"][0]["size"], told["rivals"][0]["surfels"]))
     lines += [f"{row['name']:<46}{row['ms']:>9.1f} ms{row['ratio']:>9.1f}x" for row in told["rivals"]]
+    return "\n".join(lines)
+
+
+def _pipeline_table(told: dict[str, Any]) -> str:
+    lines = [f"{told['drive']}, {told['quality']}, {told['frames']} frames of {told['size'][0]}x{told['size'][1]}"]
+    heads = (("seconds", 9), ("own", 9), ("MB", 7), ("PSNR", 7), ("SSIM", 7), ("unseen", 8), ("elsewhere", 11))
+    lines.append(f"{'':<42}" + "".join(f"{head:>{width}}" for head, width in heads))
+    for row in told["rows"]:
+        if "regions" not in row:
+            lines.append(f"{row['title']:<42}{row['status']:>20}  ({row['mend']})")
+            continue
+        of = row["regions"]
+        values = (
+            row["seconds"], row["own_seconds"], row["peak_memory_mb"],
+            *(of.get(region, {}).get(figure) for region, figure in (
+                ("removed", "psnr"), ("removed", "ssim"), ("unseen", "psnr"), ("seen_elsewhere", "psnr"),
+            )),
+        )  # fmt: skip
+        digits = (1, 1, 0, 1, 2, 1, 1)
+        cells = "".join(
+            f"{'' if v is None else format(v, f'.{d}f'):>{width}}"
+            for v, d, (_, width) in zip(values, digits, heads, strict=True)
+        )
+        lines.append(f"{row['title']:<42}{cells}")
     return "\n".join(lines)

@@ -10,11 +10,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["alternate", "machine", "peak_memory_mb", "second_process_seconds"]
+__all__ = ["alternate", "forget_peak_memory", "machine", "peak_memory_mb", "second_process_seconds"]
 
 
 def alternate(
@@ -72,6 +73,12 @@ def peak_memory_mb() -> float | None:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return round(peak / (2**20 if platform.system() == "Darwin" else 2**10), 1)
+
+
+def forget_peak_memory() -> None:
+    """Count the peak anew from what is held now, where the system lets one (Linux); elsewhere it stays the process's."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
 
 
 _FIRST_PASS = """

@@ -27,7 +27,7 @@ from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth,
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
-from unveil_core.evaluate.pictures import fitted, frame_file, own_mask, truth_file, truth_mask
+from unveil_core.evaluate.pictures import REGIONS, fitted, frame_file, own_mask, regions_of, truth_file, truth_mask
 from unveil_core.files import read_image, write_json_atomic
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.progress import Progress, no_progress
@@ -224,16 +224,8 @@ def _measure_against_truth(
     street = fitted(read_image(true_image), shape)
     true_removed = truth_mask(truth / "removed", frame, shape)
     true_unseen = truth_mask(truth / "unseen", frame, shape)
-    shadow = truth_mask(truth / "shadow", frame, shape)
-    region = true_removed if true_removed is not None else removed
-    split = true_unseen if true_unseen is not None else unobserved
-    regions: dict[str, Mask] = {"whole": np.ones(shape, dtype=bool)}
-    if region is not None:
-        regions["removed"] = region
-        if split is not None:
-            regions["unseen"], regions["seen_elsewhere"] = region & split, region & ~split
-        if shadow is not None:
-            regions["cast_shadow"] = shadow & ~region
+    regions = regions_of(truth, frame, shape, removed=removed, unobserved=unobserved)
+    region = regions.get("removed")
     pictures = {"ours": delivered, "input": photograph}
     render_path = frame_file(root / "renders", frame)
     if render_path.is_file():
@@ -341,7 +333,7 @@ def _truth_summary(results: list[_FrameResult]) -> dict[str, Any]:
         for (region, method), score in result.scores.items():
             grouped[region][method].append(score)
     regions: dict[str, Any] = {}
-    for region in ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole"):
+    for region in REGIONS:
         if region not in grouped:
             continue
         by_method = grouped[region]

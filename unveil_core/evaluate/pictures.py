@@ -1,4 +1,4 @@
-"""The per-frame pictures that an evaluation compares: where they lie, and brought to one size."""
+"""The per-frame pictures that an evaluation compares: where they lie, brought to one size, and the regions it looks at."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from unveil_core.drives.drive import Frame
 from unveil_core.files import read_label_image
 
-__all__ = ["fitted", "fitted_mask", "frame_file", "own_mask", "truth_file", "truth_mask"]
+__all__ = ["REGIONS", "fitted", "fitted_mask", "frame_file", "own_mask", "regions_of", "truth_file", "truth_mask"]
 
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
+
+
+REGIONS = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole")
+"""Names of the regions, in the order in which they are told."""
 
 
 def frame_file(folder: Path, frame: Frame) -> Path:
@@ -58,3 +62,27 @@ def fitted_mask(labels: NDArray[np.integer], shape: tuple[int, ...]) -> Mask:
         covered = cv2.resize(mask.astype(np.float32), (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
         mask = np.asarray(covered >= 0.5)
     return mask
+
+
+def regions_of(
+    truth: Path, frame: Frame, shape: tuple[int, ...], *, removed: Mask | None, unobserved: Mask | None
+) -> dict[str, Mask]:
+    """The regions (H, W) of a frame, by their names in :data:`REGIONS`; those that nothing defines are left out.
+
+    Args:
+        truth: the truth's folder, with ``removed/``, ``unseen/`` and ``shadow/``, each optional.
+        removed, unobserved: (H, W) masks that stand in where the truth has none.
+    """
+    true_removed = truth_mask(truth / "removed", frame, shape)
+    true_unseen = truth_mask(truth / "unseen", frame, shape)
+    shadow = truth_mask(truth / "shadow", frame, shape)
+    region = true_removed if true_removed is not None else removed
+    split = true_unseen if true_unseen is not None else unobserved
+    regions: dict[str, Mask] = {"whole": np.ones(shape[:2], dtype=bool)}
+    if region is not None:
+        regions["removed"] = region
+        if split is not None:
+            regions["unseen"], regions["seen_elsewhere"] = region & split, region & ~split
+        if shadow is not None:
+            regions["cast_shadow"] = shadow & ~region
+    return regions

@@ -18,12 +18,13 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.optimize import loss_kernels as kernels
 from unveil_core.parallel import in_parallel
 
-__all__ = ["LossWeights", "camera_rays", "l1_dssim", "normal_consistency", "semantic_cross_entropy"]
+__all__ = ["LossWeights", "camera_rays", "depth_prior", "l1_dssim", "normal_consistency", "semantic_cross_entropy"]
 
 
 @dataclass(frozen=True)
 class LossWeights:
-    """Weights of the paper; zero switches a term off and spares its planes."""
+    """Weights of the paper; zero switches a term off and spares its planes. ``depth`` is not of the paper: it is for views
+    with an expected depth."""
 
     dssim: float = 0.2
     distortion: float = 100.0
@@ -31,6 +32,7 @@ class LossWeights:
     label_distortion: float = 100.0
     semantic: float = 0.1
     opacity: float = 0.001
+    depth: float = 0.0
 
 
 ROWS_AT_ONCE = 16
@@ -146,3 +148,17 @@ def normal_consistency(
     in_parallel(kernels.normal_to_depth, height, ROWS_AT_ONCE, d, a, r, along, down, g_depth, g_alpha)
     give_back(buffers)
     return _with_gradients(float(sums.sum()) / count, (g_normal, g_depth, g_alpha), normal, depth, alpha)
+
+
+def depth_prior(depth: Tensor, alpha: Tensor, expected: Tensor) -> Tensor:
+    """Relative difference of the rendered from an expected depth, the mean over the image.
+
+    As the depth term of *SPIn-NeRF* (Mirzaei et al., CVPR 2023, section 3.2), but absolute and relative, so that far
+    pixels do not outweigh near ones.
+
+    Args:
+        depth: (H, W) accumulated, not divided by alpha; alpha: (H, W); expected: (H, W), 0 = none.
+    """
+    counts = expected > 0
+    share = torch.where(counts, 1 / expected.clamp_min(1e-6), 0.0)
+    return ((depth - alpha * expected).abs() * share).mean()

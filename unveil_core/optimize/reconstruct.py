@@ -25,12 +25,11 @@ from unveil_core.optimize.views import TrainingView, training_view
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.segment import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
-from unveil_core.surfels.surfels import Surfels, as_ellipsoids
+from unveil_core.surfels.surfels import FLATNESS, Surfels, as_ellipsoids
 
 __all__ = ["PRESETS", "ReconstructSettings", "Reconstruction", "reconstruct"]
 
 MANY_FRAMES = 100
-FLATNESS = 0.1
 STABLE, FALLEN = 0.5, 1.2
 """How much of the fall of the step sizes is done in the first stage, and at the end of the second: large steps as long as
 they help, then smaller and smaller ones (Hu et al., *MiniCPM*, 2024, section 4). So the first stage may end at any time."""

@@ -7,7 +7,7 @@ the inpainted frame inside the removed region and the photograph outside.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -58,6 +58,7 @@ def reoptimize(
     near: float,
     far: float,
     label_count: int,
+    depths: Sequence[NDArray[np.float64]] | None = None,
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> Surfels:
@@ -69,12 +70,15 @@ def reoptimize(
         sky: fixed.
         targets: (camera, cleaned frame (H, W, 3) uint8).
         unit: world units per metre; near, far: world units.
+        depths: (H, W) per target, the depth that is expected, 0 = none; it counts by ``weights.depth``.
     Returns:
         the scene, in the same order.
     """
     if not movable.any() or settings.iterations == 0:
         return surfels
     views = [training_view(camera, image, None, None, sky) for camera, image in targets]
+    if depths is not None:
+        views = [replace(v, depth=torch.from_numpy(d.astype(np.float32))) for v, d in zip(views, depths, strict=True)]
     training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far)
     rates = LearningRates(
         means=0.001 * unit, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from unveil_core.optimize.density import DensityControl, DensitySettings
-from unveil_core.optimize.losses import LossWeights, l1_dssim, normal_consistency, semantic_cross_entropy
+from unveil_core.optimize.losses import LossWeights, depth_prior, l1_dssim, normal_consistency, semantic_cross_entropy
 from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
 from unveil_core.optimize.soft_labels import render_soft_labels
 from unveil_core.optimize.views import TrainingView
@@ -136,7 +136,8 @@ class Optimization:
         if w.semantic > 0 and view.labels is not None and not s.soft_labels:
             planes.append("semantics")
         if geometry:
-            planes += ["depth", "normal"] if w.normal > 0 else []
+            planes += ["normal"] if w.normal > 0 else []
+            planes += ["depth"] if w.normal > 0 or (w.depth > 0 and view.depth is not None) else []
             planes += ["distortion"] if w.distortion > 0 else []
             planes += ["label_distortion"] if w.label_distortion > 0 else []
         return render(current, view.camera, planes, label_count=self.label_count, near=s.near, far=s.far)
@@ -160,6 +161,8 @@ class Optimization:
             loss = loss + w.label_distortion * out.label_distortion.mean()
         if out.normal is not None and out.depth is not None:
             loss = loss + w.normal * normal_consistency(out.normal, out.depth, out.alpha, view.rays, view.weight)
+        if geometry and w.depth > 0 and view.depth is not None and out.depth is not None:
+            loss = loss + w.depth * depth_prior(out.depth, out.alpha, view.depth)
         if geometry and w.opacity > 0:
             loss = loss + w.opacity * torch.sigmoid(current.opacity_logits).mean()
         return loss

@@ -14,7 +14,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-__all__ = ["Surfels", "as_ellipsoids", "concatenate", "rotations", "with_sh_degree"]
+__all__ = ["FLATNESS", "Surfels", "as_ellipsoids", "concatenate", "rotations", "with_sh_degree"]
+
+
+FLATNESS = 0.1
+"""Thickness of an ellipsoid that stands for a disc, as a share of its smaller extent."""
 
 
 def rotations(quats: Tensor) -> Tensor:
@@ -97,7 +101,10 @@ def with_sh_degree(surfels: Surfels, degree: int) -> Surfels:
 
 
 def concatenate(parts: list[Surfels]) -> Surfels:
-    """Join surfels; higher SH degrees are kept and lower ones padded with zeros."""
+    """Join surfels; higher SH degrees are kept and lower ones padded with zeros. Discs become flat ellipsoids beside
+    ellipsoids."""
     degree = max(p.sh_degree for p in parts)
     padded = [with_sh_degree(p, degree) for p in parts]
+    if any(p.ellipsoids for p in parts):
+        padded = [p if p.ellipsoids else as_ellipsoids(p, FLATNESS) for p in padded]
     return Surfels(*(torch.cat([getattr(p, f.name) for p in padded]) for f in fields(Surfels)))

@@ -1,0 +1,124 @@
+"""The pipeline's rows on the small street: each delivers frames, better ones than the crowded street, on one scene."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.small_street import FRAMES, make_small_street
+from unveil_core import stage_bodies
+from unveil_core.bench.pipeline import NEEDS_WEIGHTS, bench_pipeline
+from unveil_core.bench.rows import ROWS
+from unveil_core.cli import main
+from unveil_core.optimize.reconstruct import ReconstructSettings
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings
+from unveil_core.optimize.start import StartSettings
+from unveil_core.settings import RunSettings
+
+DRAFT = RunSettings(quality="draft")
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_small_street(tmp_path_factory.mktemp("street"))
+
+
+@pytest.fixture(scope="module")
+def told(street: Path, tmp_path_factory: pytest.TempPathFactory) -> dict:
+    """All rows by the command line, with few steps."""
+    folder = tmp_path_factory.mktemp("bench")
+    with pytest.MonkeyPatch.context() as patch:
+        small = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
+        patch.setitem(stage_bodies.PRESETS, "draft", small)
+        patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
+        command = ["bench", "pipeline", str(street), "--quality", "draft", "-o", str(folder / "rows.json")]
+        assert main([*command, "--keep", str(folder / "kept"), "--scene", str(folder / "scene")]) == 0
+    return {"folder": folder, **json.loads((folder / "rows.json").read_text())}
+
+
+def test_every_row_runs_or_says_what_it_lacks(told: dict) -> None:
+    rows = {row["row"]: row for row in told["rows"]}
+    assert list(rows) == list(ROWS)
+    for name, row in rows.items():
+        if ROWS[name].weights:
+            assert row["status"] == NEEDS_WEIGHTS and "ONNX" in row["mend"]
+            continue
+        assert row["status"] == "done" and row["seconds"] >= row["own_seconds"] >= 0 and row["peak_memory_mb"] > 50
+        better = row["regions"]["removed"]["psnr"] - rows["input"]["regions"]["removed"]["psnr"]
+        assert name == "input" or better > 1.0, (name, better)
+        assert len(list((told["folder"] / "kept" / name).rglob("*.png"))) == FRAMES
+    # What a row builds on counts for it; what it does not, does not.
+    scene = sum(stage["seconds"] for stage in told["scene"].values())
+    assert rows["spin_nerf"]["seconds"] - rows["spin_nerf"]["own_seconds"] == pytest.approx(scene, abs=0.05)
+    assert rows["flow"]["seconds"] - rows["flow"]["own_seconds"] < 0.5 * scene
+    assert rows["ours"]["regions"]["removed"]["psnr"] > rows["telea"]["regions"]["removed"]["psnr"]
+
+
+def test_outside_the_masks_only_shadows_change(told: dict, street: Path) -> None:
+    rows = {row["row"]: row for row in told["rows"]}
+    assert all(
+        rows[name]["changed_outside"] == 0 for name in rows if name in ("telea", "flow", "spin_nerf", "infusion")
+    )
+
+
+def test_the_plot_lies_beside(told: dict) -> None:
+    picture = cv2.imread(str(told["folder"] / "rows.png"))
+    assert picture is not None and picture.shape[0] > 400
+
+
+def test_the_scene_is_used_again(told: dict, street: Path) -> None:
+    # Under the same limits; that nothing is reconstructed, the state tells.
+    state = (told["folder"] / "scene/workspace.json").read_bytes()
+    again = bench_pipeline(street, DRAFT, rows=("telea",), scene=told["folder"] / "scene")
+    assert json.loads(state)["stages"] == json.loads((told["folder"] / "scene/workspace.json").read_bytes())["stages"]
+    first = next(row for row in told["rows"] if row["row"] == "telea")
+    assert again["rows"][0]["regions"] == first["regions"] and len(again["rows"]) == 1
+
+
+def test_a_reference_model_is_given_the_later_frame(told: dict, street: Path) -> None:
+    seen: list[np.ndarray] = []
+
+    def mean_of_reference(image: np.ndarray, mask: np.ndarray, reference: np.ndarray) -> np.ndarray:
+        seen.append(reference)
+        return np.where(mask[..., None], reference.mean(axis=(0, 1)), 0).astype(np.uint8)
+
+    keep = told["folder"] / "reference"
+    done = bench_pipeline(
+        street,
+        DRAFT,
+        rows=("reference_reverse",),
+        scene=told["folder"] / "scene",
+        keep=keep,
+        reference=mean_of_reference,
+    )
+    assert done["rows"][0]["status"] == "done" and len(seen) >= 3
+    # The first frame, which shows the car, comes last; its reference is the second, cleaned (but for the seam, and the
+    # rim that rows fill and do not deliver).
+    later = cv2.imread(str(keep / "reference_reverse/camera/01.png"))[..., ::-1]
+    mask = cv2.imread(str(told["folder"] / "scene/masks/removed/camera/01.png"), 0) > 0
+    inside = cv2.erode(mask.astype(np.uint8), np.ones((9, 9))) > 0
+    outside = cv2.dilate(mask.astype(np.uint8), np.ones((9, 9))) == 0
+    same = (seen[-1] == later).all(axis=2)
+    assert inside.sum() > 50 and same[outside].all() and same[inside].all()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"), [(["--rows", "magic"], "'magic'"), (["--inpainter", "magic"], "'magic'")]
+)  # fmt: skip
+def test_bad_input_is_one_line(street: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "pipeline", str(street), *more]) == 2
+    error = capsys.readouterr().err
+    assert said in error and len(error.strip().splitlines()) == 1
+
+
+def test_without_a_truth_there_is_nothing_to_compare(street: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (street.parent / "truth").rename(street.parent / "hidden")
+    try:
+        assert main(["bench", "pipeline", str(street), "--rows", "telea"]) == 2
+    finally:
+        (street.parent / "hidden").rename(street.parent / "truth")
+    assert "truth/images" in capsys.readouterr().err

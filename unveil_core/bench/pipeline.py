@@ -1,0 +1,144 @@
+"""Whole ways to an empty street, side by side on the same scene: quality inside the removed region against seconds."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from unveil_core.bench.measure import measure_frames
+from unveil_core.bench.plot import Point, quality_plot
+from unveil_core.bench.rows import ROWS, Row, chosen_rows
+from unveil_core.bench.rows.footage import Footage, Picture, Reference, open_footage
+from unveil_core.bench.timing import forget_peak_memory, machine, peak_memory_mb
+from unveil_core.drives import open_drive
+from unveil_core.errors import WorkspaceError
+from unveil_core.evaluate.pictures import truth_file
+from unveil_core.files import write_image_atomic
+from unveil_core.inpaint.single_image import INPAINTERS, inpainter
+from unveil_core.pipeline import run
+from unveil_core.progress import Progress
+from unveil_core.settings import RunSettings
+from unveil_core.stage_bodies import frame_file
+from unveil_core.stages import Reporter, silent
+
+__all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]
+
+DONE, NEEDS_WEIGHTS = "done", "needs weights"
+
+
+def bench_pipeline(
+    drive: Path, settings: RunSettings, *, rows: tuple[str, ...] = (), scene: Path | None = None, keep: Path | None = None,
+    reference: Reference | None = None, reporter: Reporter = silent,
+) -> dict[str, Any]:  # fmt: skip
+    """Run rows on one drive and compare what they deliver with the true empty street.
+
+    The scene is reconstructed once, and every row begins with it or with the masks alone; what a row builds on counts for it.
+
+    Args:
+        drive: with a truth (``truth/images``).
+        settings: of the run: quality, seed, the single-image inpainter of all rows, what to remove.
+        rows: names in ``ROWS``; all by default.
+        scene: workspace of the reconstructed scene, made if need be and kept; a temporary one by default.
+        keep: folder that gets the rows' frames, ``<row>/<camera>/<frame>.png``.
+        reference: network of reference-based inpainting.
+        reporter: receives the events of the scene's reconstruction, and of the rows as if they were stages.
+    Returns:
+        JSON-able: the machine, the scene's stages, and per row its status (``done`` or ``needs weights``), seconds in all and
+        of the row alone, peak memory of both, and the figures of :func:`measure_frames`.
+    Raises:
+        SettingsError: no row is called so. WorkspaceError: the drive has no truth.
+    """
+    chosen = chosen_rows(rows)
+    opened = open_drive(drive)
+    if opened.truth_root is None or not any(truth_file(opened.truth_root / "images", f) for f in opened.frames):
+        raise WorkspaceError(
+            "has no true images of the empty street to compare with", path=drive, mend="put them into truth/images"
+        )
+    before = machine()
+    with tempfile.TemporaryDirectory() if scene is None else nullcontext() as folder:
+        workspace = run(
+            drive, Path(folder) / "scene" if folder else scene or "", settings, until="remove", reporter=reporter
+        )
+        stages = workspace.state()["stages"]
+        footage = open_footage(workspace, drive, settings, inpainter(settings.inpainter), reference)
+        told = []
+        for name, row in chosen.items():
+            missing = _missing_weights(row, settings, reference)
+            if missing:
+                told.append({"row": name, "title": row.title, "status": NEEDS_WEIGHTS, "mend": missing})
+                reporter(_event(name, f"{NEEDS_WEIGHTS}: {missing}"))
+                continue
+            reporter(_event(name, "started"))
+            frames, figures = _run_row(row, footage, stages, _speaking(name, reporter))
+            reporter(_event(name, "done", 1, 1, seconds=figures["seconds"]))
+            told.append({"row": name, "title": row.title, "status": DONE, **figures})
+            if keep is not None:
+                _keep_frames(footage, frames, keep / name)
+    return {
+        "machine": before, "drive": (drive.parent if drive.suffix == ".json" else drive).name, "frames": len(footage.drive.frames),
+        "size": [footage.drive.frames[0].camera.width, footage.drive.frames[0].camera.height],
+        "quality": settings.quality, "seed": settings.seed, "inpainter": settings.inpainter,
+        "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()}, "rows": told,
+    }  # fmt: skip
+
+
+def _missing_weights(row: Row, settings: RunSettings, reference: Reference | None) -> str | None:
+    """What the user has to give for a row to run, None if nothing."""
+    if row.weights == "inpainter" and settings.inpainter in INPAINTERS:
+        return "give an ONNX file with --inpainter"
+    if row.weights == "reference" and reference is None:
+        return "give an ONNX file with --reference-inpainter"
+    return None
+
+
+def _event(name: str, message: str, done: int = 0, total: int = 0, **metrics: float) -> dict[str, object]:
+    return {"stage": name, "done": done, "total": total, "message": message, "level": "info", **metrics}
+
+
+def _speaking(name: str, reporter: Reporter) -> Progress:
+    """A row's progress as events."""
+
+    def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+        reporter(_event(name, message, done, total, **metrics))
+
+    return progress
+
+
+def _run_row(
+    row: Row, footage: Footage, stages: Mapping[str, Mapping[str, Any]], progress: Progress
+) -> tuple[list[Picture], dict[str, Any]]:
+    forget_peak_memory()
+    begun = time.perf_counter()
+    frames = row.make(footage, progress)
+    own = time.perf_counter() - begun
+    peaks = [peak_memory_mb() or 0.0, *(float(stages[n].get("peak_memory_mb", 0.0)) for n in row.needs)]
+    before = sum(float(stages[n].get("seconds", 0.0)) for n in row.needs)
+    figures = {"seconds": round(before + own, 2), "own_seconds": round(own, 2), "peak_memory_mb": max(peaks)}
+    return frames, figures | measure_frames(footage.drive, frames, footage.removed)
+
+
+def _keep_frames(footage: Footage, frames: Sequence[Picture], folder: Path) -> None:
+    for frame, picture in zip(footage.drive.frames, frames, strict=True):
+        write_image_atomic(frame_file(folder, frame), picture)
+
+
+def plot_points(told: Sequence[Mapping[str, Any]]) -> list[Point]:
+    """The rows of some runs as (name, seconds, decibels inside the removed region)."""
+    points = []
+    for one in told:
+        for row in one["rows"]:
+            psnr = row.get("regions", {}).get("removed", {}).get("psnr")
+            if psnr is not None and row["row"] != "input":
+                own = ROWS[row["row"]].title if row["row"] in ROWS else row["title"]
+                name = own if row["row"] != "ours" else f"{own}, {one['quality']}"
+                points.append((name, float(row["seconds"]), float(psnr)))
+    return points
+
+
+def write_pipeline_plot(told: Mapping[str, Any], path: Path) -> None:
+    """Draw seconds against PSNR inside the removed region."""
+    quality_plot(plot_points([told]), path, title=f"{told['drive'].replace('_', ' ')}, {told['quality']}")

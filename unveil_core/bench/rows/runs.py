@@ -1,0 +1,60 @@
+"""Rows that are the pipeline itself: in its own order, in others, and on 3D Gaussians instead of discs."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from unveil_core.bench.rows.footage import Footage, Picture
+from unveil_core.files import read_image
+from unveil_core.pipeline import stage_named
+from unveil_core.progress import Progress
+from unveil_core.stage_bodies import asked_for, frame_file, reconstruct_with
+from unveil_core.stages import Stage, StageContext, run_stages
+from unveil_core.workspace import Workspace
+
+__all__ = ["ellipsoids", "ours"]
+
+
+def ours(order: str) -> Callable[[Footage, Progress], list[Picture]]:
+    """A row of the pipeline with frames filled in an order, see ``RunSettings.order``."""
+
+    def run(footage: Footage, progress: Progress) -> list[Picture]:
+        wanted = replace(footage, settings=replace(footage.settings, order=order))
+        return _frames_of(wanted, (), [stage_named("inpaint"), stage_named("reoptimize")], progress)
+
+    return run
+
+
+def ellipsoids(footage: Footage, progress: Progress) -> list[Picture]:
+    """The pipeline on a scene of 3D Gaussians (*3D Gaussian Splatting*, 2023), reconstructed with the same losses."""
+    # Another version of the stage: the workspace's own reconstruction is not its result.
+    other = replace(stage_named("reconstruct"), body=_reconstruct_ellipsoids, version=-1)
+    stages = [other, *(stage_named(n) for n in ("instances", "remove", "inpaint", "reoptimize"))]
+    return _frames_of(footage, ("surfels", "masks", "regions", "instances", "instances.json"), stages, progress)
+
+
+def _reconstruct_ellipsoids(context: StageContext) -> None:
+    reconstruct_with(context, replace(asked_for(context.settings), ellipsoids=True))
+
+
+def _frames_of(footage: Footage, without: Sequence[str], stages: Sequence[Stage], progress: Progress) -> list[Picture]:
+    """The frames that stages deliver in a copy of the workspace.
+
+    Args:
+        without: files and folders that the copy does not get.
+    """
+    turns = {stage.name: k for k, stage in enumerate(stages)}
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "workspace"
+        root, left_out = footage.workspace.root, {".lock", *without}
+        shutil.copytree(root, copy, ignore=lambda at, names: left_out & set(names) if Path(at) == root else ())
+        run_stages(
+            Workspace.open(copy), stages, footage.settings, footage.source,
+            reporter=lambda e: progress(turns[str(e["stage"])], len(stages), str(e["stage"])),
+        )  # fmt: skip
+        progress(len(stages), len(stages), "done")
+        return [read_image(frame_file(copy / "frames", f)) for f in footage.drive.frames]
