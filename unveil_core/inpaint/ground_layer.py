@@ -201,7 +201,7 @@ def build_ground_layer(
         removed: (M, 3) world centres of removed surfels, one array per object.
         scene: surfels of what stays and of what is removed, whose shadows tell where the sun stands; None leaves the sun out.
         solid: labels of what is solid down to the ground.
-        sun: its compass azimuth and elevation, degrees; None = looked for.
+        sun: its azimuth and elevation, degrees; None = looked for.
     """
     chart = read_chart(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress

@@ -44,13 +44,13 @@ def light_of_scene(
         kept, gone: surfels of what stays and of what is removed.
         unit: world units per metre.
         solid: labels of what is solid down to the ground, as houses and walls, though their feet may be hidden.
-        given: compass azimuth and elevation of the sun, degrees, instead of looking for it.
+        given: azimuth and elevation of the sun, degrees (see ``sun_towards``), instead of looking for it.
     Returns:
         None where no sun explains the dark places.
     """
     kept, gone = (_standing(chart, surfels, STANDS_M * unit) for surfels in (kept, gone))
     if given is not None:
-        sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes), 1.0, *given)
+        sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
     else:
         sun = _look_for_sun(chart, concatenate([kept, gone]), unit)
     if sun is None:

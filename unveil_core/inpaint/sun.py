@@ -28,7 +28,7 @@ class Sun:
     """Attributes:
     towards: (3,) unit vector to the sun, in the drive's frame.
     score: correlation of its shadows with the dark ground, 1 where it was given.
-    azimuth, elevation: degrees; azimuth clockwise from the frame's second horizontal axis (north), as a compass has it.
+    azimuth, elevation: degrees, see :func:`sun_towards`.
     """
 
     towards: Array
@@ -37,10 +37,20 @@ class Sun:
     elevation: float
 
 
-def sun_towards(azimuth: float, elevation: float, axes: Array) -> Array:
-    """(3,) unit vector to a sun at compass azimuth and elevation, degrees; axes: (3, 3) rows east, north, up."""
+def sun_towards(azimuth: float, elevation: float, up: Array) -> Array:
+    """(3,) unit vector to a sun at an azimuth and elevation in degrees.
+
+    Azimuth runs clockwise, seen from above, from the world's y axis, which is north where x is east and z is up; where y
+    itself is up, from the -z axis.
+
+    Args:
+        up: (3,) unit vector.
+    """
+    north = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.7 else np.array([0.0, 0.0, -1.0])
+    north = north - (north @ up) * up
+    north /= np.linalg.norm(north)
     a, e = np.radians(azimuth), np.radians(elevation)
-    direction: Array = np.array([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), np.sin(e)]) @ axes
+    direction: Array = np.sin(a) * np.cos(e) * np.cross(north, up) + np.cos(a) * np.cos(e) * north + np.sin(e) * up
     return direction
 
 
@@ -59,7 +69,7 @@ def find_sun(
     """
     if known.sum() < 100 or len(casters) < 50:
         return None
-    axes = ground.path.axes
+    up = ground.path.axes[2]
     foot = ground.path.to_street(casters)
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
     high = (height > 0.3 * unit) & (height < LARGEST_FALL * unit)
@@ -72,7 +82,7 @@ def find_sun(
         return None
 
     def score(azimuth: float, elevation: float) -> float:
-        shadow = _shadow(casters, sun_towards(azimuth, elevation, axes), s, l, ground)
+        shadow = _shadow(casters, sun_towards(azimuth, elevation, up), s, l, ground)
         found = _within_offset(shadow, known)
         spread = float(np.sqrt((found[known] ** 2).mean()))
         return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
@@ -89,7 +99,7 @@ def find_sun(
     found, azimuth, elevation = best
     if found < LEAST_SCORE:
         return None
-    return Sun(sun_towards(azimuth, elevation, axes), found, float(azimuth % 360), float(elevation))
+    return Sun(sun_towards(azimuth, elevation, up), found, float(azimuth % 360), float(elevation))
 
 
 def _shadow(casters: Array, towards_sun: Array, s: Array, l: Array, ground: Ground) -> NDArray[np.float32]:  # noqa: E741

@@ -1,0 +1,124 @@
+"""The sun found by its shadows, the shadows that it casts, and the ground filled in its light."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in_shadow, sunny_chart
+from unveil_core.inpaint.cast_shadows import cast_shadows
+from unveil_core.inpaint.exemplar import FillSettings, fill_chart
+from unveil_core.inpaint.lighting import light_of_scene
+from unveil_core.inpaint.shade import read_shade
+from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT
+from unveil_core.inpaint.sun import sun_towards
+
+UP = np.array([0.0, 0.0, 1.0])
+SUNS = [(150.0, 40.0), (200.0, 55.0), (170.0, 30.0)]
+
+
+def angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.degrees(np.arccos(np.clip(a @ b, -1, 1))))
+
+
+def test_azimuth_runs_as_on_a_compass() -> None:
+    assert np.allclose(sun_towards(0, 0, UP), [0, 1, 0])
+    assert np.allclose(sun_towards(90, 0, UP), [1, 0, 0], atol=1e-12)
+    assert np.allclose(sun_towards(17, 90, UP), [0, 0, 1], atol=1e-12)
+    # Where y is up, -z is ahead and x is to the right.
+    assert np.allclose(sun_towards(90, 0, np.array([0.0, 1.0, 0.0])), [1, 0, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("sun", SUNS)
+def test_shadows_fall_where_rays_to_the_sun_are_blocked(sun: tuple[float, float]) -> None:
+    towards = sun_towards(*sun, UP)
+    x, y = np.meshgrid(np.arange(0, 25, 0.1), np.arange(-8, 8, 0.1), indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    found = cast_shadows(points, box_surfels(CROWN), towards, cell=0.06, bias=0.1).reshape(x.shape)
+    true = in_shadow(points, CROWN, towards).reshape(x.shape)
+    # Discs reach a few centimetres over the box's edges.
+    border = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((5, 5), np.uint8)) > 0
+    assert true.sum() > 100
+    assert np.array_equal(found[~border], true[~border])
+
+
+def test_faint_surfels_and_none_cast_nothing() -> None:
+    points = np.zeros((4, 3))
+    towards = np.array([0.0, 0.0, 1.0])
+    crown = box_surfels(np.array([[-1.0, -1.0, 2.0], [1.0, 1.0, 3.0]]))
+    assert cast_shadows(points, crown, towards, cell=0.06, bias=0.1).all()
+    faint = type(crown)(
+        crown.means, crown.quats, crown.log_scales, crown.opacity_logits * 0 - 5, crown.sh, crown.labels
+    )
+    assert not cast_shadows(points, faint, towards, cell=0.06, bias=0.1).any()
+    assert not cast_shadows(points, crown.select(crown.labels > 5), towards, cell=0.06, bias=0.1).any()
+
+
+@pytest.mark.parametrize("sun", SUNS)
+def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
+    chart, *_, kept, car = sunny_chart(sun_towards(*sun, UP))
+    light = light_of_scene(chart, kept, car, unit=1.0)
+    assert light is not None
+    # 3 degrees move the shadow of a crown by half its own blur.
+    assert angle(light.sun.towards, sun_towards(*sun, UP)) < 3.0
+
+
+def test_an_overcast_street_has_no_sun() -> None:
+    chart, *_, kept, car = sunny_chart(None)
+    assert light_of_scene(chart, kept, car, unit=1.0) is None
+
+
+def test_a_given_sun_is_taken() -> None:
+    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
+    light = light_of_scene(chart, kept, car, unit=1.0, given=(123.0, 33.0))
+    assert light is not None
+    assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
+
+
+def test_shade_is_read_with_its_ratio() -> None:
+    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
+    light = light_of_scene(chart, kept, car, unit=1.0)
+    assert light is not None
+    seen = chart.source == OBSERVED
+
+    def profile(color: np.ndarray, usable: np.ndarray) -> np.ndarray:
+        return np.repeat(np.nanmedian(np.where(usable[..., None], color, np.nan), axis=0)[None], len(color), axis=0)
+
+    shade = read_shade(chart.color, seen, light.kept | light.gone, profile, texels_per_m=20.0)
+    assert np.abs(shade.ratio - SHADE).max() < 0.03
+
+
+@pytest.mark.parametrize("sun", SUNS)
+def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
+    chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
+    light = light_of_scene(chart, kept, car, unit=1.0)
+    lit, blind = (fill_chart(chart, footprint, FillSettings(), unit=1.0, light=given) for given in (light, None))
+    hole = (chart.source == OUTSIDE) & (lit.source == INVENTED)
+    assert hole.sum() > 5_000
+
+    def error(color: np.ndarray) -> float:
+        return float(np.square(color - truth)[hole].mean())
+
+    assert error(lit.color) < 0.5 * error(blind.color)
+    assert error(lit.color) < 0.004
+
+
+def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
+    towards = sun_towards(*SUNS[0], UP)
+    chart, truth, footprint, kept, car = sunny_chart(towards)
+    light = light_of_scene(chart, kept, car, unit=1.0)
+    result = fill_chart(chart, footprint, FillSettings(), unit=1.0, light=light)
+    world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
+    of_car, of_others = (
+        np.any([in_shadow(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)
+        for boxes in ((CAR,), (CROWN, HOUSE))
+    )
+    seen = (chart.source == OBSERVED) & ~footprint
+    inner = cv2.erode((of_car & ~of_others & seen).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    assert inner.sum() > 200
+    assert (result.source[inner] == RELIT).mean() > 0.9
+    assert np.abs(result.color - truth)[inner].mean() < 0.04
+    stays = cv2.erode((of_others & ~of_car & seen).astype(np.uint8), np.ones((11, 11), np.uint8)) > 0
+    assert stays.sum() > 200
+    assert np.array_equal(result.color[stays], chart.color[stays])
