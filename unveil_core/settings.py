@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -25,7 +26,8 @@ class RunSettings:
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
         max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
-        shadows: "auto" takes the shadows of what was removed along, "off" leaves them.
+        shadows: "auto" takes the shadows of what was removed along, "off" leaves them; "AZIMUTH,ELEVATION" in degrees tells
+            where the sun stands instead of looking for it by its shadows (see ``inpaint.sun.sun_towards``).
         iterations, splats: steps and most surfels of the reconstruction; None = chosen while it runs, by held-out error against
             cost.
         sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
@@ -52,12 +54,16 @@ class RunSettings:
         for name, value, known in (
             ("quality", self.quality, QUALITIES),
             ("device", self.device, ("auto", "cpu", "cuda")),
-            ("shadows", self.shadows, ("auto", "off")),
             ("inpainter", self.inpainter, tuple(INPAINTERS)),
             ("order", self.order, ORDERS),
         ):
             if value not in known:
                 raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")
+        if self.shadows not in ("auto", "off") and self.sun is None:
+            raise SettingsError(
+                f"unknown shadows {self.shadows!r}",
+                mend="use auto, off, or the sun's azimuth and elevation in degrees, as 135,40",
+            )
         if self.max_side is not None and self.max_side < 32:
             raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
         for name, given, low, high in (
@@ -70,6 +76,15 @@ class RunSettings:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
         if self.device == "cuda":
             raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
+
+    @property
+    def sun(self) -> tuple[float, float] | None:
+        """Azimuth and elevation of the sun, degrees, where ``shadows`` gives them."""
+        try:
+            azimuth, elevation = (float(part) for part in self.shadows.split(","))
+        except ValueError:
+            return None
+        return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
 
     def to_json(self) -> dict[str, object]:
         """A JSON-able dict."""

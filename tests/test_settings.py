@@ -1,0 +1,29 @@
+"""What the user may decide, and what is refused with one line."""
+
+from __future__ import annotations
+
+import pytest
+
+from unveil_core.errors import SettingsError
+from unveil_core.settings import RunSettings
+
+
+@pytest.mark.parametrize(
+    ("shadows", "sun"), [("auto", None), ("off", None), ("135,40", (135.0, 40.0)), ("-20.5,8", (-20.5, 8.0))]
+)
+def test_shadows_may_tell_the_sun(shadows: str, sun: tuple[float, float] | None) -> None:
+    settings = RunSettings(shadows=shadows)
+    assert settings.sun == sun
+    assert RunSettings.from_json(settings.to_json()) == settings
+
+
+@pytest.mark.parametrize("shadows", ["on", "135", "135,0", "135,91", "1,2,3", "nan,40", ""])
+def test_a_sun_that_is_none_is_refused(shadows: str) -> None:
+    with pytest.raises(SettingsError, match="135,40"):
+        RunSettings(shadows=shadows)
+
+
+def test_orders_are_known_by_name() -> None:
+    assert RunSettings(order="forward").order == "forward"
+    with pytest.raises(SettingsError, match="reverse"):
+        RunSettings(order="sideways")
