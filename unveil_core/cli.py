@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--seed", type=int, default=0)
         p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
         p.add_argument("--shadows", default="auto", metavar="auto|off|AZIMUTH,ELEVATION",
-                       help="take shadows of what goes along (auto), leave them (off), or say where the sun stands, in degrees")  # fmt: skip
+                       help="take shadows of what goes along, leave them, or say where the sun stands, in degrees")  # fmt: skip
         p.add_argument("--iterations", type=int, default=None, metavar="N", help="steps of the reconstruction")
         p.add_argument("--sh-degree", type=int, default=None, metavar="L", help="degree of colour by direction, 0 to 3")
         p.add_argument("--splats", type=int, default=None, metavar="N", help="surfels at most")

@@ -330,7 +330,8 @@ def drive_ground_layer(
     solid = [k for k, n in enumerate(scene.labels.names) if n in SOLID_CLASSES]
     return build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid, sun=context.settings.sun, progress=context.progress,
+        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid, sun=context.settings.sun,
+        progress=context.progress,
     )  # fmt: skip
 
 
