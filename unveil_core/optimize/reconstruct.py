@@ -207,8 +207,9 @@ class _Course:
         phase = Phase("coarse", self._shown(self.coarse), steps, False, STABLE, STABLE)
         taken = self._run(phase, lambda: "coarse" in self.free and not self.looks.pays())
         self.choices["coarse"] = {"chosen": taken, "most": steps, "gain": self.looks.gain()}
-        if self.settings.sh_degree and "sh_degree" in self.free and steps:
-            trial = max(1, min(len(self.fine), steps // 8))
+        trial = min(len(self.fine), steps // 8)
+        # In fewer steps no degree has had its time: colour by direction would always look useless.
+        if self.settings.sh_degree and "sh_degree" in self.free and trial >= max(1, len(self.fine) // 2):
             self.state, self.choices["sh_degree"] = choose_sh_degree(self.state, phase, trial, self.looks)
 
     def _fine(self, steps: int) -> None:
