@@ -1,8 +1,8 @@
-"""Whole runs on the sample street: seconds and peak memory against PSNR and SSIM to the true empty street.
+"""Whole runs on both truth scenes: seconds and peak memory against PSNR and SSIM to the true empty street.
 
     python benchmarks/sample_street.py [draft standard high]
 
-Each quality runs in a process of its own; results go to benchmarks/results/sample_street.json with machine and versions.
+Each run is a process of its own; results go to benchmarks/results/sample_street.json with machine and versions.
 """
 
 from __future__ import annotations
@@ -20,16 +20,20 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / "results" / "sample_street.json"
 
 
-def measure(quality: str, folder: Path) -> dict[str, object]:
-    """Run the sample street at one quality and read what the run recorded."""
-    workspace = folder / quality
-    command = [sys.executable, "-m", "unveil_core", "demo", "-o", str(workspace), "--quality", quality]
+SCENES = ("parked_street", "country_road")
+
+
+def measure(scene: str, quality: str, folder: Path) -> dict[str, object]:
+    """Run a scene at one quality and read what the run recorded."""
+    workspace, drive = folder / f"{scene}_{quality}", HERE.parent / "sample_scenes" / scene
+    command = [sys.executable, "-m", "unveil_core", "run", str(drive), "-o", str(workspace), "--quality", quality]
     load = os.getloadavg()[0]
     subprocess.run(command, check=True, cwd=HERE.parent)
     state = json.loads((workspace / "workspace.json").read_text())
     metrics = json.loads((workspace / "metrics.json").read_text())
     stages = state["stages"]
     return {
+        "drive": scene,
         "quality": quality,
         "load_before": round(load, 2),
         "seconds": {name: stage["seconds"] for name, stage in stages.items()},
@@ -39,6 +43,8 @@ def measure(quality: str, folder: Path) -> dict[str, object]:
             region: values["methods"] for region, values in metrics["truth"]["regions"].items() if region != "whole"
         },
         "unobserved_mask_iou": metrics["truth"]["unobserved_mask_iou"],
+        "flicker": {m: v["absolute"] for m, v in metrics["flicker"]["methods"].items()},
+        "free_views": metrics["free_views"]["regions"],
         "untouched": metrics["untouched"],
         "versions": state["versions"],
     }
@@ -48,7 +54,7 @@ def main() -> None:
     """Measure the qualities named on the command line, standard by default."""
     qualities = sys.argv[1:] or ["standard"]
     with tempfile.TemporaryDirectory() as folder:
-        rows = [measure(quality, Path(folder)) for quality in qualities]
+        rows = [measure(scene, quality, Path(folder)) for quality in qualities for scene in SCENES]
     document = {"machine": machine(), "runs": rows}
     RESULTS.write_text(json.dumps(document, indent=1) + "\n")
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -19,7 +17,7 @@ from unveil_core.drives.exposure import read_exposures, write_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate import run_evaluation, write_metrics
-from unveil_core.files import read_image, read_label_image, write_atomic, write_image_atomic, write_json_atomic
+from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
@@ -40,6 +38,7 @@ from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import grow, region_map
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.report import write_report
+from unveil_core.semantics.catalogue import frames_that_see, thumbnail
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
 from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_instances, frame_labels
 from unveil_core.settings import RunSettings
@@ -48,7 +47,7 @@ from unveil_core.surfels.picture import picture_of
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import load_sky, save_sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
-from unveil_core.workspace import Workspace
+from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 """Edge of a voxel of the fused meshes, metres."""
@@ -56,37 +55,6 @@ SOLID_CLASSES = ("building", "wall")
 """What reaches down to the ground and lets no light through, though cars may hide its foot."""
 MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
-
-
-def load_labels(workspace: Workspace) -> SceneLabels:
-    """The labels that the segment stage chose."""
-    return SceneLabels.from_json(json.loads(workspace.labels_json.read_text()))
-
-
-def load_mask(path: Path) -> NDArray[np.bool_]:
-    """A mask image of the workspace."""
-    return read_label_image(path) > 127
-
-
-def save_mask(mask: NDArray[np.bool_], path: Path) -> None:
-    """Write a mask as an 8-bit PNG, 255 where True."""
-    write_image_atomic(path, np.where(mask, 255, 0).astype(np.uint8))
-
-
-def save_array(array: NDArray[np.generic], path: Path) -> None:
-    """Write one array as npy."""
-    write_atomic(path, lambda stream: np.save(stream, array, allow_pickle=False))
-
-
-def load_array(path: Path) -> NDArray[np.int64]:
-    """Read one array of :func:`save_array`."""
-    array: NDArray[np.int64] = np.load(path, allow_pickle=False)
-    return array
-
-
-def frame_file(folder: Path, frame: Frame) -> Path:
-    """Where a frame's picture lies in one of the per-frame folders."""
-    return folder / frame.camera_name / f"{frame.name}.png"
 
 
 # ---------------------------------------------------------------------------------------------------------------- import
@@ -172,63 +140,23 @@ def instances_body(context: StageContext) -> None:
         mask = of_surfel == instance
         label = int(np.bincount(labels[mask]).argmax())
         box = fit_box(positions[mask], axes, gap=1.0 * limits.unit)
-        seen = _frames_that_see(drive, positions[mask], images, instance)
-        thumbnail = None
+        seen = frames_that_see(drive, positions[mask], images, instance)
+        picture = None
         if seen:
             best, rectangle = seen[0]
-            thumbnail = f"instances/{instance:04d}.png"
-            write_image_atomic(
-                context.output(thumbnail), _thumbnail(read_image(drive.frames[best].image_path), rectangle)
-            )
+            picture = f"instances/{instance:04d}.png"
+            write_image_atomic(context.output(picture), thumbnail(read_image(drive.frames[best].image_path), rectangle))
         order = sorted(v for v, _ in seen)
         entries.append({
             "id": instance, "class": scene.labels.names[label], "box": box.to_json(), "surfels": int(mask.sum()),
             "first_frame": drive.frames[order[0]].name if order else None,
             "last_frame": drive.frames[order[-1]].name if order else None,
-            "thumbnail": thumbnail,
+            "thumbnail": picture,
             "removed": label in scene.removed_labels or instance in scene.instances,
         })  # fmt: skip
         context.progress(done + 1, len(chosen), "naming objects")
     context.output("instances").mkdir(parents=True, exist_ok=True)
     write_json_atomic(context.output("instances.json"), entries)
-
-
-def _frames_that_see(
-    drive: Drive, means: NDArray[np.float64], images: Sequence[NDArray[np.int64] | None], instance: int
-) -> list[tuple[int, tuple[int, int, int, int]]]:
-    """Frames that show an object with its rectangle (x0, y0, x1, y1), the one that shows it largest first."""
-    found = []
-    for v, frame in enumerate(drive.frames):
-        camera = frame.camera
-        image = images[v]
-        if image is not None:
-            rows, columns = np.nonzero(image == instance)
-            whole = len(rows)
-        else:
-            pixels, depth = camera.project(means)
-            ok = (depth > 0) & (pixels >= 0).all(axis=1)
-            ok &= (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
-            columns, rows = pixels[ok, 0].astype(int), pixels[ok, 1].astype(int)
-            whole = int(ok.sum()) if ok.mean() > 0.3 else 0
-        if whole < 12:
-            continue
-        rectangle = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
-        inner = rectangle[0] > 1 and rectangle[2] < camera.width - 1 and rectangle[3] < camera.height - 1
-        area = (rectangle[2] - rectangle[0]) * (rectangle[3] - rectangle[1])
-        found.append((area * (2 if inner else 1), v, rectangle))
-    found.sort(key=lambda f: (-f[0], f[1]))
-    return [(v, rectangle) for _, v, rectangle in found]
-
-
-def _thumbnail(image: NDArray[np.uint8], rectangle: tuple[int, int, int, int], side: int = 96) -> NDArray[np.uint8]:
-    x0, y0, x1, y1 = rectangle
-    half = max(x1 - x0, y1 - y0) * 0.6
-    cx, cy = (x0 + x1) / 2, (y0 + y1) / 2
-    matrix = np.array([[2 * half / side, 0, cx - half], [0, 2 * half / side, cy - half]])
-    picture = cv2.warpAffine(
-        image, matrix, (side, side), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-    )
-    return picture.astype(np.uint8)
 
 
 # ---------------------------------------------------------------------------------------------------------------- remove

@@ -8,7 +8,8 @@ import pytest
 
 from tests.inpaint.test_street import UP, drive_on_circle, street_points, true_street
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.exemplar import FillSettings, fill_chart, object_shadows
+from unveil_core.inpaint.exemplar import FillSettings, fill_chart
+from unveil_core.inpaint.relight import object_shadows
 from unveil_core.inpaint.street import Ground, fit_ground, fit_path
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, RELIT, StreetChart, read_chart
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 import pytest
@@ -10,11 +12,22 @@ from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.lighting import light_of_scene
-from unveil_core.inpaint.shade import read_shade
-from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT
+from unveil_core.inpaint.shade import Light, read_shade
+from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.sun import sun_towards
 
 UP = np.array([0.0, 0.0, 1.0])
+
+
+@cache
+def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.ndarray, Light]:
+    """Chart, truth and footprint of a sunny street, and the light found on it."""
+    chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
+    light = light_of_scene(chart, kept, car, unit=1.0)
+    assert light is not None
+    return chart, truth, footprint, light
+
+
 SUNS = [(150.0, 40.0), (200.0, 55.0), (170.0, 30.0)]
 
 
@@ -57,9 +70,7 @@ def test_faint_surfels_and_none_cast_nothing() -> None:
 
 @pytest.mark.parametrize("sun", SUNS)
 def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
-    chart, *_, kept, car = sunny_chart(sun_towards(*sun, UP))
-    light = light_of_scene(chart, kept, car, unit=1.0)
-    assert light is not None
+    light = lit_street(sun)[-1]
     # 3 degrees move the shadow of a crown by half its own blur.
     assert angle(light.sun.towards, sun_towards(*sun, UP)) < 3.0
 
@@ -77,9 +88,7 @@ def test_a_given_sun_is_taken() -> None:
 
 
 def test_shade_is_read_with_its_ratio() -> None:
-    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
-    light = light_of_scene(chart, kept, car, unit=1.0)
-    assert light is not None
+    chart, _, _, light = lit_street(SUNS[0])
     seen = chart.source == OBSERVED
 
     def profile(color: np.ndarray, usable: np.ndarray) -> np.ndarray:
@@ -91,8 +100,7 @@ def test_shade_is_read_with_its_ratio() -> None:
 
 @pytest.mark.parametrize("sun", SUNS)
 def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
-    chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
-    light = light_of_scene(chart, kept, car, unit=1.0)
+    chart, truth, footprint, light = lit_street(sun)
     lit, blind = (fill_chart(chart, footprint, FillSettings(), unit=1.0, light=given) for given in (light, None))
     hole = (chart.source == OUTSIDE) & (lit.source == INVENTED)
     assert hole.sum() > 5_000
@@ -106,8 +114,7 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
 
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     towards = sun_towards(*SUNS[0], UP)
-    chart, truth, footprint, kept, car = sunny_chart(towards)
-    light = light_of_scene(chart, kept, car, unit=1.0)
+    chart, truth, footprint, light = lit_street(SUNS[0])
     result = fill_chart(chart, footprint, FillSettings(), unit=1.0, light=light)
     world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
     of_car, of_others = (

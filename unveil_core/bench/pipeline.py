@@ -22,8 +22,8 @@ from unveil_core.inpaint.single_image import INPAINTERS, inpainter
 from unveil_core.pipeline import run
 from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
-from unveil_core.stage_bodies import frame_file
 from unveil_core.stages import Reporter, silent
+from unveil_core.workspace_files import frame_file
 
 __all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]
 

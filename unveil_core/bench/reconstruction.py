@@ -186,8 +186,8 @@ def bench_reconstruction(
         variant: one of ``VARIANTS``.
         salt: share of the pixels of the training frames' labels that are replaced by any other label.
     Returns:
-        seconds, surfels, memory; PSNR, SSIM and mIoU of the held-out frames; Chamfer distance and F-scores where the drive
-        has a truth with depth.
+        seconds, and those of all cores together; surfels; memory; PSNR, SSIM and mIoU of the held-out frames; Chamfer
+        distance and F-scores where the drive has a truth with depth.
     """
     unknown = [name for name in without if name not in LOSSES]
     if unknown:
@@ -208,17 +208,18 @@ def bench_reconstruction(
     before = machine()
     with tempfile.TemporaryDirectory() as folder:
         told = _salted(training, scene, salt, Path(folder), seed) if salt else training
-        begun = time.perf_counter()
+        begun, begun_cpu = time.perf_counter(), time.process_time()
         exposures = fit_exposures(told, progress=progress)
         done = reconstruct(
             told, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
         )
-    seconds = time.perf_counter() - begun
+    seconds, cpu_seconds = time.perf_counter() - begun, time.process_time() - begun_cpu
     surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
     return {
         "machine": before, "drive": path.name, "quality": quality, "without": list(without),
         "variant": variant, "salt": salt, "seed": seed,
-        "seconds": round(seconds, 1), "surfels": len(surfels), "peak_memory_mb": peak_memory_mb(),
+        "seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds, 1), "surfels": len(surfels),
+        "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(
             surfels, sky, held, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity

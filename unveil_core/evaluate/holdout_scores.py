@@ -15,12 +15,13 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
-from unveil_core.evaluate.pictures import fitted, frame_file, own_mask
+from unveil_core.evaluate.pictures import fitted, own_mask
 from unveil_core.evaluate.placement import CarPixels, Sight
 from unveil_core.evaluate.virtual_cars import VirtualCar
 from unveil_core.files import read_image, write_image_atomic
 from unveil_core.progress import Progress, no_progress
 from unveil_core.remove.regions import grow
+from unveil_core.workspace_files import frame_file
 
 __all__ = ["HoldoutFrame", "measure_holdout", "write_strips"]
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Frame
 from unveil_core.files import read_label_image
+from unveil_core.workspace_files import frame_file
 
-__all__ = ["REGIONS", "fitted", "fitted_mask", "frame_file", "own_mask", "regions_of", "truth_file", "truth_mask"]
+__all__ = ["REGIONS", "fitted", "fitted_mask", "own_mask", "regions_of", "truth_file", "truth_mask"]
 
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -19,11 +20,6 @@ Mask = NDArray[np.bool_]
 
 REGIONS = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole")
 """Names of the regions, in the order in which they are told."""
-
-
-def frame_file(folder: Path, frame: Frame) -> Path:
-    """Where a workspace keeps a frame's picture in one of its per-frame folders."""
-    return folder / frame.camera_name / f"{frame.name}.png"
 
 
 def own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:

@@ -1,4 +1,4 @@
-"""Filling the street chart: lit level per lateral offset, shadows of what went, and texture from farther along the street.
+"""Filling the street chart: shadows of what went are taken away, and what nobody saw is invented.
 
 The lateral median continues paint, kerb and walk; texture comes from places with the same lateral offset elsewhere along
 the street, chosen patch by patch so that it meets what is already there.
@@ -13,11 +13,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from unveil_core.inpaint.shade import Light, Shade, disc, luminance, masked_blur, read_shade, shade_where_unseen
+from unveil_core.inpaint.lateral import lateral_profile
+from unveil_core.inpaint.relight import prevailing_shade, relighting_gain, shadows_of_removed
+from unveil_core.inpaint.shade import Light, disc, masked_blur, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.progress import Progress, no_progress
 
-__all__ = ["FillSettings", "fill_chart", "lateral_profile", "object_shadows"]
+__all__ = ["FillSettings", "fill_chart"]
 
 Float32 = NDArray[np.float32]
 
@@ -43,66 +45,6 @@ class FillSettings:
     texture: float = 0.6
     patch_m: float = 0.8
     search_m: float = 30.0
-
-
-def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
-    """Median colour and upper luma level per lateral offset, in a window that slides along the street.
-
-    Args:
-        color: (A, B, 3) of the chart; usable: (A, B) texels that count.
-        window, hop: half window and step, in texels.
-    Returns:
-        median (A, B, 3) and the 70th percentile of luma (A, B), both interpolated along the street.
-    """
-    rows, columns = usable.shape
-    centres = np.arange(0, rows + hop, hop)
-    medians = np.full((len(centres), columns, 3), np.nan, dtype=np.float32)
-    levels = np.full((len(centres), columns), np.nan, dtype=np.float32)
-    luma = luminance(color)
-    everything = np.where(usable[..., None], color, np.nan)
-    all_luma = np.where(usable, luma, np.nan)
-    for k, centre in enumerate(centres):
-        part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
-        # A few texels between two cars say less than many farther along.
-        least = max(8, 2 * window // 3 // 4)
-        enough = usable[part].sum(axis=0) >= least
-        if enough.any():
-            medians[k, enough] = np.nanmedian(everything[part][:, enough], axis=0)
-            levels[k, enough] = np.nanpercentile(all_luma[part][:, enough], 70, axis=0)
-    # Offsets with nothing in the window take the nearest window that has something, then the nearest offset.
-    index = np.arange(len(centres))
-    for column in range(columns):
-        known = np.isfinite(levels[:, column])
-        if known.any():
-            nearest = index[known][np.abs(index[:, None] - index[known][None]).argmin(axis=1)]
-            medians[:, column], levels[:, column] = medians[nearest, column], levels[nearest, column]
-    known_columns = np.flatnonzero(np.isfinite(levels[0]))
-    if len(known_columns):
-        take = known_columns[np.abs(np.arange(columns)[:, None] - known_columns[None]).argmin(axis=1)]
-        medians, levels = medians[:, take], levels[:, take]
-    else:
-        medians[:], levels[:] = 0.5, 0.5
-    position = np.arange(rows) / hop
-    lower = np.clip(position.astype(int), 0, len(centres) - 2)
-    blend = (position - lower).astype(np.float32)
-    median = medians[lower] * (1 - blend)[:, None, None] + medians[lower + 1] * blend[:, None, None]
-    level = levels[lower] * (1 - blend)[:, None] + levels[lower + 1] * blend[:, None]
-    return median, level
-
-
-def object_shadows(
-    dark: NDArray[np.bool_], footprint: NDArray[np.bool_], *, reach: int, touch: int
-) -> NDArray[np.bool_]:
-    """Dark texels (A, B) that are connected with a removed object's footprint and lie within ``reach`` texels of it."""
-    if not footprint.any():
-        return np.zeros_like(dark)
-    distance = cv2.distanceTransform((~footprint).astype(np.uint8), cv2.DIST_L2, 5)
-    candidate = dark & (distance <= reach)
-    count, component = cv2.connectedComponents((candidate | footprint).astype(np.uint8), connectivity=8)
-    touching = np.zeros(count, dtype=bool)
-    touching[np.unique(component[candidate & (distance <= touch)])] = True
-    touching[0] = False
-    return touching[component] & candidate
 
 
 def fill_chart(
@@ -134,10 +76,15 @@ def fill_chart(
         return lateral_profile(color, usable, window=window, hop=hop)[0]
 
     if light is None:
-        shade = _prevailing_shade(chart, seen, settings, window=window, hop=hop, per_m=per_m)
+        shade = prevailing_shade(
+            chart.color, seen, shadow_ratio=settings.shadow_ratio, window=window, hop=hop, per_m=per_m
+        )
     else:
         shade = read_shade(chart.color, seen, light.kept | light.gone, profile, texels_per_m=per_m)
-    shadow, hopeless = _of_removed(chart, seen, shade, footprint, settings, light, per_m)
+    shadow, hopeless = shadows_of_removed(
+        chart.color, seen, shade, footprint, light,
+        reach_m=settings.shadow_reach_m, black_ratio=settings.black_ratio, per_m=per_m,
+    )  # fmt: skip
     hole = inside & (~seen | hopeless)
     kernel = disc(0.12 * per_m)
     # The penumbra reaches a little beyond what counts as dark.
@@ -163,7 +110,7 @@ def fill_chart(
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
     if shadow.any():
         relit = shadow & seen & ~hole
-        gain = _gain(chart.color, target, seen, shadow, wide, relit, per_m)
+        gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
@@ -188,69 +135,6 @@ def fill_chart(
     close = cv2.dilate(footprint.astype(np.uint8), disc(0.6 * per_m)) > 0
     progress(2, 2, "filling the street")
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
-
-
-PENUMBRA_M = 0.2
-"""How far on either side of a shadow's border its light may be a mixture, metres."""
-
-
-def _prevailing_shade(
-    chart: StreetChart, seen: NDArray[np.bool_], settings: FillSettings, *, window: int, hop: int, per_m: float
-) -> Shade:
-    """Dark is what is darker than its lateral offset mostly is; no ratio, for nothing says what is shadow for good."""
-    median, level = lateral_profile(chart.color, seen, window=window, hop=hop)
-    smooth = masked_blur(luminance(chart.color), seen, 0.06 * per_m)
-    dark = seen & (smooth < settings.shadow_ratio * level)
-    # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
-    opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(0.12 * per_m))
-    scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
-    return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
-
-
-def _of_removed(
-    chart: StreetChart, seen: NDArray[np.bool_], shade: Shade, footprint: NDArray[np.bool_], settings: FillSettings,
-    light: Light | None, per_m: float,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:  # fmt: skip
-    """Seen texels (A, B) in the shadow of what is removed, and those that are too dark or too near to it to hold anything."""
-    if settings.shadow_reach_m <= 0:
-        return np.zeros_like(seen), np.zeros_like(seen)
-    touch = int(0.4 * per_m)
-    near = object_shadows(shade.dark, footprint, reach=int(settings.shadow_reach_m * per_m), touch=touch)
-    if light is None:
-        shadow = near
-    else:
-        # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
-        blur = 0.2 * per_m
-        gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
-        contact = near & (cv2.dilate(footprint.astype(np.uint8), disc(touch)) > 0)
-        shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
-    smooth = masked_blur(luminance(chart.color), seen, 0.06 * per_m)
-    # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
-    hopeless = seen & (footprint | (shadow & (smooth < settings.black_ratio * luminance(shade.lit))))
-    hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * per_m)).astype(bool) & seen
-    return shadow, hopeless
-
-
-def _gain(
-    color: Float32, target: Float32, seen: NDArray[np.bool_], shadow: NDArray[np.bool_], wide: NDArray[np.bool_],
-    relit: NDArray[np.bool_], per_m: float,
-) -> Float32:  # fmt: skip
-    """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth."""
-    soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
-    local = masked_blur(color, relit, 0.25 * per_m)
-    wanted = masked_blur(target, relit, 0.25 * per_m)
-    ratio = np.clip(wanted / np.maximum(local, 0.02), 1.0, 4.0)
-    full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
-    # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
-    # street is.
-    own = np.maximum(luminance(masked_blur(color, seen, 0.03 * per_m)), 0.02)
-    share = (luminance(target) / own - 1) / np.maximum(luminance(ratio) - 1, 0.02)
-    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)[..., None]
-    ring = disc(PENUMBRA_M * per_m)
-    border = (cv2.dilate(shadow.astype(np.uint8), ring) > 0) & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
-    inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
-    gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
-    return gain
 
 
 def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArray[np.int16]:

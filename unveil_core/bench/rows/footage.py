@@ -24,11 +24,11 @@ from unveil_core.optimize.scene_range import SceneRange, scene_range
 from unveil_core.remove.regions import grow
 from unveil_core.semantics.segment import SceneLabels
 from unveil_core.settings import RunSettings
-from unveil_core.stage_bodies import frame_file, load_array, load_labels, load_mask
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace import Workspace
+from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask
 
 __all__ = [
     "Footage",

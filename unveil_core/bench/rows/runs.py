@@ -12,9 +12,10 @@ from unveil_core.bench.rows.footage import Footage, Picture
 from unveil_core.files import read_image
 from unveil_core.pipeline import stage_named
 from unveil_core.progress import Progress
-from unveil_core.stage_bodies import asked_for, frame_file, reconstruct_with
+from unveil_core.stage_bodies import asked_for, reconstruct_with
 from unveil_core.stages import Stage, StageContext, run_stages
 from unveil_core.workspace import Workspace
+from unveil_core.workspace_files import frame_file
 
 __all__ = ["ellipsoids", "ours"]
 
