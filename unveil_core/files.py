@@ -20,6 +20,7 @@ __all__ = [
     "link_or_copy",
     "read_image",
     "read_instance_image",
+    "read_json",
     "read_label_image",
     "write_atomic",
     "write_bytes_atomic",
@@ -53,6 +54,21 @@ def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
 def write_bytes_atomic(path: Path, content: bytes) -> None:
     """Write bytes, whole or not at all."""
     write_atomic(path, lambda stream: stream.write(content))
+
+
+def read_json(path: Path) -> object:
+    """What a JSON file of a drive holds.
+
+    Raises:
+        DriveError: it cannot be read, or is no JSON.
+    """
+    try:
+        content: object = json.loads(path.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise DriveError(f"is not valid JSON: {error}", path=path) from error
+    except OSError as error:
+        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    return content
 
 
 def write_json_atomic(path: Path, content: object) -> None:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.fresh_code import told_fresh_and_cached
 from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
 from unveil_core import buffers
 from unveil_core.geometry.camera import Camera
@@ -265,12 +263,5 @@ print(hashlib.sha256(b"".join(b.detach().numpy().tobytes() for b in bits)).hexdi
 
 
 def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path: Path) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    digests = []
-    for _ in range(2):
-        command = [sys.executable, "-c", DIGEST]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=environment)
-        assert done.returncode == 0, done.stderr
-        digests.append(done.stdout)
-    assert list(tmp_path.rglob("*.nbc"))
-    assert digests[0] == digests[1]
+    fresh, cached = told_fresh_and_cached(DIGEST, tmp_path)
+    assert fresh == cached

@@ -8,7 +8,6 @@ drive's file. Views are pinhole: a lens distortion that a file names is left out
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.transforms_json import pose_from_matrix
 from unveil_core.errors import DriveError
+from unveil_core.files import read_json
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import opengl_to_opencv
 
@@ -57,12 +57,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
     Raises:
         DriveError: the file, the view and what is wrong with it.
     """
-    try:
-        top = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise DriveError(f"is not valid JSON: {error}", path=path) from error
-    except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    top: Any = read_json(path)
     kind = next((k for k in ("frames", "camera_path") if isinstance(top, dict) and isinstance(top.get(k), list)), None)
     entries = [] if kind is None else top[kind]
     if kind is None or not entries:

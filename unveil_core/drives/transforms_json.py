@@ -6,7 +6,6 @@ the outer edge of the first pixel, as nerfstudio's rays do (pixel centres at + 0
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.drives.points import read_points
 from unveil_core.errors import DriveError
+from unveil_core.files import read_json
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import nearest_rotation, opengl_to_opencv
 
@@ -129,12 +129,7 @@ def read_transforms_json(path: Path) -> Drive:
     """
     path = path / "transforms.json" if path.is_dir() else path
     root = path.parent
-    try:
-        top = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise DriveError(f"is not valid JSON: {error}", path=path) from error
-    except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    top: Any = read_json(path)
     entries = top.get("frames") if isinstance(top, dict) else None
     if not entries:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
