@@ -19,7 +19,7 @@ from unveil_core.pipeline import run
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
 
-QUICK = RunSettings(quality="draft", iterations=60, splats=4000, adapt=False)
+QUICK = RunSettings(quality="draft", iterations=200, splats=8000, adapt=False)
 
 
 @pytest.fixture(scope="module")
