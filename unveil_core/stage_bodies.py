@@ -247,7 +247,7 @@ def drive_ground_layer(
         full = render_numpy(surfels, camera, near=limits.near, far=limits.far)
         usable.append(
             ground_usable(
-                labels[i], scene.labels, grow(removed[i], 2), depth.reshape(camera.height, camera.width), full["depth"]
+                labels[i], scene.labels, grow(removed[i], 1), depth.reshape(camera.height, camera.width), full["depth"]
             )
         )
     means = surfels.means.double().numpy()
@@ -258,7 +258,8 @@ def drive_ground_layer(
     solid = [k for k, n in enumerate(scene.labels.names) if n in SOLID_CLASSES]
     return build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid, sun=context.settings.sun,
+        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid,
+        plants=[k for k, n in enumerate(scene.labels.names) if n == "vegetation"], sun=context.settings.sun,
         progress=context.progress,
     )  # fmt: skip
 

@@ -12,9 +12,9 @@ from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.lighting import light_of_scene
-from unveil_core.inpaint.shade import Light, read_shade
+from unveil_core.inpaint.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
-from unveil_core.inpaint.sun import sun_towards
+from unveil_core.inpaint.sun import Sun, sun_towards
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -129,3 +129,34 @@ def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     stays = cv2.erode((of_others & ~of_car & seen).astype(np.uint8), np.ones((11, 11), np.uint8)) > 0
     assert stays.sum() > 200
     assert np.array_equal(result.color[stays], chart.color[stays])
+
+
+def test_shadows_are_moved_to_where_they_are_seen_to_lie() -> None:
+    """A house's shadow that is cast half a metre too far, and a crown's that is cast beside its place."""
+    per_m = 20.0
+    true, cast = np.zeros((800, 300), dtype=bool), np.zeros((800, 300), dtype=bool)
+    true[:, :100], cast[:, :110] = True, True
+    cv2.circle(dark := np.zeros((800, 300), np.uint8), (200, 400), 40, 1, -1)
+    cv2.circle(wrong := np.zeros((800, 300), np.uint8), (192, 390), 40, 1, -1)
+    true |= dark > 0
+    cast |= wrong > 0
+    sound = np.ones_like(true)
+    for row in range(60, 760, 140):
+        sound[row : row + 80, 60:140] = False
+    sound[380:480, 200:260] = False
+    light = Light(Sun(UP, 1.0, 0.0, 90.0), cast, np.zeros_like(cast))
+    found = shade_where_unseen(light, sound, true & sound, texels_per_m=per_m)
+    before = (cast != true)[~sound].sum()
+    assert ((found > 0.5) != true)[~sound].sum() < 0.35 * before
+
+
+def test_a_few_misread_texels_in_a_gap_throw_no_light_on_their_surroundings() -> None:
+    per_m = 20.0
+    cast = np.zeros((800, 300), dtype=bool)
+    cast[:, :150] = True
+    sound = np.zeros_like(cast)
+    sound[:, 160:] = True
+    sound[400:405, 100:105] = True
+    light = Light(Sun(UP, 1.0, 0.0, 90.0), cast, np.zeros_like(cast))
+    found = shade_where_unseen(light, sound, np.zeros_like(cast), texels_per_m=per_m)
+    assert (found[:, :140] > 0.5).mean() > 0.99

@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from unveil_core.inpaint.lateral import lateral_profile
 from unveil_core.inpaint.relight import prevailing_shade, relighting_gain, shadows_of_removed
-from unveil_core.inpaint.shade import Light, disc, masked_blur, read_shade, shade_where_unseen
+from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance, masked_blur, read_shade, shade_where_unseen
+from unveil_core.inpaint.straighten import find_drift
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.progress import Progress, no_progress
 
 __all__ = ["FillSettings", "fill_chart"]
 
 Float32 = NDArray[np.float32]
+MARK = 0.06
+"""What differs more from its lateral offset over a decimetre is a thing of its own."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +75,21 @@ def fill_chart(
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(l, rows)).reshape(rows, columns)
     window, hop = int(settings.window_m * per_m), max(1, int(4 * per_m))
 
+    drift = find_drift(chart.color, seen, texels_per_m=per_m)
+
     def profile(color: Float32, usable: NDArray[np.bool_]) -> Float32:
-        return lateral_profile(color, usable, window=window, hop=hop)[0]
+        return drift.bent(lateral_profile(*drift.straightened(color, usable), window=window, hop=hop)[0])
 
     if light is None:
         shade = prevailing_shade(
             chart.color, seen, shadow_ratio=settings.shadow_ratio, window=window, hop=hop, per_m=per_m
         )
     else:
-        shade = read_shade(chart.color, seen, light.kept | light.gone, profile, texels_per_m=per_m)
+        # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
+        clear = ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * per_m)).astype(bool)
+        shade = read_shade(
+            chart.color, seen, light.kept | light.gone, lambda c, usable: profile(c, usable & clear), texels_per_m=per_m
+        )
     shadow, hopeless = shadows_of_removed(
         chart.color, seen, shade, footprint, light,
         reach_m=settings.shadow_reach_m, black_ratio=settings.black_ratio, per_m=per_m,
@@ -116,9 +125,15 @@ def fill_chart(
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    detail = np.where(even[..., None], sunny - median, 0).astype(np.float32)
-    invented = _quilt(
-        detail, even, hole, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+    # Texture is fine and faint; lines across the street, and what is left of shadows, are no texture to lay down elsewhere.
+    broad = np.abs(luminance(masked_blur(sunny - median, even, 0.1 * per_m)))
+    faint = even & ~cv2.dilate((broad > MARK).astype(np.uint8), disc(0.1 * per_m)).astype(bool)
+    detail, known = drift.straightened(sunny - median, faint)
+    wanted = drift.straightened(detail, hole)[1]
+    invented = drift.bent(
+        _quilt(
+            detail, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+        )
     )
     fill = (median + settings.texture * invented) * left
     color[hole] = np.clip(fill[hole], 0, 1)

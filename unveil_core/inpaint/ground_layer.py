@@ -191,6 +191,7 @@ def build_ground_layer(
     unit: float,
     scene: tuple[Surfels, Surfels] | None = None,
     solid: Sequence[int] = (),
+    plants: Sequence[int] = (),
     sun: tuple[float, float] | None = None,
     texel_m: float = 0.04,
     progress: Progress = no_progress,
@@ -200,14 +201,16 @@ def build_ground_layer(
     Args:
         removed: (M, 3) world centres of removed surfels, one array per object.
         scene: surfels of what stays and of what is removed, whose shadows tell where the sun stands; None leaves the sun out.
-        solid: labels of what is solid down to the ground.
+        solid: labels of what is solid down to the ground; plants: labels of vegetation.
         sun: its azimuth and elevation, degrees; None = looked for.
     """
     chart = read_chart(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
     )  # fmt: skip
     footprint = _footprint(chart, removed, unit=unit)
-    light = None if scene is None else light_of_scene(chart, *scene, unit=unit, solid=solid, given=sun)
+    light = None if scene is None else light_of_scene(
+        chart, *scene, unit=unit, footprint=footprint, solid=solid, plants=plants, given=sun,
+    )  # fmt: skip
     filled = fill_chart(chart, footprint, settings, unit=unit, light=light, progress=progress)
     return GroundLayer(
         filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
@@ -233,7 +236,9 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, un
                 own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 * unit / chart.texel) + 1,) * 2, np.uint8)
             )
             count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
-            large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] * chart.texel**2 > 0.15 * unit**2]
+            areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
+            least = max(0.15 * unit**2, 0.25 * areas[1:].max(initial=0.0))
+            large = [k for k in range(1, count) if areas[k] > least]
             rows, columns = np.nonzero(np.isin(component, large))
             if len(rows) >= 3:
                 hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))

@@ -10,7 +10,9 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.inpaint.cast_shadows import cast_shadows
-from unveil_core.inpaint.shade import Light, luminance
+from unveil_core.inpaint.crowns import complete_crowns
+from unveil_core.inpaint.lateral import lateral_profile
+from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance
 from unveil_core.inpaint.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.sun import Sun, find_sun, sun_towards
 from unveil_core.surfels.initialize import surfels_from_points
@@ -24,6 +26,10 @@ COLUMN_M = 0.3
 """Edge of the columns that solid things are filled in, metres."""
 BEYOND_M = 10.0
 """How far houses go on where the drive begins and ends, metres."""
+LEVEL_M = 12.0
+"""Half length of the stretch whose bright texels tell what a lateral offset is like in the sun, metres."""
+DARKEST_FALL = 0.7
+"""Logarithm of brightness that shadow takes at most; what is darker is no more telling."""
 STANDS_M = 0.25
 """What is lower than this over the ground casts no shadow to speak of, metres."""
 
@@ -34,7 +40,9 @@ def light_of_scene(
     gone: Surfels,
     *,
     unit: float,
+    footprint: NDArray[np.bool_] | None = None,
     solid: Sequence[int] = (),
+    plants: Sequence[int] = (),
     given: tuple[float, float] | None = None,
 ) -> Light | None:
     """Find the sun by its shadows and cast those of what stays and of what goes.
@@ -43,16 +51,20 @@ def light_of_scene(
         chart: as read.
         kept, gone: surfels of what stays and of what is removed.
         unit: world units per metre.
+        footprint: (A, B) texels that removed objects stand on; None = unknown.
         solid: labels of what is solid down to the ground, as houses and walls, though their feet may be hidden.
+        plants: labels of vegetation.
         given: azimuth and elevation of the sun, degrees (see ``sun_towards``), instead of looking for it.
     Returns:
         None where no sun explains the dark places.
     """
     kept, gone = (_standing(chart, surfels, STANDS_M * unit) for surfels in (kept, gone))
+    trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
+    kept = concatenate([kept, complete_crowns(trees, chart.ground, unit=unit)])
     if given is not None:
         sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
     else:
-        sun = _look_for_sun(chart, concatenate([kept, gone]), unit)
+        sun = _look_for_sun(chart, footprint, concatenate([kept, gone]), unit)
     if sun is None:
         return None
     kept = concatenate([kept, _down_to_ground(chart, kept, solid, unit)])
@@ -127,10 +139,16 @@ def _continued(
     return np.concatenate(parts), np.concatenate(tops)
 
 
-def _look_for_sun(chart: StreetChart, casters: Surfels, unit: float) -> Sun | None:
+def _look_for_sun(chart: StreetChart, footprint: NDArray[np.bool_] | None, casters: Surfels, unit: float) -> Sun | None:
     step = max(1, round(COARSE_M * unit / chart.texel))
+    per_m = unit / chart.texel
     observed = chart.source == OBSERVED
-    darkness = -np.log(np.maximum(luminance(chart.color), 0.02))
+    if footprint is not None:
+        # Beside an object it is dark wherever the sun stands.
+        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * per_m)).astype(bool)
+    _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
+    fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
+    darkness = np.clip(fall, 0, DARKEST_FALL)
     weight = cv2.blur(observed.astype(np.float32), (step, step))
     mean = cv2.blur(np.where(observed, darkness, 0).astype(np.float32), (step, step)) / np.maximum(weight, 1e-6)
 

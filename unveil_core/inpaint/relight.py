@@ -74,8 +74,8 @@ def shadows_of_removed(
         contact = near & (cv2.dilate(footprint.astype(np.uint8), disc(touch)) > 0)
         shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
     smooth = masked_blur(luminance(color), seen, 0.06 * per_m)
-    # Right under the object nothing was seen well, and what is nearly black has nothing to relight.
-    hopeless = seen & (footprint | (shadow & (smooth < black_ratio * luminance(shade.lit))))
+    # Right under the object little light came, and what is nearly black has nothing to relight.
+    hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * per_m)).astype(bool) & seen
     return shadow, hopeless
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.inpaint.sun import Sun
 
-__all__ = ["Light", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -27,8 +28,15 @@ Profile = Callable[[Float32, Mask], Float32]
 DARKEST, BRIGHTEST = 0.15, 0.9
 """Limits of what shadow leaves of a colour."""
 ROUNDS = 3
-REACH_M, SMOOTH_M = 4.0, 0.25
-"""How far what is seen of the shade corrects what the scene's shadows say, and how smoothly, metres."""
+CONTACT_M = 0.5
+"""How far around it an object darkens the ground, wherever the sun stands, metres."""
+SHIFT_M, SHIFT_STEP_M, WINDOW_M, STAY = 0.9, 0.15, 1.2, 0.02
+"""How far a cast shadow may be moved, in which steps, by how large a surrounding, metres; and how much less of it must then be
+wrong."""
+NEAR_M = 0.6
+"""How far what is seen of the shade corrects what the scene's shadows say, metres."""
+CHINK_M = 0.25
+"""Gaps in what casts let no light through that are not wider than twice this, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,23 +133,66 @@ def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: 
 def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
     """(A, B) 0 to 1, how much of the sun's light is missing when what is removed is gone.
 
-    The shadows of what stays, corrected by what was seen close by: a roof that no camera saw casts its shadow all the same.
+    The shadows of what stays, moved to where they are seen to lie and corrected by what was seen close by: a roof that no
+    camera saw casts its shadow all the same.
 
     Args:
         sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
     """
-    kept = light.kept.astype(np.float32)
-    missed = np.where(sound, dark.astype(np.float32) - kept, 0).astype(np.float32)
-    distance, place = cv2.distanceTransformWithLabels(
-        (~sound).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    of_place = np.zeros(place.max() + 1, dtype=np.float32)
-    of_place[place[sound]] = missed[sound]
+    kept = cv2.morphologyEx(light.kept.astype(np.uint8), cv2.MORPH_CLOSE, disc(CHINK_M * texels_per_m))
+    share = _moved(kept, sound, dark, texels_per_m)
+    missed = np.where(sound, dark.astype(np.float32) - (share > 0.5), 0).astype(np.float32)
     # A border's misplacement is no news: what is missed must be broad.
     broad = cv2.GaussianBlur(missed, (0, 0), 0.2 * texels_per_m)
-    of_place[place[sound & (np.abs(broad) < 0.4)]] = 0
-    correction = of_place[place] * (distance < REACH_M * texels_per_m)
-    correction = cv2.GaussianBlur(correction, (0, 0), SMOOTH_M * texels_per_m)
-    share = cv2.GaussianBlur(kept, (0, 0), 0.05 * texels_per_m) + correction
-    soft: Float32 = np.clip((share - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
+    missed[np.abs(broad) < 0.4] = 0
+    # Many texels together are believed, a few in a gap between two cars are not.
+    correction = 1.3 * masked_blur(missed, sound, NEAR_M * texels_per_m, prior=0.15)
+    soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
     return soft
+
+
+def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float) -> Float32:
+    """``kept`` (A, B), its borders soft, each part moved by up to ``SHIFT_M`` to where it agrees best with ``dark`` among the
+    ``sound`` texels around: trees are seen from one side only, and the sun is known to a few degrees."""
+    factor = max(1, round(SHIFT_STEP_M * texels_per_m))
+    rows, columns = kept.shape
+    size = (-(-columns // factor), -(-rows // factor))
+
+    def coarse(plane: NDArray[Any]) -> Float32:
+        return cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+    cast, weight = coarse(kept), coarse(sound)
+    seen = coarse(sound & dark) / np.maximum(weight, 1e-6)
+    weight[weight < 0.3] = 0
+    sigma = WINDOW_M * texels_per_m / factor
+    reach = round(SHIFT_M / SHIFT_STEP_M)
+    best = np.full(cast.shape, -np.inf, dtype=np.float32)
+    shift = np.zeros((*cast.shape, 2), dtype=np.float32)
+    steps = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
+    for i, j in sorted(steps, key=lambda step: step[0] ** 2 + step[1] ** 2):
+        moved = cv2.warpAffine(
+            cast, np.array([[1, 0, j], [0, 1, i]], dtype=np.float32), size, borderMode=cv2.BORDER_REPLICATE
+        )
+        wrong = cv2.GaussianBlur(weight * np.abs(moved - seen), (0, 0), sigma)
+        score = -wrong - STAY * (i * i + j * j) / reach**2
+        better = score > best + 1e-6
+        best[better] = score[better]
+        shift[better] = (i, j)
+    known = cv2.GaussianBlur(weight, (0, 0), sigma) + 1e-3
+    shift = cv2.GaussianBlur(shift * known[..., None], (0, 0), sigma / 2)
+    shift /= cv2.GaussianBlur(known, (0, 0), sigma / 2)[..., None]
+    shift = cv2.resize(shift, (columns, rows)) * factor
+    soft = cv2.GaussianBlur(kept.astype(np.float32), (0, 0), 0.05 * texels_per_m)
+    result = np.empty_like(soft)
+    across = np.arange(columns, dtype=np.float32)
+    # Charts may be longer than remap's limit.
+    for start in range(0, rows, 8192):
+        part = np.s_[max(0, start - 512) : start + 8192 + 512]
+        picture = soft[part]
+        along = np.arange(start, min(rows, start + 8192), dtype=np.float32)
+        own = shift[start : start + 8192]
+        result[start : start + 8192] = cv2.remap(
+            picture, across[None] - own[..., 1], along[:, None] - part.start - own[..., 0], cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+    return result
