@@ -48,7 +48,8 @@ def run(
         opened = open_drive(drive)
         check_drive(opened)
         choose_labels(opened, settings.remove, settings.instances)
-        named_frames(opened.frames, settings.keyframes)
+    if settings.keyframes:
+        named_frames(open_drive(drive).frames, settings.keyframes)
     space = Workspace.create(workspace)
     try:
         run_stages(space, stages, settings, Path(drive), reporter=reporter)

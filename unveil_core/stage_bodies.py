@@ -282,7 +282,10 @@ def inpaint_body(context: StageContext) -> None:
     left = surfels.select(torch.from_numpy(~gone))
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
     order, names = context.settings.order, context.settings.keyframes
-    plan = plan_drive(drive.frames, tasks, left, layer, order=order, names=names, near=limits.near, far=limits.far)
+    plan = plan_drive(
+        drive.frames, tasks, left, layer, order=order, names=names, near=limits.near, far=limits.far,
+        progress=context.progress,
+    )  # fmt: skip
     told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
     write_json_atomic(context.output("inpaint/keyframes.json"), told)
     painted, seeds = paint_along(

@@ -31,10 +31,10 @@ class Painter:
         return np.where(mask[..., None], np.uint8(PAINTS[self.calls - 1]), image)
 
 
-def paint(cameras, times, order: str) -> tuple[list[Painted], list[Hole], Painter]:  # type: ignore[no-untyped-def]
+def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[Hole], Painter]:  # type: ignore[no-untyped-def]
     tasks = [task_of(camera, WINDOW) for camera in cameras]
     holes = [open_hole(task, WALL, None, near=NEAR, far=FAR) for task in tasks]
-    plan = None if order == "independent" else plan_keyframes(holes, times, order=order)
+    plan = None if order == "independent" else plan_keyframes(holes, times, order=order, given=given)
     painter = Painter()
     painted, seeds = paint_along(tasks, WALL, SKY, None, painter, plan=plan, label_count=1, near=NEAR, far=FAR)
     assert seeds is not None
@@ -78,6 +78,15 @@ def test_what_is_left_to_a_sharper_view_comes_from_there() -> None:
     assert holes[0].mask.sum() > 1000
     middle = painted[1].image[34:38, 46:50].astype(float)
     assert np.abs(middle - painted[0].image[34:38, 46:50].mean(axis=(0, 1))).max() < 30
+
+
+def test_what_given_keyframes_do_not_show_is_invented_once_all_the_same() -> None:
+    """The only keyframe looks past the window; the next in turn takes its place."""
+    cameras = [before_wall(0.0, 4.0), before_wall(0.1, 3.7), before_wall(9.0, 4.0)]
+    painted, holes, painter = paint(cameras, [0, 1, 2], "reverse", given=(2,))
+    assert not holes[2].mask.any() and not painted[2].invented.any()
+    assert painted[1].invented.sum() > 200 and painted[0].invented.sum() < 20
+    assert np.abs(inner_colors(painted[:2], holes[:2]) - PAINTS[0]).max() < 25
 
 
 def test_what_is_filled_already_is_no_hole() -> None:

@@ -13,6 +13,7 @@ from unveil_core.errors import SettingsError
 from unveil_core.inpaint.ground_layer import GroundLayer
 from unveil_core.inpaint.holes import FrameTask, open_hole
 from unveil_core.inpaint.keyframes import Plan, plan_keyframes
+from unveil_core.progress import Progress, no_progress
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["instants", "named_frames", "plan_drive", "plan_json"]
@@ -61,7 +62,7 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ..
 
 def plan_drive(
     frames: Sequence[Frame], tasks: Sequence[FrameTask], left: Surfels, layer: GroundLayer | None, *, order: str,
-    names: Sequence[str] = (), near: float, far: float,
+    names: Sequence[str] = (), near: float, far: float, progress: Progress = no_progress,
 ) -> Plan | None:  # fmt: skip
     """The keyframes of a drive, see :func:`unveil_core.inpaint.keyframes.plan_keyframes`.
 
@@ -77,7 +78,10 @@ def plan_drive(
     if order == "independent":
         return None
     given = named_frames(frames, names) if names else None
-    holes = [open_hole(task, left, layer, near=near, far=far) for task in tasks]
+    holes = []
+    for done, task in enumerate(tasks):
+        holes.append(open_hole(task, left, layer, near=near, far=far))
+        progress(done + 1, len(tasks), "choosing keyframes")
     return plan_keyframes(holes, instants(frames), order=order, given=given)
 
 

@@ -8,6 +8,7 @@ that would newly show too little are no keyframes. All cameras of a rig are plan
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ AS_MUCH = 0.8
 LEAST_SHARE = 0.01
 """Of the area that all keyframes invent; a frame that newly shows less is none."""
 LARGEST_SEED_PX = 12
+ASKED_PX = 3000
+"""Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
 Flags = NDArray[np.bool_]
 
 
@@ -51,10 +54,12 @@ class Plan:
 
     Attributes:
         keyframes: in that order.
+        turns: indices of all frames in the order in which time is walked.
         rest: (N,) int, pixels of each frame's hole that no keyframe is expected to fill.
     """
 
     keyframes: tuple[Keyframe, ...]
+    turns: tuple[int, ...]
     rest: NDArray[np.int64]
 
 
@@ -84,7 +89,8 @@ def plan_keyframes(
         chosen = _greedy(holes, areas, counts, late, least_px)
     else:
         chosen = list(given)
-    chosen.sort(key=lambda i: (-late[i], i))
+    turns = sorted(range(len(holes)), key=lambda i: (-late[i], i))
+    chosen = [i for i in turns if i in chosen]
     free = [np.ones(len(a), dtype=bool) for a in areas]
     keyframes = []
     for turn, i in enumerate(chosen):
@@ -95,7 +101,7 @@ def plan_keyframes(
         leaves[holes[i].mask] = free[i] & ~own
         keyframes.append(Keyframe(i, float(areas[i][own].sum()), int(own.sum()), leaves))
         _take(holes, i, own, free)
-    return Plan(tuple(keyframes), np.array([int(f.sum()) for f in free], dtype=np.int64))
+    return Plan(tuple(keyframes), tuple(turns), np.array([int(f.sum()) for f in free], dtype=np.int64))
 
 
 def _greedy(
@@ -180,8 +186,14 @@ def carried(hole: Hole, own: Flags, other: Hole) -> Flags:
 
 def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_SHARPER) -> Flags:
     """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
-    points = hole.points()
-    size = hole.depth / hole.camera.fx
+    step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
+    row, column = np.nonzero(hole.mask)
+    # One pixel of each block is asked for, and answers for the block.
+    _, asked, block = np.unique(
+        (row // step) * hole.mask.shape[1] + column // step, return_index=True, return_inverse=True
+    )
+    points = hole.points()[asked]
+    size = hole.depth[asked] / hole.camera.fx
     found = np.zeros(len(size), dtype=bool)
     for other in others:
         open_ = np.flatnonzero(~found)
@@ -190,4 +202,5 @@ def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_S
         row, column, inside, depth = _in_view(other, points[open_])
         finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
         found[open_[finer]] = True
-    return found
+    answer: Flags = found[block.ravel()]
+    return answer

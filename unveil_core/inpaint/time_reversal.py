@@ -1,8 +1,7 @@
-"""Inpainting along the drive, in reversed time: the last frame first, each unobserved place invented once, then carried to earlier
-frames.
+"""Inpainting along the drive, in reversed time: keyframes, last to first, invent each unobserved place once, for all frames.
 
 *3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time meets it first at
-its best resolution. What is invented becomes surfels on the completed depth; an earlier frame renders them and invents only
+its best resolution. What is invented becomes surfels on the completed depth; all other frames render them and invent only
 what is still empty. The ground is not invented here: it comes from the street chart, the same for all frames.
 """
 
@@ -80,7 +79,7 @@ def paint_along(
         single_image: invents what nobody saw and is not ground.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
         label_count: K; near, far: world units.
-        least_px: a frame that invents for itself puts no fewer pixels than this into the scene.
+        least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
     """
@@ -102,13 +101,16 @@ def paint_along(
             scene = concatenate([left, *seeds])
         progress(done + 1, total, "inpainting keyframes")
     whole = {k.frame for k in plan.keyframes if not k.leaves.any()}
-    for index, task in enumerate(tasks):
+    for done, index in enumerate(plan.turns):
         first = painted[index]
         if index not in whole or first is None:
-            # What is left now is little, and the frame's own.
-            again, _ = view.paint(task, scene, least_px=None)
+            # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
+            again, own = view.paint(tasks[index], scene, least_px=least_px)
             painted[index] = again if first is None else _over(first, again)
-        progress(len(plan.keyframes) + index + 1, total, "inpainting")
+            if own:
+                seeds += own
+                scene = concatenate([left, *seeds])
+        progress(len(plan.keyframes) + done + 1, total, "inpainting")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
 
 
@@ -131,14 +133,14 @@ class _View:
     far: float
 
     def paint(
-        self, task: FrameTask, scene: Surfels, leaves: NDArray[np.bool_] | None = None, *, least_px: int | None
+        self, task: FrameTask, scene: Surfels, leaves: NDArray[np.bool_] | None = None, *, least_px: int
     ) -> tuple[Painted, list[Surfels]]:
         """Clean one frame.
 
         Args:
             scene: without the removed, with what was invented so far.
             leaves: (H, W) pixels of the hole that are to be invented by another frame.
-            least_px: invented pixels become surfels if they are so many; None = never.
+            least_px: invented pixels become surfels if they are so many.
         Returns:
             the frame, and the surfels of what it invented.
         """
@@ -148,7 +150,7 @@ class _View:
         seeds: list[Surfels] = []
         if own.any():
             image = _around(self.single_image, image, empty)
-            if least_px is not None and int(own.sum()) >= least_px:
+            if int(own.sum()) >= least_px:
                 depth = missing_depth(behind, empty)
                 label = _nearest_label(scene, task.camera, empty, self.label_count, self.near, self.far)
                 seeds = [seed_pixels(task.camera, image, depth, label, own, sh_degree=self.left.sh_degree)]
