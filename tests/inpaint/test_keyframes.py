@@ -88,7 +88,7 @@ def test_too_little_makes_no_keyframe() -> None:
 def test_what_is_carried_has_no_gaps_and_no_more_than_there_is() -> None:
     far, near = hole_of(before_wall(0.0, 8.0), B), hole_of(before_wall(0.3, 2.5), A, B)
     shown = np.zeros_like(near.mask)
-    shown[near.mask] = carried(far, np.ones(len(far.depth), dtype=bool), near)
+    shown[near.mask] = carried(far.points(), far.depth / far.camera.fx, near)
     truth = shows(near.camera, B)
     # Its border is as coarse as the far view's pixels.
     assert shown[truth].mean() > 0.97 and shown[~truth].sum() < 0.05 * truth.sum()

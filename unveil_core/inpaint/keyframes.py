@@ -132,11 +132,12 @@ def _take(holes: Sequence[Hole], i: int, own: Flags, free: list[Flags]) -> list[
     """Mark in ``free`` what frame ``i`` carries to each frame when it invents its pixels ``own``; returns the frames changed."""
     changed = []
     free[i] = free[i] & ~own
+    points, size = holes[i].points()[own], holes[i].depth[own] / holes[i].camera.fx
     for j, hole in enumerate(holes):
         if j == i:
             changed.append(j)
-        elif free[j].any() and own.any() and _near(holes[i], hole):
-            shown = carried(holes[i], own, hole)
+        elif len(points) and free[j].any() and _near(holes[i], hole):
+            shown = carried(points, size, hole)
             if (shown & free[j]).any():
                 free[j] = free[j] & ~shown
                 changed.append(j)
@@ -162,19 +163,14 @@ def _in_view(
     return safe[:, 1], safe[:, 0], inside, depth
 
 
-def carried(hole: Hole, own: Flags, other: Hole) -> Flags:
-    """(P',) which pixels of another frame's hole show what ``hole`` carries there.
-
-    Args:
-        own: (P,) pixels of ``hole`` that it invents; each becomes a disc as large as itself.
-    """
-    row, column, inside, depth = _in_view(other, hole.points())
-    inside &= own
-    size = hole.depth / hole.camera.fx * other.camera.fx / np.where(inside, depth, 1.0)
-    radius = np.clip(np.round(0.5 * size).astype(np.int64), 0, LARGEST_SEED_PX)
+def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole) -> Flags:
+    """(P',) which pixels of another frame's hole show what is carried there: discs at ``points`` (P, 3), as wide as ``size`` (P,)."""
+    row, column, inside, depth = _in_view(other, points)
+    row, column = row[inside], column[inside]
+    radius = np.round(0.5 * size[inside] * other.camera.fx / depth[inside]).astype(np.int64).clip(0, LARGEST_SEED_PX)
     shown = np.zeros(other.mask.shape, dtype=np.uint8)
-    for r in np.unique(radius[inside]):
-        some = inside & (radius == r)
+    for r in np.unique(radius):
+        some = radius == r
         spot = np.zeros_like(shown)
         spot[row[some], column[some]] = 1
         side = 2 * int(r) + 1
