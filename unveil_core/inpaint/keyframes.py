@@ -20,7 +20,7 @@ from unveil_core.inpaint.holes import Hole, Mask
 
 __all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
 
-MUCH_SHARPER = 1.5
+MUCH_SHARPER = 1.25
 """A view that resolves a place so many times finer has it to itself, be it earlier."""
 AS_MUCH = 0.8
 """A frame that newly shows so large a share of what the best one does may be chosen in its place, if it is met before."""
@@ -164,7 +164,7 @@ def _in_view(
 
 
 def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole) -> Flags:
-    """(P',) which pixels of another frame's hole show what is carried there: discs at ``points`` (P, 3), as wide as ``size`` (P,)."""
+    """(P',) which pixels of another frame's hole show discs carried there, at ``points`` (P, 3) and as wide as ``size`` (P,)."""
     row, column, inside, depth = _in_view(other, points)
     row, column = row[inside], column[inside]
     radius = np.round(0.5 * size[inside] * other.camera.fx / depth[inside]).astype(np.int64).clip(0, LARGEST_SEED_PX)
