@@ -85,6 +85,16 @@ def test_too_little_makes_no_keyframe() -> None:
     assert plan.keyframes == () and plan.rest.tolist() == [int(holes[0].mask.sum()), 0]
 
 
+def test_a_frame_that_others_together_make_needless_is_no_keyframe() -> None:
+    """Frame 0 shows most; what the later ones add to it is needed, and with it they show all that frame 0 does."""
+    camera = before_wall(0.0, 5.0)
+    below = [(left, right, 0.8, 1.8) for left, right, _, _ in (A, B, C)]
+    holes = [hole_of(camera, A, B, C), *(hole_of(camera, p, q) for p, q in zip((A, B, C), below, strict=True))]
+    plan = plan_keyframes(holes, range(4))
+    assert chosen(plan) == [3, 2, 1] and plan.rest.sum() == 0
+    assert [k.area for k in plan.keyframes] == pytest.approx([2.0] * 3, rel=0.1)
+
+
 def test_what_is_carried_has_no_gaps_and_no_more_than_there_is() -> None:
     far, near = hole_of(before_wall(0.0, 8.0), B), hole_of(before_wall(0.3, 2.5), A, B)
     shown = np.zeros_like(near.mask)

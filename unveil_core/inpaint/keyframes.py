@@ -97,6 +97,8 @@ def plan_keyframes(
         own = free[i]
         if order == "reverse":
             own = own & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
+        if given is None and own.sum() < least_px:
+            continue  # what it was chosen for, frames chosen after it and met before it show together
         leaves = np.zeros_like(holes[i].mask)
         leaves[holes[i].mask] = free[i] & ~own
         keyframes.append(Keyframe(i, float(areas[i][own].sum()), int(own.sum()), leaves))
