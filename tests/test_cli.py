@@ -31,6 +31,8 @@ def test_help_and_version_start_at_once() -> None:
         (["run"], "required"),
         (["run", "x", "-o", "y", "--quality", "best"], "invalid choice"),
         (["run", "x", "-o", "y", "--instances", "a"], "no list of numbers"),
+        (["run", "x", "-o", "y", "--keyframes", ","], "names no frames"),
+        (["run", "x", "-o", "y", "--keyframes", "3", "--order", "independent"], "keyframes are of no use"),
         (["run", "nowhere", "-o", "w"], "nowhere: there is no such drive"),
         (["reconstruct", "nowhere"], "nowhere: is no workspace"),
         (["evaluate", "nowhere"], "nowhere: is no workspace"),
@@ -87,6 +89,11 @@ def no_points(path: Path) -> None:
         (None, ["--remove", "person"], "nothing to remove: the drive has no person; found: road, sky, car"),
         (None, ["--remove", "cars"], "unknown class 'cars'"),
         (None, ["--instances", "9"], "nothing to remove: the drive has no instance 9; found: 300"),
+        (
+            None,
+            ["--keyframes", "1,9"],
+            "there is no frame '9' to be a keyframe (use numbers from 0 to 3, or stems such as 00)",
+        ),
         (None, ["--device", "cuda"], "no GPU backend"),
     ],
 )

@@ -34,7 +34,7 @@ def done(street: Path, tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 def results(root: Path) -> dict[str, bytes]:
     """Every file that a run leaves, but for times and places."""
-    keep = ("surfels", "masks", "regions", "inpainted", "renders", "frames", "meshes", "instances")
+    keep = ("surfels", "masks", "regions", "inpaint", "inpainted", "renders", "frames", "meshes", "instances")
     return {
         str(p.relative_to(root)): p.read_bytes()
         for name in keep
@@ -79,7 +79,7 @@ def test_nothing_else_changes(done: Workspace, street: Path) -> None:
 def test_the_workspace_is_complete(done: Workspace) -> None:
     for name in (
         "labels.json", "instances.json", "metrics.json", "surfels/full.ply", "surfels/empty.ply", "meshes/full.ply",
-        "meshes/empty.ply", "meshes/empty.glb", "report/index.html", "events.jsonl",
+        "meshes/empty.ply", "meshes/empty.glb", "report/index.html", "events.jsonl", "inpaint/keyframes.json",
     ):  # fmt: skip
         assert (done.root / name).stat().st_size > 0, name
     (car,) = json.loads((done.root / "instances.json").read_text())

@@ -27,3 +27,10 @@ def test_orders_are_known_by_name() -> None:
     assert RunSettings(order="forward").order == "forward"
     with pytest.raises(SettingsError, match="reverse"):
         RunSettings(order="sideways")
+
+
+def test_keyframes_are_kept_and_need_an_order() -> None:
+    settings = RunSettings(keyframes=("3", "0009"))
+    assert RunSettings.from_json(settings.to_json()) == settings
+    with pytest.raises(SettingsError, match="keyframes"):
+        RunSettings(keyframes=("3",), order="independent")

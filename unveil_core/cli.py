@@ -44,6 +44,13 @@ def _ids(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
 
 
+def _keyframes(text: str) -> tuple[str, ...]:
+    names = () if text.strip() == "auto" else _names(text)
+    if not names and text.strip() != "auto":
+        raise argparse.ArgumentTypeError(f"{text!r} names no frames, as 3,7 would")
+    return names
+
+
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
@@ -80,6 +87,8 @@ def _parser() -> argparse.ArgumentParser:
                        help="for what is neither ground nor seen from anywhere")  # fmt: skip
         p.add_argument("--order", default="reverse", choices=("reverse", "forward", "independent"),
                        help="of the frames when holes are filled; for comparison")  # fmt: skip
+        p.add_argument("--keyframes", type=_keyframes, default=(), metavar="auto|N,N,...",
+                       help="frames that invent what nobody saw, by number or stem")  # fmt: skip
 
     p = verbs.add_parser("demo", help="unveil the sample street")
     p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
@@ -176,7 +185,7 @@ def _settings(arguments: argparse.Namespace) -> Any:
 
     names = (
         "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
-        "sh_degree", "splats", "adapt",
+        "sh_degree", "splats", "adapt", "keyframes",
     )  # fmt: skip
     return RunSettings(**{n: getattr(arguments, n) for n in names})
 

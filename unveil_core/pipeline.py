@@ -8,6 +8,7 @@ from pathlib import Path
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.errors import UnveilError
+from unveil_core.inpaint.drive_plan import named_frames
 from unveil_core.semantics.segment import choose_labels
 from unveil_core.settings import RunSettings
 from unveil_core.stage_bodies import STAGES
@@ -47,6 +48,8 @@ def run(
         opened = open_drive(drive)
         check_drive(opened)
         choose_labels(opened, settings.remove, settings.instances)
+    if settings.keyframes:
+        named_frames(open_drive(drive).frames, settings.keyframes)
     space = Workspace.create(workspace)
     try:
         run_stages(space, stages, settings, Path(drive), reporter=reporter)

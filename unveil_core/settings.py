@@ -34,6 +34,8 @@ class RunSettings:
         adapt: False takes all that the quality's limits allow instead of choosing.
         inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
         order: of the frames when holes are filled, "reverse", "forward" or "independent".
+        keyframes: frames that invent what nobody saw for all others, by stem or number (see ``inpaint.drive_plan.named_frames``);
+            none = chosen by how much each newly shows.
     """
 
     remove: tuple[str, ...] = ()
@@ -45,6 +47,7 @@ class RunSettings:
     shadows: str = "auto"
     inpainter: str = "exemplar"
     order: str = "reverse"
+    keyframes: tuple[str, ...] = ()
     iterations: int | None = None
     sh_degree: int | None = None
     splats: int | None = None
@@ -63,6 +66,11 @@ class RunSettings:
             raise SettingsError(
                 f"unknown shadows {self.shadows!r}",
                 mend="use auto, off, or the sun's azimuth and elevation in degrees, as 135,40",
+            )
+        if self.keyframes and self.order == "independent":
+            raise SettingsError(
+                "keyframes are of no use when each frame is filled for itself",
+                mend="leave them out, or use another order",
             )
         if self.max_side is not None and self.max_side < 32:
             raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")

@@ -19,11 +19,13 @@ from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
+from unveil_core.inpaint.drive_plan import plan_drive, plan_json
 from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
+from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.inpaint.street import Ground
-from unveil_core.inpaint.time_reversal import FrameTask, paint_along
+from unveil_core.inpaint.time_reversal import paint_along
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
@@ -265,7 +267,7 @@ def drive_ground_layer(
 
 
 def inpaint_body(context: StageContext) -> None:
-    """inpainted/ in canonical colours, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -280,9 +282,16 @@ def inpaint_body(context: StageContext) -> None:
     layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
     left = surfels.select(torch.from_numpy(~gone))
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
+    order, names = context.settings.order, context.settings.keyframes
+    plan = plan_drive(
+        drive.frames, tasks, left, layer, order=order, names=names, near=limits.near, far=limits.far,
+        progress=context.progress,
+    )  # fmt: skip
+    told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
+    write_json_atomic(context.output("inpaint/keyframes.json"), told)
     painted, seeds = paint_along(
         tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
-        near=limits.near, far=limits.far, order=context.settings.order, progress=context.progress,
+        near=limits.near, far=limits.far, plan=plan, progress=context.progress,
     )  # fmt: skip
     for frame, result in zip(drive.frames, painted, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
@@ -399,8 +408,8 @@ STAGES: tuple[Stage, ...] = (
         "inpaint", inpaint_body,
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
          "masks/removed", "masks/unobserved"),
-        ("inpainted", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
-        ("quality", "shadows", "inpainter", "order"), optional=("surfels/exposure.json",),
+        ("inpainted", "inpaint/keyframes.json", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
+        ("quality", "shadows", "inpainter", "order", "keyframes"), optional=("surfels/exposure.json",),
     ),
     Stage(
         "reoptimize", reoptimize_body,

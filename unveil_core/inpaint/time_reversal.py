@@ -1,15 +1,14 @@
-"""Inpainting along the drive, in reversed time: the last frame first, each unobserved place invented once, then carried to earlier
-frames.
+"""Inpainting along the drive, in reversed time: keyframes, last to first, invent each unobserved place once, for all frames.
 
 *3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time meets it first at
-its best resolution. What is invented becomes surfels on the completed depth; an earlier frame renders them and invents only
+its best resolution. What is invented becomes surfels on the completed depth; all other frames render them and invent only
 what is still empty. The ground is not invented here: it comes from the street chart, the same for all frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -19,42 +18,24 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.ground_layer import GroundLayer
+from unveil_core.inpaint.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
+from unveil_core.inpaint.keyframes import Plan
 from unveil_core.inpaint.single_image import SingleImageInpainter
-from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
+from unveil_core.inpaint.transfer import seed_pixels
 from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.remove.regions import grow
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["FrameTask", "Painted", "paint_along"]
+__all__ = ["Painted", "paint_along"]
 
 
-SOLID = 0.6
-"""A pixel of the empty scene with more alpha than this shows a surface."""
 RING_PX = 14
 """How far around the mask the photograph's own ground is compared with the chart."""
 FINE_TEXELS = 4.0
 """A pixel that covers more of the chart along the street starts to be taken from it."""
 BORDER_PX = 2
-KNEE_SHARE = 0.28
-"""Height of a knee as a share of the camera's height over the ground."""
-
-
-@dataclass(frozen=True, eq=False)
-class FrameTask:
-    """One frame to clean.
-
-    Attributes:
-        camera: its camera; image: (H, W, 3) uint8 as photographed.
-        removed: (H, W) bool, pixels of removed objects with their borders.
-        unobserved: (H, W) bool, of them those that nobody saw.
-    """
-
-    camera: Camera
-    image: NDArray[np.uint8]
-    removed: NDArray[np.bool_]
-    unobserved: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,86 +62,132 @@ def paint_along(
     layer: GroundLayer | None,
     single_image: SingleImageInpainter,
     *,
+    plan: Plan | None,
     label_count: int,
     near: float,
     far: float,
-    order: str = "reverse",
-    keyframe_px: int = 40,
+    least_px: int = 40,
     progress: Progress = no_progress,
 ) -> tuple[list[Painted], Surfels | None]:
-    """Clean all frames, one after another.
+    """Clean all frames: keyframes invent, in the order of their plan; then all others take that over.
 
     Args:
-        tasks: frames in order of time.
+        tasks: frames.
         left: the scene without the removed surfels.
         sky: its sky.
         layer: the ground, or None where the scene has none.
         single_image: invents what nobody saw and is not ground.
+        plan: which frames invent for all others; None = each frame for itself, for comparison.
         label_count: K; near, far: world units.
-        order: "reverse", the paper's; "forward", first frame first, or "independent", each frame for itself, for comparison.
-        keyframe_px: a frame that must invent fewer pixels than this does so for itself only, without surfels.
+        least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
     """
+    view = _View(left, sky, layer, single_image, label_count, near, far)
     painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
+    if plan is None:
+        for done, index in enumerate(reversed(range(len(tasks)))):
+            painted[index], own = view.paint(tasks[index], left, least_px=least_px)
+            seeds += own
+            progress(done + 1, len(tasks), "inpainting")
+        return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
     scene = left
-    turns = range(len(tasks))
-    for done, index in enumerate(turns if order == "forward" else reversed(turns)):
-        task = tasks[index]
-        if order == "independent":
-            scene = left
-        out = render_numpy(scene, task.camera, near=near, far=far)
-        background = sky.render(task.camera).numpy()
-        # A half-covered pixel in the removed region lacks surfels; it is no window to the sky.
-        solid = out["alpha"] > SOLID
+    total = len(plan.keyframes) + len(tasks)
+    for done, key in enumerate(plan.keyframes):
+        painted[key.frame], own = view.paint(tasks[key.frame], scene, key.leaves, least_px=1)
+        if own:
+            seeds += own
+            scene = concatenate([left, *seeds])
+        progress(done + 1, total, "inpainting keyframes")
+    whole = {k.frame for k in plan.keyframes if not k.leaves.any()}
+    for done, index in enumerate(plan.turns):
+        first = painted[index]
+        if index not in whole or first is None:
+            # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
+            again, own = view.paint(tasks[index], scene, least_px=least_px)
+            painted[index] = again if first is None else _over(first, again)
+            if own:
+                seeds += own
+                scene = concatenate([left, *seeds])
+        progress(len(plan.keyframes) + done + 1, total, "inpainting")
+    return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+
+
+def _over(first: Painted, again: Painted) -> Painted:
+    """A keyframe that left places to others: what it invented itself, over what it takes from them."""
+    own = first.invented
+    return replace(again, image=np.where(own[..., None], first.image, again.image), invented=own | again.invented)
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What stays the same from frame to frame, see :func:`paint_along`."""
+
+    left: Surfels
+    sky: Sky
+    layer: GroundLayer | None
+    single_image: SingleImageInpainter
+    label_count: int
+    near: float
+    far: float
+
+    def paint(
+        self, task: FrameTask, scene: Surfels, leaves: NDArray[np.bool_] | None = None, *, least_px: int
+    ) -> tuple[Painted, list[Surfels]]:
+        """Clean one frame.
+
+        Args:
+            scene: without the removed, with what was invented so far.
+            leaves: (H, W) pixels of the hole that are to be invented by another frame.
+            least_px: invented pixels become surfels if they are so many.
+        Returns:
+            the frame, and the surfels of what it invented.
+        """
+        image, shadow, behind = self._known(task, scene)
+        empty = hole_in_frame(task, behind)
+        own = empty if leaves is None else empty & ~leaves
+        seeds: list[Surfels] = []
+        if own.any():
+            image = _around(self.single_image, image, empty)
+            if int(own.sum()) >= least_px:
+                depth = missing_depth(behind, empty)
+                label = _nearest_label(scene, task.camera, empty, self.label_count, self.near, self.far)
+                seeds = [seed_pixels(task.camera, image, depth, label, own, sh_degree=self.left.sh_degree)]
+        return Painted(image, behind.ground, own, shadow), seeds
+
+    def _known(self, task: FrameTask, scene: Surfels) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Behind]:
+        """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
+        layer = self.layer
+        ring = grow(task.removed, RING_PX) & ~grow(task.removed, 2)
+        around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), BORDER_PX)
+        behind = look_behind(task, scene, layer, around, near=self.near, far=self.far)
+        out, solid, ground = behind.out, behind.solid, behind.ground
+        background = self.sky.render(task.camera).numpy()
         share = np.where(solid, np.maximum(out["alpha"], SOLID), 1.0)[..., None]
         fill = np.where(solid[..., None], out["rgb"] / share, out["rgb"] + (1 - out["alpha"])[..., None] * background)
-        ground = np.zeros_like(task.removed)
         shadow = np.zeros_like(task.removed)
         gain = np.ones_like(fill)
         original = task.image.astype(np.float32) / 255
-        ceiling = np.full(task.removed.shape, np.inf)
-        if layer is not None:
-            ring = grow(task.removed, RING_PX) & ~grow(task.removed, 2)
-            look = layer.look(task.camera, task.removed | ring | grow(layer.shadow_pixels(task.camera), BORDER_PX))
-            ceiling = look.depth
-            # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
-            # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
-            in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
-            ground = look.covered & ~in_front & task.removed
-            plain = ring & look.covered & ~in_front & ~look.shadow & _shows_ground(look.depth, out)
+        look = behind.look
+        if look is not None:
+            plain = ring & look.covered & ~behind.in_front & ~look.shadow & _shows_ground(look.depth, out)
             fill[ground] = look.color[ground] + _tint(original, look.color, plain)
             on_ground = look.replaced | _shows_ground(look.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
-            shadow = grow(look.shadow, BORDER_PX) & look.covered & ~in_front & ~task.removed & on_ground
+            shadow = grow(look.shadow, BORDER_PX) & look.covered & ~behind.in_front & ~task.removed & on_ground
             gain[shadow] = look.gain[shadow]
             over = shadow & look.replaced
             original[over] = look.color[over]
             gain[over] = 1.0  # the chart shows it lit already
         relit = np.clip(original * gain, 0, 1)
-        if layer is not None and shadow.any():
+        if look is not None and shadow.any():
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
             distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)[:, None]
             held = _held(relit[shadow], look.color[shadow])
             relit[shadow] = held * (1 - distant) + look.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
-        image8 = np.clip(np.round(image * 255), 0, 255).astype(np.uint8)
-        # Where surfels carried from a later frame cover the hole, it is no hole any more.
-        below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0 if layer is not None else task.unobserved
-        # The mask's border, beyond the object's own pixels, shows what lies beside them.
-        unseen = grow(task.unobserved, 3) & task.removed
-        empty = (unseen | (task.removed & below)) & ~ground & ~solid
-        if empty.any():
-            image8 = _around(single_image, image8, empty)
-            if int(empty.sum()) >= keyframe_px:
-                depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
-                label = _nearest_label(scene, task.camera, empty, label_count, near, far)
-                seeds.append(seed_pixels(task.camera, image8, depth, label, empty, sh_degree=left.sh_degree))
-                scene = concatenate([left, *seeds])
-        painted[index] = Painted(image8, ground, empty, shadow)
-        progress(done + 1, len(tasks), "inpainting" if order != "reverse" else "inpainting, last frame first")
-    return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, behind
 
 
 def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
