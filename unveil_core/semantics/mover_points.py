@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.contacts import Contacts
 from unveil_core.semantics.ground_points import GroundPoints
-from unveil_core.semantics.seen_through import Body
+from unveil_core.semantics.seen_through import Body, Sight
 
-__all__ = ["points_behind_contacts"]
+__all__ = ["points_along_track", "points_behind_contacts"]
 
 OVER_GROUND_M = 0.12
 """What lies lower is the ground itself."""
@@ -18,6 +21,9 @@ SIDE_M = 2.0
 """Contacts that reach so far in depth show a thing's long side; behind them lies no more than its width."""
 LONG_SHARE = 2.0
 """Seen from its end a thing may reach so many times its width farther."""
+BEYOND_M = 20.0
+"""A LiDAR sees a thing before and after the camera does: its way is prolonged by so much."""
+STEP_M = 0.5
 
 
 def points_behind_contacts(
@@ -51,3 +57,47 @@ def points_behind_contacts(
     index = index[hit]
     inside[index] = ground.above(points[index]) > OVER_GROUND_M * ground.unit
     return inside
+
+
+def points_along_track(
+    points: NDArray[np.float64],
+    track: NDArray[np.float64],
+    height: float,
+    sights: Sequence[Sight],
+    body: Body,
+    ground: GroundPoints,
+) -> NDArray[np.bool_]:
+    """(P,) points on the way of a mover that two frames at least look through, and more than show anything there.
+
+    Args:
+        points: (P, 3) world; track: (K, 3) places where it touches the ground, one a frame, in order of time, K >= 2.
+        height: of the mover, world units.
+        sights: of all frames; ``taken`` of what may stand in the street and does not move.
+    """
+    unit, found = ground.unit, np.zeros(len(points), dtype=bool)
+    way = (track @ ground.axes.T)[:, :2]
+    travelled = np.linalg.norm(way[-1] - way[0])
+    if travelled < body.drift_m * unit / 3:
+        return found
+    ahead = (way[-1] - way[0]) / travelled
+    ends = [way[0] - BEYOND_M * unit * ahead, *way, way[-1] + BEYOND_M * unit * ahead]
+    dense = []
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        count = max(2, int(np.linalg.norm(b - a) / (STEP_M * unit)) + 1)
+        dense.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
+    local = points @ ground.axes.T
+    near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=body.depth_m * unit)[0]
+    index = np.flatnonzero(np.isfinite(near))
+    above = ground.above(points[index])
+    index = index[(above > OVER_GROUND_M * unit) & (above < 1.2 * height)]
+    through, taken = np.zeros(len(index), np.int64), np.zeros(len(index), np.int64)
+    for sight in sights:
+        camera = sight.camera
+        pixel, depth = camera.project(points[index])
+        ok = (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
+        inside = np.flatnonzero(ok)
+        row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
+        through[inside] += sight.open[row, column]
+        taken[inside] += sight.taken[row, column]
+    found[index[(through >= 2) & (through > taken)]] = True
+    return found

@@ -20,7 +20,7 @@ from unveil_core.semantics.classes import REMOVABLE
 from unveil_core.semantics.contacts import find_contacts
 from unveil_core.semantics.ground_points import GROUND_NAMES, GroundPoints, find_ground
 from unveil_core.semantics.mover_boxes import box_pixels, moving_boxes, points_in_boxes
-from unveil_core.semantics.mover_points import points_behind_contacts
+from unveil_core.semantics.mover_points import points_along_track, points_behind_contacts
 from unveil_core.semantics.mover_shadows import mover_shadow
 from unveil_core.semantics.mover_tracks import Patch, find_patches, instance_moves, link_patches
 from unveil_core.semantics.seen_through import MASKED, SLIM, WIDE, Body, Sight, sight_of
@@ -236,14 +236,28 @@ def _points(search: _Search) -> Mask:
     points = search.drive.points.positions
     boxes = [source for _, evidence, source in search.movers if evidence == "boxes"]
     found = points_in_boxes(points, search.drive, boxes, search.unit)
-    if search.ground is None:
+    ground = search.ground
+    if ground is None:
         return found
-    for v, frame in enumerate(search.drive.frames):
-        for number in np.unique(search.numbers[v]):
-            if not number or search.movers[number - 1][1] == "boxes":
-                continue
-            mask = search.numbers[v] == number
-            label = search.names.index(search.movers[number - 1][0])
-            contacts = find_contacts(mask, search.below(v), frame.camera, search.ground)
-            found |= points_behind_contacts(points, mask, contacts, frame.camera, search.body(label), search.ground)
+    sights = [
+        sight_of(
+            f.camera, np.isin(label, search.behind_labels) & (own == 0), np.isin(label, search.removable) & (own == 0)
+        )
+        for f, label, own in zip(search.drive.frames, search.labels, search.numbers, strict=True)
+    ]
+    for k, (name, evidence, _) in enumerate(search.movers):
+        if evidence == "boxes":
+            continue
+        body = search.body(search.names.index(name))
+        track, heights = [], []
+        for v, frame in enumerate(search.drive.frames):
+            mask = search.numbers[v] == k + 1
+            if mask.any():
+                contacts = find_contacts(mask, search.below(v), frame.camera, ground)
+                found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)
+                if len(contacts) and np.median(contacts.error) < 2 * body.error_m * search.unit:
+                    track.append(np.median(contacts.points, axis=0))
+                    heights.append(float(np.median(contacts.height)))
+        if len(track) > 1:
+            found |= points_along_track(points, np.array(track), max(heights), sights, body, ground)
     return found
