@@ -67,12 +67,13 @@ def points_along_track(
     body: Body,
     ground: GroundPoints,
 ) -> NDArray[np.bool_]:
-    """(P,) points on the way of a mover that two frames at least look through, and more than show anything there.
+    """(P,) points on the way of a mover: amid it all that no frames show to stand there, beside it and where the camera did
+    not see the mover pass only what other frames look through.
 
     Args:
         points: (P, 3) world; track: (K, 3) places where it touches the ground, one a frame, in order of time, K >= 2.
         height: of the mover, world units.
-        sights: of all frames; ``taken`` of what may stand in the street and does not move.
+        sights: of all frames; ``taken`` of what may stand in the street, poles as well, and does not move.
     """
     unit, found = ground.unit, np.zeros(len(points), dtype=bool)
     way = (track @ ground.axes.T)[:, :2]
@@ -80,17 +81,22 @@ def points_along_track(
     if travelled < body.drift_m * unit / 3:
         return found
     ahead = (way[-1] - way[0]) / travelled
-    ends = [way[0] - BEYOND_M * unit * ahead, *way, way[-1] + BEYOND_M * unit * ahead]
+    # It was where its contacts were, and as far beyond them as it is long.
+    own = body.drift_m * unit * ahead
+    ends = [way[0] - own, *way, way[-1] + own]
+    ends = [ends[0] - BEYOND_M * unit * ahead, *ends, ends[-1] + BEYOND_M * unit * ahead]
     dense = []
     for a, b in zip(ends[:-1], ends[1:], strict=True):
         count = max(2, int(np.linalg.norm(b - a) / (STEP_M * unit)) + 1)
         dense.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
     local = points @ ground.axes.T
-    near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=body.depth_m * unit)[0]
+    reach = body.depth_m * unit
+    near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
+    amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
     index = np.flatnonzero(np.isfinite(near))
     above = ground.above(points[index])
     index = index[(above > OVER_GROUND_M * unit) & (above < 1.2 * height)]
-    through, taken = np.zeros(len(index), np.int64), np.zeros(len(index), np.int64)
+    through, taken, seen = (np.zeros(len(index), np.int64) for _ in range(3))
     for sight in sights:
         camera = sight.camera
         pixel, depth = camera.project(points[index])
@@ -99,5 +105,8 @@ def points_along_track(
         row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
         through[inside] += sight.open[row, column]
         taken[inside] += sight.taken[row, column]
-    found[index[(through >= 2) & (through > taken)]] = True
+        seen[inside] += 1
+    open_ = (through >= 2) & (through > taken)
+    swept = np.isfinite(amid[index]) & (2 * taken < np.maximum(seen, 1))
+    found[index[open_ | swept]] = True
     return found

@@ -29,6 +29,7 @@ from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_la
 __all__ = ["FoundMovers", "Mover", "find_movers"]
 
 Mask = NDArray[np.bool_]
+THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
 
 
@@ -239,10 +240,10 @@ def _points(search: _Search) -> Mask:
     ground = search.ground
     if ground is None:
         return found
+    thin = tuple(k for k, n in enumerate(search.names) if n in THIN_CLASSES)
+    standing = (*search.removable, *thin)
     sights = [
-        sight_of(
-            f.camera, np.isin(label, search.behind_labels) & (own == 0), np.isin(label, search.removable) & (own == 0)
-        )
+        sight_of(f.camera, np.isin(label, search.behind_labels) & (own == 0), np.isin(label, standing) & (own == 0))
         for f, label, own in zip(search.drive.frames, search.labels, search.numbers, strict=True)
     ]
     for k, (name, evidence, _) in enumerate(search.movers):
