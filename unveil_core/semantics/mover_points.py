@@ -71,7 +71,7 @@ def points_along_track(
     not see the mover pass only what other frames look through.
 
     Args:
-        points: (P, 3) world; track: (K, 3) places where it touches the ground, one a frame, in order of time, K >= 2.
+        points: (P, 3) world; track: (K, 3) places in its middle, on the ground, one a frame, in order of time, K >= 2.
         height: of the mover, world units.
         sights: of all frames; ``taken`` of what may stand in the street, poles as well, and does not move.
     """

@@ -25,6 +25,8 @@ OTHERS, FEWEST_OTHERS = 16, 3
 """At most so many other frames are asked for a place, and so many must show it."""
 AROUND = 400
 """About so many places farther off say how much brighter or darker this photograph is than the others."""
+ALMOST_LIT, ALIKE = 0.9, 1.25
+"""Shadow goes on where brightness is less than so many times its median and others do not show that it is lit, by this share."""
 TOUCH_PX = 4
 BORDER_PX = 2
 
@@ -53,8 +55,8 @@ def mover_shadow(
     for k in range(1, count):
         x, y, w, h = stats[k, :4]
         reach = int(REACH * h) + 2
-        # A shadow lies on the ground: beside the lower half of what casts it, and before and behind that.
-        region[max(0, y + h // 2) : y + h + h // 2 + 2, max(0, x - reach) : x + w + reach] = 1
+        # Beside what casts it, and before it: behind it the thing itself hides the ground.
+        region[y : y + h + h // 2 + 2, max(0, x - reach) : x + w + reach] = 1
     here = plain(frame)
     near = here & region.astype(bool) & ~mask
     far = np.flatnonzero(here & ~region.astype(bool))
@@ -97,6 +99,25 @@ def mover_shadow(
     touching = np.zeros(count, dtype=bool)
     touching[np.unique(component[seed & (dark | mask)])] = True
     touching[0] = False
-    shadow = touching[component] & dark
+    shadow = _whole(touching[component] & dark, near, (row, column), ratio / exposure, gray(frame))
     grown = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)).astype(bool)
-    return grown & here & ~mask
+    return grown & (here | seed) & ~mask
+
+
+def _whole(
+    shadow: Mask, near: Mask, asked: tuple[NDArray[np.int64], NDArray[np.int64]], ratio: NDArray[np.floating],
+    gray: NDArray[np.float32],
+) -> Mask:  # fmt: skip
+    """A shadow (H, W) with the ground beside it that is as dark and of which too few other frames tell.
+
+    Args:
+        near: (H, W) ground to consider; asked: rows and columns (N,) of the pixels whose ``ratio`` (N,) is known, or nan.
+        gray: (H, W) brightness.
+    """
+    if not shadow.any():
+        return shadow
+    lit = np.zeros(shadow.shape, dtype=bool)
+    lit[asked] = ratio >= ALMOST_LIT
+    alike = near & ~lit & (gray < ALIKE * np.median(gray[shadow]))
+    _, component = cv2.connectedComponents((alike | shadow).astype(np.uint8), connectivity=8)
+    return np.isin(component, np.unique(component[shadow])) & (alike | shadow)

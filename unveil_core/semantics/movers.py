@@ -6,7 +6,7 @@ standing (``seen_through``), or if the contacts of one id wander over the ground
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from unveil_core.semantics.mover_boxes import box_pixels, moving_boxes, points_i
 from unveil_core.semantics.mover_points import points_along_track, points_behind_contacts
 from unveil_core.semantics.mover_shadows import mover_shadow
 from unveil_core.semantics.mover_tracks import Patch, find_patches, instance_moves, link_patches
-from unveil_core.semantics.seen_through import MASKED, SLIM, WIDE, Body, Sight, sight_of
+from unveil_core.semantics.seen_through import MASKED, SLIM, WIDE, Body, Sight, sight_of, sticks
 from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_labels
 
 __all__ = ["FoundMovers", "Mover", "find_movers"]
@@ -257,7 +257,9 @@ def _points(search: _Search) -> Mask:
                 contacts = find_contacts(mask, search.below(v), frame.camera, ground)
                 found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)
                 if len(contacts) and np.median(contacts.error) < 2 * body.error_m * search.unit:
-                    track.append(np.median(contacts.points, axis=0))
+                    # Of its places the second lies about in its middle.
+                    middle = sticks(contacts, frame.camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
+                    track.append(np.median(middle, axis=0))
                     heights.append(float(np.median(contacts.height)))
         if len(track) > 1:
             found |= points_along_track(points, np.array(track), max(heights), sights, body, ground)
