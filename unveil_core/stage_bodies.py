@@ -352,6 +352,7 @@ def reoptimize_body(context: StageContext) -> None:
         seed=context.settings.seed, progress=context.progress,
     )  # fmt: skip
     write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
+    moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
         picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
@@ -359,7 +360,9 @@ def reoptimize_body(context: StageContext) -> None:
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
         # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
-        street = exposures.delivered(frame, np.where(removed[..., None], picture, clean[i]))
+        # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
+        taught = removed & ~grow(moving.pixels(frame), 2)
+        street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("frames"), frame), delivered)
 
@@ -419,7 +422,7 @@ STAGES: tuple[Stage, ...] = (
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/seeds.ply",
          "surfels/relit.npy", "inpainted", "masks/removed", "masks/shadows"),
         ("surfels/empty.ply", "renders", "frames"),
-        ("quality", "seed"), optional=("surfels/exposure.json",),
+        ("quality", "seed"), optional=("surfels/exposure.json", "movers"),
     ),
     Stage(
         "mesh", mesh_body, ("drive", "surfels/full.ply", "surfels/empty.ply"),
