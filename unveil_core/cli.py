@@ -78,6 +78,8 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
         p.add_argument("--shadows", default="auto", metavar="auto|off|AZIMUTH,ELEVATION",
                        help="take shadows of what goes along, leave them, or say where the sun stands, in degrees")  # fmt: skip
+        p.add_argument("--movers", default="auto", choices=("auto", "keep"),
+                       help="take what moves during the drive out of every frame, or treat it as if it stood")  # fmt: skip
         p.add_argument("--iterations", type=int, default=None, metavar="N", help="steps of the reconstruction")
         p.add_argument("--sh-degree", type=int, default=None, metavar="L", help="degree of colour by direction, 0 to 3")
         p.add_argument("--splats", type=int, default=None, metavar="N", help="surfels at most")
@@ -185,7 +187,7 @@ def _settings(arguments: argparse.Namespace) -> Any:
 
     names = (
         "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
-        "sh_degree", "splats", "adapt", "keyframes",
+        "sh_degree", "splats", "adapt", "keyframes", "movers",
     )  # fmt: skip
     return RunSettings(**{n: getattr(arguments, n) for n in names})
 

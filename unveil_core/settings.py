@@ -9,9 +9,10 @@ from typing import Any
 from unveil_core.errors import SettingsError
 from unveil_core.inpaint.single_image import INPAINTERS
 
-__all__ = ["ORDERS", "QUALITIES", "RunSettings"]
+__all__ = ["MOVERS", "ORDERS", "QUALITIES", "RunSettings"]
 
 QUALITIES = ("draft", "standard", "high")
+MOVERS = ("auto", "keep")
 ORDERS = ("reverse", "forward", "independent")
 
 
@@ -32,6 +33,8 @@ class RunSettings:
             cost.
         sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
         adapt: False takes all that the quality's limits allow instead of choosing.
+        movers: "auto" looks for things that move during the drive, which then go from all frames and never become part of the
+            scene; "keep" takes everything for standing.
         inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
         order: of the frames when holes are filled, "reverse", "forward" or "independent".
         keyframes: frames that invent what nobody saw for all others, by stem or number (see ``inpaint.drive_plan.named_frames``);
@@ -45,6 +48,7 @@ class RunSettings:
     seed: int = 0
     max_side: int | None = None
     shadows: str = "auto"
+    movers: str = "auto"
     inpainter: str = "exemplar"
     order: str = "reverse"
     keyframes: tuple[str, ...] = ()
@@ -59,6 +63,7 @@ class RunSettings:
             ("device", self.device, ("auto", "cpu", "cuda")),
             ("inpainter", self.inpainter, tuple(INPAINTERS)),
             ("order", self.order, ORDERS),
+            ("movers", self.movers, MOVERS),
         ):
             if value not in known:
                 raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")

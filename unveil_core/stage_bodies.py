@@ -29,6 +29,7 @@ from unveil_core.inpaint.time_reversal import paint_along
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
+from unveil_core.moving import read_moving, write_moving
 from unveil_core.optimize.adapt import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
@@ -69,12 +70,13 @@ def import_body(context: StageContext) -> None:
 
 
 def segment_body(context: StageContext) -> None:
-    """labels.json: which labels occur and which of them go."""
+    """labels.json: which labels occur and which of them go; movers/: what moves."""
     drive = read_imported(context.workspace.drive_dir)
     settings = context.settings
-    write_json_atomic(
-        context.output("labels.json"), choose_labels(drive, settings.remove, settings.instances).to_json()
-    )
+    scene = choose_labels(drive, settings.remove, settings.instances)
+    write_json_atomic(context.output("labels.json"), scene.to_json())
+    movers = write_moving(drive, scene, context.output("movers"), settings.movers, context.progress)
+    context.workspace.update_stage("segment", movers=movers)
 
 
 # ----------------------------------------------------------------------------------------------------------- reconstruct
@@ -101,12 +103,19 @@ def reconstruct_body(context: StageContext) -> None:
 
 def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> None:
     """What :func:`reconstruct_body` does, with settings of one's own: for comparison."""
-    drive = read_imported(context.workspace.drive_dir)
-    scene = load_labels(context.workspace)
-    exposures = fit_exposures(drive, progress=context.progress)
+    moving = read_moving(context.workspace.root)
+    drive = moving.standing(read_imported(context.workspace.drive_dir))
+    scene, hidden = load_labels(context.workspace), moving.hidden(drive)
+    exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
     done = reconstruct(
-        drive, scene, settings, exposures=exposures, seed=context.settings.seed, progress=context.progress
+        drive,
+        scene,
+        settings,
+        exposures=exposures,
+        hidden=hidden,
+        seed=context.settings.seed,
+        progress=context.progress,
     )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
     write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
@@ -125,7 +134,8 @@ def instances_body(context: StageContext) -> None:
     positions = surfels.means.double().numpy()
     means = positions[removable]
     spacing = surfels.log_scales.exp().amax(dim=1).double().numpy()[removable] * 1.5
-    images = [frame_instances(f) for f in drive.frames]
+    moving = read_moving(workspace.root)
+    images = [moving.ids_of_standing(f, frame_instances(f)) for f in drive.frames]
     if any(image is not None for image in images):
         ids = vote_instances(means, spacing, [f.camera for f in drive.frames], lambda v: images[v], near=limits.near)
     else:
@@ -199,13 +209,14 @@ def remove_body(context: StageContext) -> None:
         surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, (~keep).long()
     )
     ground = drive_ground(drive, scene, left)
+    moving = read_moving(workspace.root)
     views, empties = [], []
     for done, frame in enumerate(drive.frames):
         planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
             full = render(marked, frame.camera, planes, label_count=2, near=limits.near, far=limits.far)
         assert full.alpha is not None and full.depth is not None and full.semantics is not None
-        own = object_mask(frame, scene, full.semantics[..., 1].numpy())
+        own = object_mask(frame, scene, full.semantics[..., 1].numpy()) | moving.pixels(frame)
         views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own))
         empties.append(render_numpy(left, frame.camera, near=limits.near, far=limits.far))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
@@ -279,6 +290,8 @@ def inpaint_body(context: StageContext) -> None:
     images = [exposures.read(f) for f in drive.frames]
     removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
     unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
+    shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
+    removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
     layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
     left = surfels.select(torch.from_numpy(~gone))
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
@@ -293,9 +306,9 @@ def inpaint_body(context: StageContext) -> None:
         tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
         near=limits.near, far=limits.far, plan=plan, progress=context.progress,
     )  # fmt: skip
-    for frame, result in zip(drive.frames, painted, strict=True):
+    for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
-        save_mask(result.shadow, frame_file(context.output("masks/shadows"), frame))
+        save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
     parts = [] if seeds is None else [seeds]
     relit = np.zeros(len(left), dtype=np.uint8)
     if layer is not None:
@@ -349,6 +362,7 @@ def reoptimize_body(context: StageContext) -> None:
         seed=context.settings.seed, progress=context.progress,
     )  # fmt: skip
     write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
+    moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
         picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
@@ -356,7 +370,9 @@ def reoptimize_body(context: StageContext) -> None:
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
         # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
-        street = exposures.delivered(frame, np.where(removed[..., None], picture, clean[i]))
+        # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
+        taught = removed & ~grow(moving.pixels(frame), 2)
+        street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("frames"), frame), delivered)
 
@@ -390,33 +406,33 @@ def report_body(context: StageContext) -> None:
 
 STAGES: tuple[Stage, ...] = (
     Stage("import", import_body, (), ("drive",), ("max_side", "quality"), drive_digest=True),
-    Stage("segment", segment_body, ("drive",), ("labels.json",), ("remove", "instances")),
+    Stage("segment", segment_body, ("drive",), ("labels.json", "movers"), ("remove", "instances", "movers")),
     Stage(
         "reconstruct", reconstruct_body, ("drive", "labels.json"),
         ("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
-        ("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
+        ("quality", "seed", "iterations", "sh_degree", "splats", "adapt"), optional=("movers",),
     ),
     Stage(
         "instances", instances_body, ("drive", "labels.json", "surfels/full.ply"),
-        ("instances.json", "instances", "surfels/instances.npy"),
+        ("instances.json", "instances", "surfels/instances.npy"), optional=("movers",),
     ),
     Stage(
         "remove", remove_body, ("drive", "labels.json", "surfels/full.ply", "surfels/instances.npy"),
-        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
+        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"), optional=("movers",),
     ),
     Stage(
         "inpaint", inpaint_body,
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
          "masks/removed", "masks/unobserved"),
         ("inpainted", "inpaint/keyframes.json", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
-        ("quality", "shadows", "inpainter", "order", "keyframes"), optional=("surfels/exposure.json",),
+        ("quality", "shadows", "inpainter", "order", "keyframes"), optional=("surfels/exposure.json", "movers"),
     ),
     Stage(
         "reoptimize", reoptimize_body,
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/seeds.ply",
          "surfels/relit.npy", "inpainted", "masks/removed", "masks/shadows"),
         ("surfels/empty.ply", "renders", "frames"),
-        ("quality", "seed"), optional=("surfels/exposure.json",),
+        ("quality", "seed"), optional=("surfels/exposure.json", "movers"),
     ),
     Stage(
         "mesh", mesh_body, ("drive", "surfels/full.ply", "surfels/empty.ply"),

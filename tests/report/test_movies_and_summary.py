@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,11 +17,14 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.errors import Cancelled, WorkspaceError
 from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.files import read_image
+from unveil_core.progress import no_progress
 from unveil_core.report import video
+from unveil_core.report.collect import gather
+from unveil_core.report.page import build_page
 from unveil_core.report.strip import GAP_PX, write_strip
 from unveil_core.report.summary import print_summary
 from unveil_core.report.video import write_video
-from unveil_core.report.wording import decibels, memory, percent, seconds, similarity
+from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +148,22 @@ def test_summary_of_nothing(tmp_path: Path) -> None:
     out = io.StringIO()
     print_summary(tmp_path, out)
     assert out.getvalue() == "\n\n"
+
+
+def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_path: Path) -> None:
+    for count, told in (
+        (0, ""),
+        (1, "1 thing moved, gone from every frame"),
+        (3, "3 things moved, gone from every frame"),
+    ):
+        (tmp_path / "workspace.json").write_text(json.dumps({"stages": {"segment": {"movers": count}}}))
+        out = io.StringIO()
+        print_summary(tmp_path, out)
+        assert out.getvalue().strip() == told
+    assert movers({}) == (0, "")
+    shown = replace(gather(finished, None, no_progress), state={"stages": {"segment": {"movers": 3}}})
+    assert "things moved, gone from every frame" in build_page(shown)
+    assert "things moved" not in build_page(replace(shown, state={}))
 
 
 def test_wording() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["Distortion", "Drive", "Frame", "PointCloud"]
@@ -45,6 +46,7 @@ class Frame:
         mask_path: 8-bit PNG, 0 = remove, or None.
         depth_path: depth file named by the drive, or None.
         timestamp: seconds, or None.
+        boxes: of tracked objects at this frame's time, where the drive has any.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Frame:
     mask_path: Path | None = None
     depth_path: Path | None = None
     timestamp: float | None = None
+    boxes: tuple[TrackedBox, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,6 @@ class Drive:
         up: (3,) unit vector, the world's up as far as the drive knows it (z, or estimated from the cameras).
         metric: True where world units are metres.
         semantic_classes: "cityscapes" or None.
-        boxes: optional instance boxes, as read (see ``semantics.instances``).
         truth_root: folder of the true empty street, or None.
     """
 
@@ -90,5 +92,4 @@ class Drive:
     up: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     metric: bool = True
     semantic_classes: str | None = None
-    boxes: tuple[dict[str, object], ...] = ()
     truth_root: Path | None = None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.points import read_points
 from unveil_core.errors import DriveError
@@ -37,6 +38,7 @@ def read_imported(folder: Path) -> Drive:
                 instance_path=folder / e["instances"] if "instances" in e else None,
                 mask_path=folder / e["mask"] if "mask" in e else None,
                 timestamp=e.get("timestamp"),
+                boxes=read_boxes(e.get("boxes"), path, e["name"]),
             )
             for e in data["frames"]
         )  # fmt: skip

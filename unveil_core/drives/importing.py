@@ -46,7 +46,8 @@ def recentred(drive: Drive) -> Drive:
         pose = frame.camera.world_to_camera.copy()
         # R (x_local + shift) + t = R x_local + (R shift + t); through the centre it cancels least.
         pose[:3, 3] = -pose[:3, :3] @ (frame.camera.centre - shift)
-        frames.append(replace(frame, camera=replace(frame.camera, world_to_camera=pose)))
+        boxes = tuple(box.shifted(shift) for box in frame.boxes)
+        frames.append(replace(frame, camera=replace(frame.camera, world_to_camera=pose), boxes=boxes))
     points = PointCloud(drive.points.positions - shift, drive.points.colors)
     return replace(drive, frames=tuple(frames), points=points, offset=drive.offset + shift)
 
@@ -133,6 +134,8 @@ def _import_frame(frame: Frame, folder: Path, max_side: int | None) -> dict[str,
         "fx": target.fx, "fy": target.fy, "cx": target.cx, "cy": target.cy,
         "world_to_camera": target.world_to_camera.tolist(), "timestamp": frame.timestamp,
     }  # fmt: skip
+    if frame.boxes:
+        entry["boxes"] = [box.to_json() for box in frame.boxes]
     kinds = (
         ("image", "images", frame.image_path, suffix, read_image, False, 0),
         ("semantics", "semantics", frame.semantic_path, ".png", read_label_image, True, 255),

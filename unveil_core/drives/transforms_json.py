@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.drives.points import read_points
 from unveil_core.errors import DriveError
@@ -156,6 +157,7 @@ def read_transforms_json(path: Path) -> Drive:
                 mask_path=file("mask_path"),
                 depth_path=file("depth_file_path"),
                 timestamp=float(entry["timestamp"]) if entry.get("timestamp") is not None else None,
+                boxes=read_boxes(entry.get("boxes"), path, image.stem),
             )
         )
     if not top.get("ply_file_path"):

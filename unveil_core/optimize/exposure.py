@@ -8,6 +8,7 @@ affine model in place of the gain; a drive whose camera held still keeps its pho
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -58,7 +59,7 @@ class _Samples:
         return _Samples(self.color[keep], self.point[keep], self.view[keep])
 
 
-def _sampled(drive: Drive, progress: Progress) -> _Samples:
+def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress: Progress) -> _Samples:
     """Colours of points that at least two views see well exposed."""
     limits = scene_range(drive)
     positions = drive.points.positions
@@ -75,6 +76,8 @@ def _sampled(drive: Drive, progress: Progress) -> _Samples:
         blur = min(2.0, BLUR_SHARE * frame.camera.width)
         color = cv2.GaussianBlur(read_image(frame.image_path), (0, 0), blur)[seen.rows, seen.columns]
         good = (color > DARKEST).all(axis=1) & (color < BRIGHTEST).all(axis=1)
+        if hidden is not None:
+            good &= ~hidden[v][seen.rows, seen.columns]
         found.append(_Samples(color[good] / 255.0, seen.index[good], np.full(int(good.sum()), v)))
         progress(v + 1, len(cameras), "comparing exposures")
     every = _Samples(*(np.concatenate([getattr(s, n) for s in found]) for n in ("color", "point", "view")))
@@ -169,13 +172,16 @@ def _error(samples: _Samples, gain: Float, bias: Float) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def fit_exposures(drive: Drive, *, progress: Progress = no_progress) -> Exposures:
+def fit_exposures(
+    drive: Drive, *, hidden: Sequence[NDArray[np.bool_]] | None = None, progress: Progress = no_progress
+) -> Exposures:
     """Gain and bias of every photograph, or the identity for all where these explain little.
 
     Half of the points are fitted; the other half decide.
 
     Args:
         drive: an imported drive.
+        hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
         progress: called per frame.
     Returns:
         exposures of all frames, none where the identity was chosen. ``figures`` has ``used``, ``points``, ``samples``, and
@@ -183,7 +189,7 @@ def fit_exposures(drive: Drive, *, progress: Progress = no_progress) -> Exposure
         ``spread`` (brightest over darkest photograph of mid grey, less 1).
     """
     views = len(drive.frames)
-    samples = _sampled(drive, progress)
+    samples = _sampled(drive, hidden, progress)
     told: dict[str, object] = {"used": False, "points": len(np.unique(samples.point)), "samples": len(samples.point)}
     first = samples.point % 2 == 0
     gain, bias, enough = _fitted(samples.where(first), views)

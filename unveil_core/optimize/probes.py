@@ -37,7 +37,8 @@ def hidden_blocks(height: int, width: int) -> NDArray[np.bool_]:
 def hide(view: TrainingView) -> TrainingView:
     """The view without its hidden blocks."""
     hidden = hidden_blocks(view.camera.height, view.camera.width)
-    return replace(view, weight=torch.from_numpy((~hidden).astype(np.float32)))
+    shown = torch.from_numpy((~hidden).astype(np.float32))
+    return replace(view, weight=shown if view.weight is None else shown * view.weight)
 
 
 def probe_error(state: Optimization, views: Sequence[TrainingView]) -> float:
@@ -50,6 +51,8 @@ def probe_error(state: Optimization, views: Sequence[TrainingView]) -> float:
             assert out.rgb is not None and out.alpha is not None
             image = (out.rgb + (1 - out.alpha)[..., None] * sky.sample(view.sky_grid)).clamp(0, 1)
         hidden = hidden_blocks(view.camera.height, view.camera.width)
+        if view.weight is not None:  # what does not count tells nothing here either
+            hidden &= view.weight.numpy() > 0.5
         error = np.square(image.numpy()[hidden] - view.image.numpy()[hidden], dtype=np.float64)
         total, pixels = total + float(error.sum()), pixels + error.size
     return total / max(pixels, 1)

@@ -116,6 +116,7 @@ def reconstruct(
     settings: ReconstructSettings,
     *,
     exposures: Exposures | None = None,
+    hidden: Sequence[NDArray[np.bool_]] | None = None,
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> Reconstruction:
@@ -126,6 +127,7 @@ def reconstruct(
         scene: its labels.
         settings: see there.
         exposures: of the photographs, see ``optimize.exposure``; the scene gets their canonical colours.
+        hidden: (H, W) per frame, pixels that show what does not stand and count for nothing; None = no such pixels.
         seed: order of the views.
         progress: called per step with loss and the number of surfels.
     """
@@ -133,15 +135,17 @@ def reconstruct(
     exposures = exposures or Exposures()
     images = [exposures.read(f) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]
+    if hidden is not None:
+        labels = [np.where(mask, -1, label) for mask, label in zip(hidden, labels, strict=True)]
     if settings.random_start:
         surfels = random_scene(drive, scene, labels, settings.start.budget, seed=seed)
     else:
-        surfels = start_scene(drive, scene, images, labels, settings.start, progress=progress)
+        surfels = start_scene(drive, scene, images, labels, settings.start, hidden=hidden, progress=progress)
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
     rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
-    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, limits, rows)
-    fine, coarse = (_views(drive, images, labels, sky, factor) for factor in (1.0, 0.5))
+    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, limits, rows, hidden)
+    fine, coarse = (_views(drive, images, labels, hidden, sky, factor) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
@@ -160,9 +164,16 @@ def reconstruct(
 
 
 def _views(
-    drive: Drive, images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]], sky: Sky, factor: float
-) -> list[TrainingView]:
-    return [training_view(f.camera, images[i], labels[i], None, sky, factor=factor) for i, f in enumerate(drive.frames)]
+    drive: Drive, images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
+    hidden: Sequence[NDArray[np.bool_]] | None, sky: Sky, factor: float,
+) -> list[TrainingView]:  # fmt: skip
+    weights = [
+        None if hidden is None or not hidden[i].any() else (~hidden[i]).astype(np.float32) for i in range(len(images))
+    ]
+    return [
+        training_view(f.camera, images[i], labels[i], weights[i], sky, factor=factor)
+        for i, f in enumerate(drive.frames)
+    ]
 
 
 class _Course:

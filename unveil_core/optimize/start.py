@@ -118,10 +118,14 @@ def start_scene(
     labels: Sequence[NDArray[np.int64]],
     settings: StartSettings,
     *,
+    hidden: Sequence[NDArray[np.bool_]] | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
     """Surfels from the drive's points and from swept ones, labelled by the views.
 
+    Args:
+        hidden: (H, W) per frame, pixels that show what does not stand: they give no points, no colours and, by ``labels``,
+            no labels; None = no such pixels.
     Raises:
         DriveError: no point is seen by any frame.
     """
@@ -139,6 +143,8 @@ def start_scene(
         usable = [~measured[i] for i in track]
         if sky is not None:
             usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
+        if hidden is not None:
+            usable = [u & ~hidden[i] for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
             [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
             near=10 * limits.near, far=limits.far, progress=progress,
@@ -167,6 +173,8 @@ def start_scene(
     cover = np.minimum(spacing, 0.7 * cell)
     views = [points_in_view(points, cover, c, near=limits.near, normals=normal) for c in cameras]
     label, agreement = vote_labels(len(points), views, lambda v: labels[v], len(scene.labels))
+    if hidden is not None:
+        views = [view.outside(mask) for view, mask in zip(views, hidden, strict=True)]
     color, seen = sample_colors(len(points), views, lambda v: images[v])
     good = seen & (label >= 0) & (label != (-2 if sky is None else sky)) & (agreement > 0.4)
     if not good.any():
@@ -209,11 +217,13 @@ def start_sky(
     surfels: Surfels,
     limits: SceneRange,
     rows: Sequence[int] = SKY_ROWS,
+    hidden: Sequence[NDArray[np.bool_]] | None = None,
 ) -> tuple[Sky, dict[str, Any]]:
     """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers.
 
     Args:
         rows: heights of the panorama to choose from, rising.
+        hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
     Returns:
         the sky, and what its size was chosen by: a panorama fitted to every second frame is held against the others, and a
         larger one must explain them better by ``SKY_GAIN`` dB.
@@ -229,6 +239,8 @@ def start_sky(
             assert alpha is not None
             above = frame.camera.rays() @ drive.up > 0
             mask = (alpha.numpy() < 0.05) & above
+            if hidden is not None:
+                mask &= ~hidden[i]
         samples.append((frame.camera, images[i], mask))
     chosen, best, tried = rows[0], -np.inf, {}
     for height in rows if len(rows) > 1 and any(m.any() for _, _, m in samples[1::2]) else ():

@@ -20,7 +20,7 @@ from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.video import write_video
-from unveil_core.report.wording import decibels, memory, percent, seconds, similarity
+from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
 
 __all__ = ["build_page", "write_report"]
 
@@ -175,6 +175,9 @@ def _numbers(shown: Shown) -> str:
     coverage = metrics.get("coverage", {})
     if coverage.get("removed"):
         cards.append((percent(coverage["removed"]), "of all pixels showed something that is gone"))
+    moved, what = movers(shown.state)
+    if moved:
+        cards.append((str(moved), what))
     if coverage.get("unobserved_of_removed") is not None:
         cards.append((percent(coverage["unobserved_of_removed"]), "of these were never seen and had to be invented"))
     untouched = metrics.get("untouched", {})

@@ -7,7 +7,7 @@ from typing import Any, TextIO
 
 from unveil_core.evaluate import METHODS
 from unveil_core.report.collect import read_json
-from unveil_core.report.wording import decibels, memory, percent, seconds, similarity
+from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
 
 __all__ = ["print_summary"]
 
@@ -31,7 +31,7 @@ def print_summary(workspace_root: Path, file: TextIO) -> None:
     root = Path(workspace_root)
     blocks = [
         _results(root),
-        _quality(read_json(root / "metrics.json", {})),
+        _quality(read_json(root / "metrics.json", {})) + _movers(read_json(root / "workspace.json", {})),
         _cost(read_json(root / "workspace.json", {})),
     ]
     file.write("\n" + "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n")
@@ -72,6 +72,11 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
         change = "none" if untouched["max"] == 0 else f"up to {untouched['max']} of 255 levels"
         lines.append(f"  change outside the masks: {change}")
     return lines
+
+
+def _movers(state: dict[str, Any]) -> list[str]:
+    count, what = movers(state)
+    return [f"  {count} {what}"] if count else []
 
 
 def _cost(state: dict[str, Any]) -> list[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["decibels", "memory", "percent", "seconds", "similarity"]
+from typing import Any
+
+__all__ = ["decibels", "memory", "movers", "percent", "seconds", "similarity"]
 
 
 def decibels(value: float | None) -> str:
@@ -38,3 +40,11 @@ def seconds(value: float) -> str:
 def memory(megabytes: float) -> str:
     """``640 MB`` or ``2.3 GB``."""
     return f"{megabytes:.0f} MB" if megabytes < 1000 else f"{megabytes / 1024:.1f} GB"
+
+
+def movers(state: dict[str, Any]) -> tuple[int, str]:
+    """How many movers workspace.json tells of, and what became of them, as the end of a sentence that begins with the number."""
+    count = state.get("stages", {}).get("segment", {}).get("movers", 0)
+    if not isinstance(count, int) or count < 1:
+        return 0, ""
+    return count, "thing moved, gone from every frame" if count == 1 else "things moved, gone from every frame"

@@ -28,6 +28,11 @@ class PointsInView:
     columns: NDArray[np.int64]
     depth: NDArray[np.float64]
 
+    def outside(self, mask: NDArray[np.bool_]) -> PointsInView:
+        """Those that do not fall on the pixels of a mask (H, W)."""
+        keep = ~mask[self.rows, self.columns]
+        return PointsInView(self.index[keep], self.rows[keep], self.columns[keep], self.depth[keep])
+
 
 @njit(cache=True)
 def _splat_depth(x, y, depth, half_x, half_y, height, width):  # type: ignore[no-untyped-def]

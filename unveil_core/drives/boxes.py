@@ -1,0 +1,114 @@
+"""Boxes of tracked objects, as a drive may give them per frame: the same id in several frames is one object on its way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.errors import DriveError
+
+__all__ = ["TrackedBox", "read_boxes"]
+
+MEND = "a box is {id, class, centre: [x, y, z], size: [length, width, height], yaw}, metres and radians"
+
+
+@dataclass(frozen=True)
+class TrackedBox:
+    """An upright box around one object at the time of one frame.
+
+    Attributes:
+        id: of the object, 1 to 65535, the same in all frames.
+        class_name: a Cityscapes class (checked where it is used).
+        centre: (3,) of the box, world units relative to the drive's offset.
+        size: length, width, height, world units.
+        yaw: of the length, radians about the z axis, 0 along x, counterclockwise.
+    """
+
+    id: int
+    class_name: str
+    centre: tuple[float, float, float]
+    size: tuple[float, float, float]
+    yaw: float
+
+    def shifted(self, shift: NDArray[np.float64]) -> TrackedBox:
+        """The box in coordinates whose origin lies at ``shift`` (3,) of these."""
+        x, y, z = (float(v) for v in np.asarray(self.centre) - shift)
+        return TrackedBox(self.id, self.class_name, (x, y, z), self.size, self.yaw)
+
+    def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(P, 3) of points in the box's own axes, in half sizes: inside are those in [-1, 1]."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        x, y, z = (points - np.asarray(self.centre)).T
+        turned = np.stack([x * cos + y * sin, -x * sin + y * cos, z], axis=1)
+        return turned / (np.asarray(self.size) / 2)
+
+    def corners(self) -> NDArray[np.float64]:
+        """(8, 3) world positions."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]) * np.asarray(self.size) / 2
+        turned = np.stack(
+            [signs[:, 0] * cos - signs[:, 1] * sin, signs[:, 0] * sin + signs[:, 1] * cos, signs[:, 2]], 1
+        )
+        return turned + np.asarray(self.centre)
+
+    def to_json(self) -> dict[str, object]:
+        """As :func:`read_boxes` reads it."""
+        return {
+            "id": self.id, "class": self.class_name, "centre": list(self.centre), "size": list(self.size), "yaw": self.yaw,
+        }  # fmt: skip
+
+
+def _three(value: object) -> tuple[float, float, float]:
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
+        raise ValueError("three numbers are wanted")
+    x, y, z = (float(v) for v in value)
+    return x, y, z
+
+
+def _box(entry: Any) -> TrackedBox:
+    number, name = entry["id"], str(entry["class"])
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
+        raise ValueError(f"id {number!r} is no number from 1 to 65535")
+    if not name:
+        raise ValueError("its class is empty")
+    box = TrackedBox(number, name, _three(entry["centre"]), _three(entry["size"]), float(entry.get("yaw", 0.0)))
+    if not all(math.isfinite(v) for v in (*box.centre, *box.size, box.yaw)):
+        raise ValueError("a number is not finite")
+    if min(box.size) <= 0:
+        raise ValueError(f"size {list(box.size)} is not positive")
+    return box
+
+
+def read_boxes(entries: object, path: Path, frame: str) -> tuple[TrackedBox, ...]:
+    """The checked boxes of one frame.
+
+    Args:
+        entries: the list of the file, None = none.
+        path: of the file, for messages; frame: its name.
+    Raises:
+        DriveError: not a list of boxes, a size or number that makes no box, or an id used twice.
+    """
+    if entries is None:
+        return ()
+    if not isinstance(entries, list):
+        raise DriveError(f"boxes of frame {frame} are no list", path=path, mend=MEND)
+    boxes: list[TrackedBox] = []
+    for i, entry in enumerate(entries):
+        try:
+            boxes.append(_box(entry))
+        except (KeyError, TypeError, ValueError) as error:
+            problem = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise DriveError(f"box {i} of frame {frame}: {problem}", path=path, mend=MEND) from error
+    if len({b.id for b in boxes}) < len(boxes):
+        raise DriveError(
+            f"frame {frame} has two boxes of one id",
+            path=path,
+            mend="an id stands for one object and occurs once a frame",
+        )
+    return tuple(boxes)
