@@ -1,4 +1,4 @@
-"""Opening networks in ONNX files that the user brings. They run on the CPU; nothing in them is ever unpickled or executed as Python."""
+"""Opening networks in ONNX files that the user brings. They run on the CPU; nothing in them is ever unpickled."""
 
 from __future__ import annotations
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.ground_layer import GroundLayer
-from unveil_core.inpaint.single_image import SingleImageInpainter
+from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
 from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
 from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
@@ -152,7 +151,7 @@ def paint_along(
         unseen = grow(task.unobserved, 3) & task.removed
         empty = (unseen | (task.removed & below)) & ~ground & ~solid
         if empty.any():
-            image8 = _around(single_image, image8, empty)
+            image8 = fill_around(single_image, image8, empty)
             if int(empty.sum()) >= keyframe_px:
                 depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
                 label = _nearest_label(scene, task.camera, empty, label_count, near, far)
@@ -180,18 +179,6 @@ def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.
     share = np.clip(relit_level, 0, 1.08 * level + 0.02) / np.maximum(relit_level, 1e-3)
     held: NDArray[np.float32] = np.where(relit_level < 0.9 * level, chart, relit * share).astype(np.float32)
     return held
-
-
-def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Inpaint each hole from its own surroundings: a wall is not to be filled with the houses across the street."""
-    result = image.copy()
-    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
-    for k in range(1, count):
-        x, y, w, h = boxes[k, :4]
-        margin = max(20, (w + h) // 3)
-        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
-        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
-    return result
 
 
 def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.float32]]) -> NDArray[np.bool_]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.files import read_image
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.compose import compose_frame
-from unveil_core.inpaint.single_image import SingleImageInpainter
+from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
 from unveil_core.inpaint.transfer import render_numpy
 from unveil_core.optimize.scene_range import SceneRange, scene_range
 from unveil_core.remove.regions import grow
@@ -160,15 +159,3 @@ def look(
     covered = out["rgb"] / np.maximum(out["alpha"], SOLID)[..., None]
     open_ = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(camera).numpy()
     return to_bytes(np.where(solid, covered, open_)), out
-
-
-def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
-    """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street."""
-    result = image.copy()
-    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
-    for k in range(1, count):
-        x, y, w, h = (int(v) for v in boxes[k, :4])
-        margin = max(20, (w + h) // 3)
-        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
-        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
-    return result
