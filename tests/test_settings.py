@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from unveil_core.errors import SettingsError
@@ -27,3 +29,14 @@ def test_orders_are_known_by_name() -> None:
     assert RunSettings(order="forward").order == "forward"
     with pytest.raises(SettingsError, match="reverse"):
         RunSettings(order="sideways")
+
+
+def test_networks_are_named_by_files_wherever_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = RunSettings(inpainter="lama.onnx", reference_inpainter=str(tmp_path / "refill.ONNX"))
+    assert settings.networks == {"inpainter": tmp_path / "lama.onnx", "reference_inpainter": tmp_path / "refill.ONNX"}
+    assert RunSettings.from_json(settings.to_json()) == settings
+    assert RunSettings().networks == {} and RunSettings(inpainter="fsr").inpainter == "fsr"
+    for wrong in ({"inpainter": "lama.pt"}, {"inpainter": "lama"}, {"reference_inpainter": "exemplar"}):
+        with pytest.raises(SettingsError, match="FILE.onnx"):
+            RunSettings(**wrong)  # type: ignore[arg-type]

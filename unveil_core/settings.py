@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from unveil_core.errors import SettingsError
-from unveil_core.inpaint.single_image import INPAINTERS
+from unveil_core.inpaint.single_image import INPAINTERS, is_file
 
 __all__ = ["ORDERS", "QUALITIES", "RunSettings"]
 
@@ -32,7 +33,9 @@ class RunSettings:
             cost.
         sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
         adapt: False takes all that the quality's limits allow instead of choosing.
-        inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
+        inpainter: single-image inpainter for what is neither ground nor seen from anywhere: a name in ``INPAINTERS``, or the
+            path of an ONNX file, which is made absolute.
+        reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames when holes are filled, "reverse", "forward" or "independent".
     """
 
@@ -49,12 +52,17 @@ class RunSettings:
     sh_degree: int | None = None
     splats: int | None = None
     adapt: bool = True
+    reference_inpainter: str | None = None
 
     def __post_init__(self) -> None:
+        if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
+            raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+        for name, path in self.networks.items():  # a later call may come from another folder
+            object.__setattr__(self, name, str(path.expanduser().absolute()))
         for name, value, known in (
             ("quality", self.quality, QUALITIES),
             ("device", self.device, ("auto", "cpu", "cuda")),
-            ("inpainter", self.inpainter, tuple(INPAINTERS)),
+            ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
             ("order", self.order, ORDERS),
         ):
             if value not in known:
@@ -85,6 +93,15 @@ class RunSettings:
         except ValueError:
             return None
         return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
+
+    @property
+    def networks(self) -> dict[str, Path]:
+        """The files that settings name, by setting."""
+        return {
+            name: Path(value)
+            for name, value in (("inpainter", self.inpainter), ("reference_inpainter", self.reference_inpainter))
+            if value is not None and is_file(value)
+        }
 
     def to_json(self) -> dict[str, object]:
         """A JSON-able dict."""

@@ -21,6 +21,7 @@ from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
+from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.inpaint.street import Ground
 from unveil_core.inpaint.time_reversal import FrameTask, paint_along
@@ -279,9 +280,11 @@ def inpaint_body(context: StageContext) -> None:
     layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
     left = surfels.select(torch.from_numpy(~gone))
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
+    network = context.settings.networks.get("reference_inpainter")
     painted, seeds = paint_along(
         tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
-        near=limits.near, far=limits.far, order=context.settings.order, progress=context.progress,
+        near=limits.near, far=limits.far, order=context.settings.order,
+        reference=None if network is None else load_reference(network), progress=context.progress,
     )  # fmt: skip
     for frame, result in zip(drive.frames, painted, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
@@ -399,7 +402,7 @@ STAGES: tuple[Stage, ...] = (
         ("drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
          "masks/removed", "masks/unobserved"),
         ("inpainted", "masks/shadows", "surfels/seeds.ply", "surfels/relit.npy"),
-        ("quality", "shadows", "inpainter", "order"), optional=("surfels/exposure.json",),
+        ("quality", "shadows", "inpainter", "reference_inpainter", "order"), optional=("surfels/exposure.json",),
     ),
     Stage(
         "reoptimize", reoptimize_body,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.ground_layer import GroundLayer
 from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
 from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
@@ -85,6 +86,7 @@ def paint_along(
     far: float,
     order: str = "reverse",
     keyframe_px: int = 40,
+    reference: ReferenceInpainter | None = None,
     progress: Progress = no_progress,
 ) -> tuple[list[Painted], Surfels | None]:
     """Clean all frames, one after another.
@@ -98,12 +100,14 @@ def paint_along(
         label_count: K; near, far: world units.
         order: "reverse", the paper's; "forward", first frame first, or "independent", each frame for itself, for comparison.
         keyframe_px: a frame that must invent fewer pixels than this does so for itself only, without surfels.
+        reference: paints what a frame before in the order has invented, by that frame; the surfels alone carry it by default.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
     """
     painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
     scene = left
+    carrier = Carrier(reference) if reference is not None and order != "independent" else None
     turns = range(len(tasks))
     for done, index in enumerate(turns if order == "forward" else reversed(turns)):
         task = tasks[index]
@@ -150,13 +154,25 @@ def paint_along(
         # The mask's border, beyond the object's own pixels, shows what lies beside them.
         unseen = grow(task.unobserved, 3) & task.removed
         empty = (unseen | (task.removed & below)) & ~ground & ~solid
-        if empty.any():
-            image8 = fill_around(single_image, image8, empty)
-            if int(empty.sum()) >= keyframe_px:
+        depth = None
+        rest = empty
+        if carrier is not None:
+            depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
+            # What surfels carry here from another frame is a hole as well, to be painted by that frame.
+            bare = render_numpy(left, task.camera, near=near, far=far)["alpha"] > SOLID if seeds else solid
+            hole = (unseen | (task.removed & below)) & ~ground & ~bare
+            image8, carried = carrier.paint(task.camera, image8, hole, depth)
+            rest = empty & ~carried
+        if rest.any():
+            image8 = fill_around(single_image, image8, rest)
+        if int(empty.sum()) >= keyframe_px:
+            if depth is None:
                 depth = complete_depth(out["depth"], out["alpha"] > 0.5, empty, ceiling)
-                label = _nearest_label(scene, task.camera, empty, label_count, near, far)
-                seeds.append(seed_pixels(task.camera, image8, depth, label, empty, sh_degree=left.sh_degree))
-                scene = concatenate([left, *seeds])
+            label = _nearest_label(scene, task.camera, empty, label_count, near, far)
+            seeds.append(seed_pixels(task.camera, image8, depth, label, empty, sh_degree=left.sh_degree))
+            scene = concatenate([left, *seeds])
+            if carrier is not None:
+                carrier.remember(task.camera, image8, depth)
         painted[index] = Painted(image8, ground, empty, shadow)
         progress(done + 1, len(tasks), "inpainting" if order != "reverse" else "inpainting, last frame first")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
