@@ -155,6 +155,13 @@ def test_references_of_other_sizes(folder: Path) -> None:
         result = fill(image, mask, reference)
         assert np.array_equal(result[~mask], image[~mask]) and (result[14:26, 14:26] == (9, 99, 199)).all()
     assert np.array_equal(fill(image, mask & False, reference), image)
+    # A smaller picture of the same place is laid over it.
+    place = np.zeros((60, 40, 3), np.uint8)
+    place[20:40, 10:30] = 255
+    image, mask = np.zeros((120, 80, 3), np.uint8), np.ones((120, 80), bool)
+    for name in ("reference", "reference, fixed"):
+        result = load_reference(folder / f"{name}.onnx")(image, mask, place)
+        assert (result[46:74, 26:54] > 240).all() and (result[:30] < 15).all() and (result[:, 70:] < 15).all()
 
 
 # --------------------------------------------------------------------------------------------------------------- what is none

@@ -160,20 +160,24 @@ class _Network:
         """(H, W, 3) uint8 from an image (H, W, 3) that is black in its ``hole`` (H, W), no larger than the limit."""
         height, width = hole.shape
         padded = (self._padded(height, 0), self._padded(width, 1))
-        answers = self._run(_continued(known, padded), _continued(hole, padded), reference)
+        answers = self._run(_continued(known, padded), _continued(hole, padded), reference, (height, width))
         values = self._picture(answers, padded)
         return np.clip(np.round(values[:height, :width] * (255 / self._white)), 0, 255).astype(np.uint8)
 
     def _padded(self, length: int, axis: int) -> int:
         return self._size[axis] or -(-max(length, LEAST_PX) // self._multiple) * self._multiple
 
-    def _run(self, known: Image, hole: Mask, reference: Image | None) -> list[NDArray[np.generic]]:
+    def _run(
+        self, known: Image, hole: Mask, reference: Image | None, shown: tuple[int, int]
+    ) -> list[NDArray[np.generic]]:
+        """Its answers to an image of which ``shown`` (height, width) are no continuation."""
         image, mask = known.astype(np.float32) / 255, hole[..., None].astype(np.float32)
         given = {IMAGE: image, MASK: mask, BOTH: np.concatenate([image, mask], axis=2)}
-        tensors = {
-            p.name: p.tensor(_fitted(reference, p, hole.shape) if p.role == REFERENCE else given[p.role])
-            for p in self._ports
-        }
+        tensors = {}
+        for port in self._ports:
+            if port.role == REFERENCE:
+                given[REFERENCE] = _fitted(reference, port, shown, hole.shape)
+            tensors[port.name] = port.tensor(given[port.role])
         try:
             return list(self._session.run(None, tensors))
         except Exception as error:  # a model may fail in any way of its own
@@ -203,7 +207,7 @@ class _Network:
             hole[size[0] // 4 : size[0] // 2, size[1] // 4 : size[1] // 2] = True
             known[hole] = 0
             try:
-                answers = self._run(known, hole, rng.integers(*BRIGHT, (*size, 3)).astype(np.uint8))
+                answers = self._run(known, hole, rng.integers(*BRIGHT, (*size, 3)).astype(np.uint8), size)
                 self._choose(answers, size)
                 values = self._picture(answers, size)
             except SettingsError as error:
@@ -236,10 +240,16 @@ def _continued(picture: NDArray[Scalar], size: tuple[int, int]) -> NDArray[Scala
     return np.pad(picture, more + [(0, 0)] * (picture.ndim - 2), mode="symmetric")  # type: ignore[return-value]
 
 
-def _fitted(reference: Image | None, port: Port, size: tuple[int, ...]) -> NDArray[np.float32]:
-    """A reference as its input wants it: with its proportions, made smaller if need be, continued to a fixed size."""
+def _fitted(
+    reference: Image | None, port: Port, shown: tuple[int, int], padded: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """A reference as its input wants it: as large as the image beside it is shown, with its proportions, then continued."""
     assert reference is not None
-    wanted = (port.height or size[0], port.width or size[1])
-    smaller = _within(reference.shape, wanted)
-    picture = reference if smaller == reference.shape[:2] else _resized(reference, smaller)
-    return _continued(picture, wanted).astype(np.float32) / 255
+    wanted = (port.height or padded[0], port.width or padded[1])
+    most = (min(shown[0], wanted[0]), min(shown[1], wanted[1]))
+    scale = min(most[0] / reference.shape[0], most[1] / reference.shape[1])
+    size = tuple(max(1, min(m, round(side * scale))) for m, side in zip(most, reference.shape, strict=False))
+    if size != reference.shape[:2]:
+        way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+        reference = cv2.resize(reference, size[::-1], interpolation=way)
+    return _continued(reference, wanted).astype(np.float32) / 255
