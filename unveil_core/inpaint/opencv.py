@@ -95,7 +95,7 @@ def fsr(image: Picture, mask: Mask) -> Picture:
         return image.copy()
     result = image.copy()
     unfilled = np.zeros_like(mask)
-    for window, part in _around_each(mask, lambda _: FSR_CONTEXT_PX):
+    for window, part in _apart(mask, FSR_CONTEXT_PX):
         bgr = np.ascontiguousarray(image[window][..., ::-1])
         filled = np.zeros_like(bgr) + np.array(FSR_NOTHING, np.uint8)
         if min(bgr.shape[:2]) >= SMALLEST_PX:  # it reads beyond the ends of narrow ones
@@ -126,3 +126,14 @@ def _around_each(mask: Mask, margin_of: Callable[[int], int]) -> Iterator[tuple[
             slice(max(0, x - margin), min(width, x + w + margin)),
         )
         yield window, component[window] == k
+
+
+def _apart(mask: Mask, context: int) -> Iterator[tuple[tuple[slice, slice], Mask]]:
+    """Windows around holes that are farther apart than their context reaches, with the pixels to take from each: many specks
+    that lie together are one."""
+    near = cv2.dilate(mask.astype(np.uint8), np.ones((2 * context + 1,) * 2, np.uint8))
+    count, component, stats, _ = cv2.connectedComponentsWithStats(near, connectivity=8)
+    for k in range(1, count):
+        x, y, w, h = (int(v) for v in stats[k, :4])
+        window = (slice(y, y + h), slice(x, x + w))
+        yield window, mask[window] & (component[window] == k)
