@@ -74,13 +74,16 @@ class Carrier:
             best = _best(self._frames, camera, own, depth)
             if best is None:
                 continue
-            frame, pixels = best
+            frame, pixels, places = best
             x, y, w, h = (int(v) for v in boxes[k, :4])
             margin = max(LEAST_MARGIN_PX, (w + h) // 3)
-            part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
+            part = (
+                slice(max(0, y - margin), min(image.shape[0], y + h + margin)),
+                slice(max(0, x - margin), min(image.shape[1], x + w + margin)),
+            )
             filled = self._inpaint(
                 np.ascontiguousarray(result[part]), np.ascontiguousarray(own[part]),
-                _around(frame, pixels, part, own),
+                _around(frame, pixels, part, places),
             )  # fmt: skip
             result[part] = np.where(own[part][..., None], filled, result[part])
             painted |= own
@@ -89,8 +92,9 @@ class Carrier:
 
 def _best(
     frames: list[Shown], camera: Camera, hole: Mask, depth: NDArray[np.floating]
-) -> tuple[Shown, NDArray[np.float64]] | None:
-    """The frame that shows most of a hole, counted by how finely, and (N, 2) where the hole's sampled pixels lie in it."""
+) -> tuple[Shown, NDArray[np.float64], NDArray[np.int64]] | None:
+    """The frame that shows most of a hole, counted by how finely, where it shows sampled pixels of it, (N, 2) as x and y, and
+    these pixels, (N, 2) as row and column."""
     rows, columns = np.nonzero(hole)
     step = max(1, len(rows) // SAMPLES)
     rows, columns = rows[::step], columns[::step]
@@ -108,26 +112,30 @@ def _best(
         finer = (other.fx / distance[shown]) / (camera.fx / np.maximum(z[shown], 1e-6))
         score = float(np.minimum(finer, SHARPEST).sum())
         if score > most:
-            best, most = (frame, pixels[shown]), score
+            best, most = (frame, pixels[shown], np.stack([rows, columns], axis=1)[shown]), score
     return best
 
 
-def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], hole: Mask) -> Image:
-    """The part of a frame that shows what a part of another shows: about the same place in the middle, as much around it."""
-    height, width = hole[part].shape
-    rows, columns = np.nonzero(hole)
+def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]) -> Image:
+    """The part of a frame that shows what a part of another shows: the same place where it lies there, as much around it.
+
+    Args:
+        pixels: (N, 2) x and y in the frame of what lies at ``places``, (N, 2) rows and columns of the other.
+    """
+    height, width = part[0].stop - part[0].start, part[1].stop - part[1].start
+    rows, columns = places[:, 0] + 0.5, places[:, 1] + 0.5
     # How much larger the place appears in the reference, by its spread; a few pixels have none.
     spread = np.hypot(rows.std(), columns.std())
     ratio = np.hypot(*pixels.std(axis=0)) / spread if spread > 1 and len(pixels) > 8 else 1.0
     ratio = float(np.clip(ratio, 0.25, 4.0))
     # The hole need not lie in the middle of its part: at the image's border it does not.
-    centre_row, centre_column = rows.mean() - (part[0].start or 0), columns.mean() - (part[1].start or 0)
+    centre_row, centre_column = rows.mean() - part[0].start, columns.mean() - part[1].start
     column, row = pixels.mean(axis=0)
-    spans = []
+    places = []
     for at, before, length, total in (
         (row, centre_row, height, frame.image.shape[0]), (column, centre_column, width, frame.image.shape[1]),
     ):  # fmt: skip
-        size = min(max(1, round(length * ratio)), total)
-        start = min(max(round(at - before * ratio), 0), total - size)
-        spans.append(slice(start, start + size))
-    return np.ascontiguousarray(frame.image[spans[0], spans[1]])
+        # Mirrored beyond the border: moved inwards, the place would lie elsewhere than in the image.
+        place = (round(at - before * ratio) + np.arange(max(1, round(length * ratio)))) % (2 * total)
+        places.append(np.minimum(place, 2 * total - 1 - place))
+    return np.ascontiguousarray(frame.image[np.ix_(*places)])
