@@ -131,11 +131,11 @@ def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice]
     # The hole need not lie in the middle of its part: at the image's border it does not.
     centre_row, centre_column = rows.mean() - part[0].start, columns.mean() - part[1].start
     column, row = pixels.mean(axis=0)
-    places = []
+    spans = []
     for at, before, length, total in (
         (row, centre_row, height, frame.image.shape[0]), (column, centre_column, width, frame.image.shape[1]),
     ):  # fmt: skip
         # Mirrored beyond the border: moved inwards, the place would lie elsewhere than in the image.
         place = (round(at - before * ratio) + np.arange(max(1, round(length * ratio)))) % (2 * total)
-        places.append(np.minimum(place, 2 * total - 1 - place))
-    return np.ascontiguousarray(frame.image[np.ix_(*places)])
+        spans.append(np.minimum(place, 2 * total - 1 - place))
+    return np.ascontiguousarray(frame.image[np.ix_(*spans)])
