@@ -17,3 +17,9 @@ def box(shape: tuple[int, ...], y0: int, y1: int, x0: int, x1: int) -> np.ndarra
     mask = np.zeros(shape[:2], dtype=bool)
     mask[y0:y1, x0:x1] = True
     return mask
+
+
+def worn_tiles() -> tuple[np.ndarray, np.ndarray]:
+    """The pavement with noise, and a mask of two holes."""
+    image = np.clip(tiles().astype(int) + np.random.default_rng(3).integers(-20, 20, tiles().shape), 0, 255)
+    return image.astype(np.uint8), box(image.shape, 30, 45, 40, 58) | box(image.shape, 70, 78, 100, 120)

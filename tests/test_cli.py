@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.drives.tiny_drive import edit, make_tiny_drive
+from tests.inpaint.networks import from_reference, mean_fill
 from unveil_core.cli import main
 
 
@@ -46,6 +47,31 @@ def test_usage_errors_are_one_line_and_exit_2(
     error = capsys.readouterr().err
     assert line in error and error.count("\n") == 1 and error.startswith("unveil: error: ")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "said"),
+    [
+        ("--inpainter", "lama", "unknown inpainter 'lama'"),
+        ("--inpainter", "absent.onnx", "absent.onnx: cannot be read"),
+        ("--inpainter", "broken.onnx", "broken.onnx: cannot be loaded"),
+        ("--inpainter", "reference.onnx", "reference.onnx: takes a reference"),
+        ("--reference-inpainter", "mean.onnx", "mean.onnx: takes no reference"),
+        ("--reference-inpainter", "telea", "unknown reference inpainter 'telea'"),
+    ],
+)
+def test_a_network_that_is_none_is_told_before_anything_is_made(
+    option: str, name: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = make_tiny_drive(tmp_path / "drive")
+    (tmp_path / "broken.onnx").write_bytes(b"no network")
+    mean_fill(tmp_path / "mean.onnx")
+    from_reference(tmp_path / "reference.onnx")
+    path = str(tmp_path / name) if name.endswith(".onnx") else name
+    assert main(["run", str(drive), "-o", str(tmp_path / "w"), option, path]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and error.startswith("unveil: error: ")
+    assert not (tmp_path / "w").exists()
 
 
 def drop_image(path: Path) -> None:

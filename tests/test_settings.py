@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from unveil_core.errors import SettingsError
@@ -34,3 +36,14 @@ def test_keyframes_are_kept_and_need_an_order() -> None:
     assert RunSettings.from_json(settings.to_json()) == settings
     with pytest.raises(SettingsError, match="keyframes"):
         RunSettings(keyframes=("3",), order="independent")
+
+
+def test_networks_are_named_by_files_wherever_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings = RunSettings(inpainter="lama.onnx", reference_inpainter=str(tmp_path / "refill.ONNX"))
+    assert settings.networks == {"inpainter": tmp_path / "lama.onnx", "reference_inpainter": tmp_path / "refill.ONNX"}
+    assert RunSettings.from_json(settings.to_json()) == settings
+    assert RunSettings().networks == {} and RunSettings(inpainter="fsr").inpainter == "fsr"
+    for wrong in ({"inpainter": "lama.pt"}, {"inpainter": "lama"}, {"reference_inpainter": "exemplar"}):
+        with pytest.raises(SettingsError, match="FILE.onnx"):
+            RunSettings(**wrong)  # type: ignore[arg-type]

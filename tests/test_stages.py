@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.inpaint.networks import blur, from_reference, mean_fill
 from unveil_core.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
 from unveil_core.settings import RunSettings
 from unveil_core.stages import Stage, StageContext, run_stages
@@ -67,6 +68,41 @@ def test_an_optional_input_may_be_absent_and_counts_where_it_is_there(tmp_path: 
     assert again() == ["letters", "total"] and again() == []
     (tmp_path / "w" / "extra.json").write_text("{}")
     assert again() == ["total"] and again() == []
+
+
+def test_networks_count_by_their_content(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    stages = (STAGES[0], replace(STAGES[1], settings=("inpainter", "reference_inpainter")))
+    network = mean_fill(tmp_path / "mean.onnx")
+
+    def again(**given: str) -> list[str]:
+        return run_stages(workspace, stages, RunSettings(**given), Path("."))  # type: ignore[arg-type]
+
+    assert again() == ["letters", "total"]
+    assert again(inpainter=str(network)) == ["total"] and again(inpainter=str(network)) == []
+    moved = network.rename(tmp_path / "moved.onnx")
+    assert again(inpainter=str(moved)) == []
+    blur(moved, 2)
+    assert again(inpainter=str(moved)) == ["total"]
+    (tmp_path / "moved.onnx.data").write_bytes(b"weights beside it")
+    assert again(inpainter=str(moved)) == ["total"]
+    reference = from_reference(tmp_path / "reference.onnx")
+    assert again(inpainter=str(moved), reference_inpainter=str(reference)) == ["total"]
+
+
+@pytest.mark.parametrize("name", ["inpainter", "reference_inpainter"])
+def test_a_network_that_is_none_is_told_before_anything_runs(name: str, tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    stages = (STAGES[0], replace(STAGES[1], settings=(name,)))
+    with pytest.raises(SettingsError, match="absent.onnx: cannot be read"):
+        run_stages(workspace, stages, RunSettings(**{name: str(tmp_path / "absent.onnx")}), Path("."))  # type: ignore[arg-type]
+    assert not (tmp_path / "w/letters").exists()
+    (tmp_path / "broken.onnx").write_bytes(b"0" * 100)
+    with pytest.raises(SettingsError, match="broken.onnx: cannot be loaded"):
+        run_stages(workspace, stages, RunSettings(**{name: str(tmp_path / "broken.onnx")}), Path("."))  # type: ignore[arg-type]
+    # Stages that do not need it do not ask for it.
+    settings = RunSettings(**{name: str(tmp_path / "absent.onnx")})  # type: ignore[arg-type]
+    assert run_stages(workspace, stages[:1], settings, Path(".")) == ["letters"]
 
 
 def test_state_and_events_tell_what_happened(tmp_path: Path) -> None:

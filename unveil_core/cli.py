@@ -67,6 +67,11 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--json", action="store_true", help="JSON lines on standard output")
         p.add_argument("--debug", action="store_true", help="show tracebacks")
 
+    def networks(p: argparse.ArgumentParser, text: str) -> None:
+        p.add_argument("--inpainter", default="exemplar", metavar="NAME|FILE.onnx", help=text)
+        p.add_argument("--reference-inpainter", default=None, metavar="FILE.onnx",
+                       help="carries what was invented: image, mask and the frame that shows the place to image")  # fmt: skip
+
     def choices(p: argparse.ArgumentParser) -> None:
         p.add_argument(
             "--remove", type=_names, default=(), metavar="CLASSES", help="classes or groups: vehicle,human,dynamic"
@@ -85,8 +90,10 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument("--splats", type=int, default=None, metavar="N", help="surfels at most")
         p.add_argument("--no-adaptation", dest="adapt", action="store_false",
                        help="take all that the quality allows, not only what the scene needs")  # fmt: skip
-        p.add_argument("--inpainter", default="exemplar", choices=("exemplar", "telea", "navier-stokes"),
-                       help="for what is neither ground nor seen from anywhere")  # fmt: skip
+        networks(
+            p,
+            "for what is neither ground nor seen from anywhere: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
+        )
         p.add_argument("--order", default="reverse", choices=("reverse", "forward", "independent"),
                        help="of the frames when holes are filled; for comparison")  # fmt: skip
         p.add_argument("--keyframes", type=_keyframes, default=(), metavar="auto|N,N,...",
@@ -167,7 +174,7 @@ def _parser() -> argparse.ArgumentParser:
         "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
     )
     p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
-    p.add_argument("--inpainter", default="exemplar", metavar="NAME", help="single-image inpainter of all rows")
+    networks(p, "single-image inpainter of all rows")
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
     p.add_argument(
@@ -187,7 +194,7 @@ def _settings(arguments: argparse.Namespace) -> Any:
 
     names = (
         "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
-        "sh_degree", "splats", "adapt", "keyframes", "movers",
+        "sh_degree", "splats", "adapt", "keyframes", "movers", "reference_inpainter",
     )  # fmt: skip
     return RunSettings(**{n: getattr(arguments, n) for n in names})
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from unveil_core.errors import SettingsError
-from unveil_core.inpaint.single_image import INPAINTERS
+from unveil_core.inpaint.single_image import INPAINTERS, is_file
 
 __all__ = ["MOVERS", "ORDERS", "QUALITIES", "RunSettings"]
 
@@ -35,7 +36,9 @@ class RunSettings:
         adapt: False takes all that the quality's limits allow instead of choosing.
         movers: "auto" looks for things that move during the drive, which then go from all frames and never become part of the
             scene; "keep" takes everything for standing.
-        inpainter: single-image inpainter for what is neither ground nor seen from anywhere.
+        inpainter: single-image inpainter for what is neither ground nor seen from anywhere: a name in ``INPAINTERS``, or the
+            path of an ONNX file, which is made absolute.
+        reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames when holes are filled, "reverse", "forward" or "independent".
         keyframes: frames that invent what nobody saw for all others, by stem or number (see ``inpaint.drive_plan.named_frames``);
             none = chosen by how much each newly shows.
@@ -56,12 +59,17 @@ class RunSettings:
     sh_degree: int | None = None
     splats: int | None = None
     adapt: bool = True
+    reference_inpainter: str | None = None
 
     def __post_init__(self) -> None:
+        if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
+            raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+        for name, path in self.networks.items():  # a later call may come from another folder
+            object.__setattr__(self, name, str(path.expanduser().absolute()))
         for name, value, known in (
             ("quality", self.quality, QUALITIES),
             ("device", self.device, ("auto", "cpu", "cuda")),
-            ("inpainter", self.inpainter, tuple(INPAINTERS)),
+            ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
             ("order", self.order, ORDERS),
             ("movers", self.movers, MOVERS),
         ):
@@ -98,6 +106,15 @@ class RunSettings:
         except ValueError:
             return None
         return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
+
+    @property
+    def networks(self) -> dict[str, Path]:
+        """The files that settings name, by setting."""
+        return {
+            name: Path(value)
+            for name, value in (("inpainter", self.inpainter), ("reference_inpainter", self.reference_inpainter))
+            if value is not None and is_file(value)
+        }
 
     def to_json(self) -> dict[str, object]:
         """A JSON-able dict."""

@@ -23,6 +23,9 @@ from typing import Any
 
 from unveil_core.errors import Cancelled, UnveilError, WorkspaceError
 from unveil_core.files import write_json_atomic
+from unveil_core.inpaint.onnx_models import load_reference
+from unveil_core.inpaint.single_image import inpainter
+from unveil_core.onnx_files import files_of
 from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
@@ -105,7 +108,8 @@ class _Digests:
         held = self.known.get(key)
         if held and held[0] == stat.st_size and held[1] == stat.st_mtime_ns:
             return str(held[2])
-        digest = hashlib.blake2b(path.read_bytes(), digest_size=16).hexdigest()
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
         self.known[key] = [stat.st_size, stat.st_mtime_ns, digest]
         return digest
 
@@ -121,6 +125,9 @@ class _Digests:
 
 def _input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: _Digests) -> str:
     values = settings.to_json()
+    for name, path in settings.networks.items():  # what is in the files counts, not where they lie
+        if name in stage.settings:
+            values[name] = [(p.name.removeprefix(path.name), digests.of_file(p)) for p in files_of(path)]
     parts: list[object] = [stage.name, stage.version, {k: values[k] for k in stage.settings}]
     parts += [(name, digests.of(workspace.root / name)) for name in (*stage.inputs, *stage.optional)]
     if stage.drive_digest:
@@ -219,6 +226,7 @@ def run_stages(
         UnveilError: bad input; the stage's partial output is gone.
     """
     ran: list[str] = []
+    _check_networks(stages, settings)
     stop = threading.Event()
     with workspace.lock(), _signals(stop):
         recover(workspace)
@@ -241,6 +249,15 @@ def run_stages(
             ran.append(stage.name)
             digests.save()
     return ran
+
+
+def _check_networks(stages: Sequence[Stage], settings: RunSettings) -> None:
+    """Before anything runs: whether the networks that one of the stages needs are there, and are such networks."""
+    wanted = {name for stage in stages for name in stage.settings} & set(settings.networks)
+    if "inpainter" in wanted:
+        inpainter(settings.inpainter)
+    if "reference_inpainter" in wanted:
+        load_reference(settings.networks["reference_inpainter"])
 
 
 def _run_one(

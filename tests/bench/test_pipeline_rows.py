@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.inpaint.networks import blur, from_reference
 from tests.small_street import FRAMES, make_small_street
 from unveil_core import stage_bodies
 from unveil_core.bench.pipeline import NEEDS_WEIGHTS, bench_pipeline
@@ -20,6 +21,7 @@ from unveil_core.optimize.start import StartSettings
 from unveil_core.settings import RunSettings
 
 DRAFT = RunSettings(quality="draft")
+SMALL = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +34,7 @@ def told(street: Path, tmp_path_factory: pytest.TempPathFactory) -> dict:
     """All rows by the command line, with few steps."""
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        small = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
-        patch.setitem(stage_bodies.PRESETS, "draft", small)
+        patch.setitem(stage_bodies.PRESETS, "draft", SMALL)
         patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
         command = ["bench", "pipeline", str(street), "--quality", "draft", "-o", str(folder / "rows.json")]
         assert main([*command, "--keep", str(folder / "kept"), "--scene", str(folder / "scene")]) == 0
@@ -104,6 +105,40 @@ def test_a_reference_model_is_given_the_later_frame(told: dict, street: Path) ->
     outside = cv2.dilate(mask.astype(np.uint8), np.ones((9, 9))) == 0
     same = (seen[-1] == later).all(axis=2)
     assert inside.sum() > 50 and same[outside].all() and same[inside].all()
+
+
+def test_rows_of_networks_run_when_files_are_given(told: dict, street: Path, tmp_path: Path) -> None:
+    """By real ONNX files: one that continues what is around, and one that takes the reference."""
+    network, reference = blur(tmp_path / "around.onnx", 12), from_reference(tmp_path / "reference.onnx")
+    rows = ["network_per_frame", "reference_reverse", "ours_by_reference"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
+        patch.setitem(stage_bodies.PRESETS, "draft", SMALL)
+        command = ["bench", "pipeline", str(street), "--quality", "draft", "--rows", ",".join(rows), "-o"]
+        command += [str(tmp_path / "rows.json"), "--scene", str(told["folder"] / "scene"), "--keep", str(tmp_path)]
+        assert main([*command, "--inpainter", str(network), "--reference-inpainter", str(reference)]) == 0
+    found = json.loads((tmp_path / "rows.json").read_text())
+    assert found["inpainter"] == "around.onnx" and found["reference_inpainter"] == "reference.onnx"
+    crowded = next(row for row in told["rows"] if row["row"] == "input")["regions"]["removed"]["psnr"]
+    for row in found["rows"]:
+        assert row["status"] == "done", row
+        better = row["regions"]["removed"]["psnr"] - crowded
+        # The reference is taken pixel for pixel: the street has moved on.
+        assert better > (-1 if row["row"] == "reference_reverse" else 1), (row["row"], better)
+    ours = next(row for row in told["rows"] if row["row"] == "ours")["regions"]["removed"]["psnr"]
+    assert abs(found["rows"][2]["regions"]["removed"]["psnr"] - ours) < 2
+
+
+def test_a_network_that_is_none_is_told_before_the_scene_is_made(
+    street: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken.onnx").write_bytes(b"no network")
+    for option in ("--inpainter", "--reference-inpainter"):
+        command = ["bench", "pipeline", str(street), "--scene", str(tmp_path / "scene"), option]
+        assert main([*command, str(tmp_path / "broken.onnx")]) == 2
+        error = capsys.readouterr().err.strip()
+        assert "broken.onnx: cannot be loaded" in error and len(error.splitlines()) == 1
+        assert not (tmp_path / "scene").exists()
 
 
 @pytest.mark.parametrize(

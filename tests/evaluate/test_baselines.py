@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.pavement import box, tiles
-from unveil_core.evaluate import baselines
 from unveil_core.evaluate.baselines import GROWN_PX, navier_stokes, shift_map, telea
 from unveil_core.evaluate.metrics import psnr
+from unveil_core.inpaint import opencv
 from unveil_core.remove.regions import grow
 
 EVERY = pytest.mark.parametrize("fill", [telea, navier_stokes, shift_map])
@@ -56,7 +56,7 @@ def test_large_images_are_filled_around_each_hole(monkeypatch: pytest.MonkeyPatc
     mask = box(image.shape, 10, 22, 10, 24) | box(image.shape, 60, 80, 90, 110)
     spoiled = image.copy()
     spoiled[mask] = (255, 0, 255)
-    monkeypatch.setattr(baselines, "WHOLE_IMAGE_PX", 100)
+    monkeypatch.setattr(opencv, "WHOLE_IMAGE_PX", 100)
     result = shift_map(spoiled, mask)
     outside = ~grow(mask, GROWN_PX)
     np.testing.assert_array_equal(result[outside], image[outside])

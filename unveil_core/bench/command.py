@@ -36,7 +36,10 @@ def run_bench(arguments: argparse.Namespace) -> int:
         from unveil_core.console import reporting
         from unveil_core.settings import RunSettings
 
-        settings = RunSettings(quality=arguments.quality, inpainter=arguments.inpainter, seed=arguments.seed)
+        settings = RunSettings(
+            quality=arguments.quality, inpainter=arguments.inpainter, seed=arguments.seed,
+            reference_inpainter=arguments.reference_inpainter,
+        )  # fmt: skip
         with reporting(False) as reporter:  # on standard error; the result is what goes to standard output
             told = bench_pipeline(
                 arguments.drive,

@@ -12,13 +12,15 @@ from typing import Any
 from unveil_core.bench.measure import measure_frames
 from unveil_core.bench.plot import Point, quality_plot
 from unveil_core.bench.rows import ROWS, Row, chosen_rows
-from unveil_core.bench.rows.footage import Footage, Picture, Reference, open_footage
+from unveil_core.bench.rows.footage import Footage, Picture, open_footage
 from unveil_core.bench.timing import forget_peak_memory, machine, peak_memory_mb
 from unveil_core.drives import open_drive
 from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.pictures import truth_file
 from unveil_core.files import write_image_atomic
-from unveil_core.inpaint.single_image import INPAINTERS, inpainter
+from unveil_core.inpaint.by_reference import ReferenceInpainter
+from unveil_core.inpaint.onnx_models import load_reference
+from unveil_core.inpaint.single_image import INPAINTERS, inpainter, is_file
 from unveil_core.pipeline import run
 from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
@@ -32,7 +34,7 @@ DONE, NEEDS_WEIGHTS = "done", "needs weights"
 
 def bench_pipeline(
     drive: Path, settings: RunSettings, *, rows: tuple[str, ...] = (), scene: Path | None = None, keep: Path | None = None,
-    reference: Reference | None = None, reporter: Reporter = silent,
+    reference: ReferenceInpainter | None = None, reporter: Reporter = silent,
 ) -> dict[str, Any]:  # fmt: skip
     """Run rows on one drive and compare what they deliver with the true empty street.
 
@@ -44,13 +46,13 @@ def bench_pipeline(
         rows: names in ``ROWS``; all by default.
         scene: workspace of the reconstructed scene, made if need be and kept; a temporary one by default.
         keep: folder that gets the rows' frames, ``<row>/<camera>/<frame>.png``.
-        reference: network of reference-based inpainting.
+        reference: network of reference-based inpainting; by default the one that the settings name.
         reporter: receives the events of the scene's reconstruction, and of the rows as if they were stages.
     Returns:
         JSON-able: the machine, the scene's stages, and per row its status (``done`` or ``needs weights``), seconds in all and
         of the row alone, peak memory of both, and the figures of :func:`measure_frames`.
     Raises:
-        SettingsError: no row is called so. WorkspaceError: the drive has no truth.
+        SettingsError: no row is called so, or a network's file is none. WorkspaceError: the drive has no truth.
     """
     chosen = chosen_rows(rows)
     opened = open_drive(drive)
@@ -58,13 +60,16 @@ def bench_pipeline(
         raise WorkspaceError(
             "has no true images of the empty street to compare with", path=drive, mend="put them into truth/images"
         )
+    single_image = inpainter(settings.inpainter)
+    if reference is None and "reference_inpainter" in settings.networks:
+        reference = load_reference(settings.networks["reference_inpainter"])
     before = machine()
     with tempfile.TemporaryDirectory() if scene is None else nullcontext() as folder:
         workspace = run(
             drive, Path(folder) / "scene" if folder else scene or "", settings, until="remove", reporter=reporter
         )
         stages = workspace.state()["stages"]
-        footage = open_footage(workspace, drive, settings, inpainter(settings.inpainter), reference)
+        footage = open_footage(workspace, drive, settings, single_image, reference)
         told = []
         for name, row in chosen.items():
             missing = _missing_weights(row, settings, reference)
@@ -81,18 +86,25 @@ def bench_pipeline(
     return {
         "machine": before, "drive": (drive.parent if drive.suffix == ".json" else drive).name, "frames": len(footage.drive.frames),
         "size": [footage.drive.frames[0].camera.width, footage.drive.frames[0].camera.height],
-        "quality": settings.quality, "seed": settings.seed, "inpainter": settings.inpainter,
+        "quality": settings.quality, "seed": settings.seed, "inpainter": _named(settings.inpainter),
+        "reference_inpainter": settings.reference_inpainter and _named(settings.reference_inpainter),
         "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()}, "rows": told,
     }  # fmt: skip
 
 
-def _missing_weights(row: Row, settings: RunSettings, reference: Reference | None) -> str | None:
+def _missing_weights(row: Row, settings: RunSettings, reference: ReferenceInpainter | None) -> str | None:
     """What the user has to give for a row to run, None if nothing."""
     if row.weights == "inpainter" and settings.inpainter in INPAINTERS:
         return "give an ONNX file with --inpainter"
-    if row.weights == "reference" and reference is None:
+    given = {"reference": reference, "reference file": settings.reference_inpainter}
+    if row.weights in given and given[row.weights] is None:
         return "give an ONNX file with --reference-inpainter"
     return None
+
+
+def _named(setting: str) -> str:
+    """A network by its file's name, wherever it lies."""
+    return Path(setting).name if is_file(setting) else setting
 
 
 def _event(name: str, message: str, done: int = 0, total: int = 0, **metrics: float) -> dict[str, object]:

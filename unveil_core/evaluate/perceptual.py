@@ -8,7 +8,6 @@ ever unpickled as Python.
 
 from __future__ import annotations
 
-import textwrap
 import threading
 import zipfile
 from collections.abc import Callable
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.errors import SettingsError
+from unveil_core.onnx_files import check_readable, open_onnx, short
 
 __all__ = ["FeatureModel", "LpipsModel", "frechet_distance"]
 
@@ -125,17 +125,13 @@ class _Model:
         suffix = self.path.suffix.lower()
         if suffix not in (*TORCHSCRIPT_SUFFIXES, ".onnx"):
             raise self.error(f"is neither TorchScript ({', '.join(TORCHSCRIPT_SUFFIXES)}) nor ONNX (.onnx)")
-        try:
-            with self.path.open("rb"):
-                pass
-        except OSError as error:
-            raise self.error(f"cannot be read: {error.strerror}") from error
+        check_readable(self.path, wanted)
         if suffix != ".onnx":
             self._refuse_pickles()
         try:
             self._run = _onnx(self.path) if suffix == ".onnx" else _torchscript(self.path)
         except Exception as error:  # whatever the library says about a damaged file
-            raise self.error(f"cannot be loaded: {_short(error)}") from error
+            raise self.error(f"cannot be loaded: {short(error)}") from error
 
     def error(self, problem: str) -> SettingsError:
         """To be raised about this file."""
@@ -146,7 +142,7 @@ class _Model:
             with self._lock:
                 found = self._run(*images)
         except Exception as error:  # a model may fail in any way of its own
-            raise self.error(f"does not take {_shapes(images)}: {_short(error)}") from error
+            raise self.error(f"does not take {_shapes(images)}: {short(error)}") from error
         values = np.asarray(found, dtype=np.float64)
         if not np.isfinite(values).all():
             raise self.error("gives values that are not finite")
@@ -183,11 +179,7 @@ def _torchscript(path: Path) -> Run:
 
 
 def _onnx(path: Path) -> Run:
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 4  # what goes wrong is raised as well
-    session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    session = open_onnx(path)
     inputs, outputs = session.get_inputs(), session.get_outputs()
 
     def run(*images: NDArray[np.float32]) -> NDArray[np.generic]:
@@ -203,9 +195,3 @@ def _onnx(path: Path) -> Run:
 
 def _shapes(images: tuple[NDArray[np.float32], ...]) -> str:
     return " and ".join(str(image.shape) for image in images)
-
-
-def _short(error: Exception) -> str:
-    """One line: of TorchScript's tracebacks the last, which says what is wrong."""
-    lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
-    return textwrap.shorten(lines[-1] if "Traceback" in str(error) else " ".join(lines), 200, placeholder=" …")

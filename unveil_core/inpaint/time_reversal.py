@@ -10,17 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.ground_layer import GroundLayer
 from unveil_core.inpaint.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
 from unveil_core.inpaint.keyframes import Plan
-from unveil_core.inpaint.single_image import SingleImageInpainter
+from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
 from unveil_core.inpaint.transfer import seed_pixels
 from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
@@ -67,6 +67,7 @@ def paint_along(
     near: float,
     far: float,
     least_px: int = 40,
+    reference: ReferenceInpainter | None = None,
     progress: Progress = no_progress,
 ) -> tuple[list[Painted], Surfels | None]:
     """Clean all frames: keyframes invent, in the order of their plan; then all others take that over.
@@ -80,10 +81,12 @@ def paint_along(
         plan: which frames invent for all others; None = each frame for itself, for comparison.
         label_count: K; near, far: world units.
         least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene.
+        reference: paints what another frame has invented, by that frame; the surfels alone carry it by default.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
     """
-    view = _View(left, sky, layer, single_image, label_count, near, far)
+    carrier = Carrier(reference) if reference is not None and plan is not None else None
+    view = _View(left, sky, layer, single_image, carrier, label_count, near, far)
     painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
     if plan is None:
@@ -128,6 +131,7 @@ class _View:
     sky: Sky
     layer: GroundLayer | None
     single_image: SingleImageInpainter
+    carrier: Carrier | None
     label_count: int
     near: float
     far: float
@@ -148,13 +152,26 @@ class _View:
         empty = hole_in_frame(task, behind)
         own = empty if leaves is None else empty & ~leaves
         seeds: list[Surfels] = []
+        depth = None
+        rest = empty
+        if self.carrier is not None:
+            depth = missing_depth(behind, empty)
+            # What surfels carry here from another frame is a hole as well, to be painted by that frame.
+            image, carried = self.carrier.paint(task.camera, image, self._bare_hole(task), depth)
+            rest = empty & ~carried
         if own.any():
-            image = _around(self.single_image, image, empty)
+            image = fill_around(self.single_image, image, rest)
             if int(own.sum()) >= least_px:
-                depth = missing_depth(behind, empty)
+                depth = missing_depth(behind, empty) if depth is None else depth
                 label = _nearest_label(scene, task.camera, empty, self.label_count, self.near, self.far)
                 seeds = [seed_pixels(task.camera, image, depth, label, own, sh_degree=self.left.sh_degree)]
+                if self.carrier is not None:
+                    self.carrier.remember(task.camera, image, depth)
         return Painted(image, behind.ground, own, shadow), seeds
+
+    def _bare_hole(self, task: FrameTask) -> NDArray[np.bool_]:
+        """(H, W) the hole as it is before anything is invented."""
+        return hole_in_frame(task, look_behind(task, self.left, self.layer, None, near=self.near, far=self.far))
 
     def _known(self, task: FrameTask, scene: Surfels) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Behind]:
         """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
@@ -207,18 +224,6 @@ def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.
     share = np.clip(relit_level, 0, 1.08 * level + 0.02) / np.maximum(relit_level, 1e-3)
     held: NDArray[np.float32] = np.where(relit_level < 0.9 * level, chart, relit * share).astype(np.float32)
     return held
-
-
-def _around(inpaint: SingleImageInpainter, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Inpaint each hole from its own surroundings: a wall is not to be filled with the houses across the street."""
-    result = image.copy()
-    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
-    for k in range(1, count):
-        x, y, w, h = boxes[k, :4]
-        margin = max(20, (w + h) // 3)
-        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
-        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
-    return result
 
 
 def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.float32]]) -> NDArray[np.bool_]:

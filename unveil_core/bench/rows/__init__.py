@@ -27,7 +27,8 @@ class Row:
         title: how people call it.
         make: the frames that it delivers, one (H, W, 3) uint8 per frame of the drive.
         needs: stages of the pipeline that it builds on; their time and memory count for it.
-        weights: what network it cannot do without, "inpainter" or "reference"; None = it needs none.
+        weights: what network it cannot do without, "inpainter", "reference", or "reference file" where a file must be named; None =
+            it needs none.
     """
 
     title: str
@@ -52,6 +53,9 @@ ROWS: dict[str, Row] = {
     "forward": Row("Unveil, forward in time", runs.ours("forward"), SCENE),
     "independent": Row("Unveil, each frame for itself", runs.ours("independent"), SCENE),
     "ellipsoids": Row("Unveil on 3D Gaussians", runs.ellipsoids, FRAMES),
+    "ours_by_reference": Row(
+        "Unveil, carried by the reference network", runs.ours("reverse", by_reference=True), SCENE, "reference file"
+    ),
     "ours": Row("Unveil", runs.ours("reverse"), SCENE),
 }
 

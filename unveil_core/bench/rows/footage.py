@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -17,8 +15,9 @@ from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.files import read_image
 from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.by_reference import ReferenceInpainter
 from unveil_core.inpaint.compose import compose_frame
-from unveil_core.inpaint.single_image import SingleImageInpainter
+from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
 from unveil_core.inpaint.transfer import render_numpy
 from unveil_core.optimize.scene_range import SceneRange, scene_range
 from unveil_core.remove.regions import grow
@@ -32,7 +31,6 @@ from unveil_core.workspace_files import frame_file, load_array, load_labels, loa
 
 __all__ = [
     "Footage",
-    "Reference",
     "Splats",
     "deliver",
     "fill_around",
@@ -51,12 +49,6 @@ SOLID = 0.6
 HOLE_SHARE = 1 / 64
 """Of the image's width: so much farther than its mask an object's blurred border and its darkness on the ground reach. As context
 they would be continued into the hole; without them every single-image method gains (1 dB and more on the sample street)."""
-
-
-class Reference(Protocol):
-    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 with what ``reference`` (H, W, 3) uint8 shows of the same place."""
-
-    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +73,7 @@ class Footage:
     holes: tuple[Mask, ...]
     settings: RunSettings
     single_image: SingleImageInpainter
-    reference: Reference | None = None
+    reference: ReferenceInpainter | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +98,7 @@ class Splats:
 
 def open_footage(
     workspace: Workspace, source: Path, settings: RunSettings, single_image: SingleImageInpainter,
-    reference: Reference | None = None,
+    reference: ReferenceInpainter | None = None,
 ) -> Footage:  # fmt: skip
     """Read the frames and masks of a workspace."""
     drive = read_imported(workspace.drive_dir)
@@ -160,15 +152,3 @@ def look(
     covered = out["rgb"] / np.maximum(out["alpha"], SOLID)[..., None]
     open_ = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(camera).numpy()
     return to_bytes(np.where(solid, covered, open_)), out
-
-
-def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
-    """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street."""
-    result = image.copy()
-    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
-    for k in range(1, count):
-        x, y, w, h = (int(v) for v in boxes[k, :4])
-        margin = max(20, (w + h) // 3)
-        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
-        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
-    return result

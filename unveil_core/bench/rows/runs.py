@@ -20,11 +20,16 @@ from unveil_core.workspace_files import frame_file
 __all__ = ["ellipsoids", "ours"]
 
 
-def ours(order: str) -> Callable[[Footage, Progress], list[Picture]]:
-    """A row of the pipeline with frames filled in an order, see ``RunSettings.order``."""
+def ours(order: str, *, by_reference: bool = False) -> Callable[[Footage, Progress], list[Picture]]:
+    """A row of the pipeline with frames filled in an order, see ``RunSettings.order``.
+
+    Args:
+        by_reference: whether the network with a reference carries what was invented, not the surfels alone.
+    """
 
     def run(footage: Footage, progress: Progress) -> list[Picture]:
-        wanted = replace(footage, settings=replace(footage.settings, order=order))
+        network = footage.settings.reference_inpainter if by_reference else None
+        wanted = replace(footage, settings=replace(footage.settings, order=order, reference_inpainter=network))
         return _frames_of(wanted, (), [stage_named("inpaint"), stage_named("reoptimize")], progress)
 
     return run
@@ -35,6 +40,7 @@ def ellipsoids(footage: Footage, progress: Progress) -> list[Picture]:
     # Another version of the stage: the workspace's own reconstruction is not its result.
     other = replace(stage_named("reconstruct"), body=_reconstruct_ellipsoids, version=-1)
     stages = [other, *(stage_named(n) for n in ("instances", "remove", "inpaint", "reoptimize"))]
+    footage = replace(footage, settings=replace(footage.settings, reference_inpainter=None))
     return _frames_of(footage, ("surfels", "masks", "regions", "instances", "instances.json"), stages, progress)
 
 

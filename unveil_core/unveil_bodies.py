@@ -1,0 +1,251 @@
+"""The stages that take objects out and put the empty street in: remove, inpaint, reoptimize."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.exposure import read_exposures
+from unveil_core.drives.imported import read_imported
+from unveil_core.files import read_image, write_image_atomic, write_json_atomic
+from unveil_core.inpaint.compose import compose_frame
+from unveil_core.inpaint.drive_plan import plan_drive, plan_json
+from unveil_core.inpaint.exemplar import FillSettings
+from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
+from unveil_core.inpaint.holes import FrameTask
+from unveil_core.inpaint.onnx_models import load_reference
+from unveil_core.inpaint.single_image import inpainter
+from unveil_core.inpaint.street import Ground
+from unveil_core.inpaint.time_reversal import paint_along
+from unveil_core.inpaint.transfer import render_numpy, seed_ground
+from unveil_core.moving import read_moving
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.optimize.scene_range import scene_range
+from unveil_core.optimize.start import tracks
+from unveil_core.raster import render
+from unveil_core.remove.observed import never_seen, seen_view
+from unveil_core.remove.regions import grow, region_map
+from unveil_core.remove.selection import near_removed, select_removed
+from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_labels
+from unveil_core.stages import StageContext
+from unveil_core.surfels.picture import picture_of
+from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.sky import load_sky, up_frame
+from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
+
+SOLID_CLASSES = ("building", "wall")
+"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
+
+
+# ---------------------------------------------------------------------------------------------------------------- remove
+
+
+def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) pixels in which this frame shows something that goes.
+
+    From the frame's own labels or instances where it has them, else from the rendered share of the removed surfels: so
+    masks on some frames are carried to the others through the scene.
+    """
+    label = frame_labels(frame, scene)
+    known = label >= 0
+    mask = np.isin(label, scene.removed_labels)
+    instances = frame_instances(frame)
+    if scene.instances and instances is not None:
+        mask |= np.isin(instances, scene.instances)
+    elif scene.instances:
+        mask |= rendered > 0.5
+    return mask | (~known & (rendered > 0.5))
+
+
+def remove_body(context: StageContext) -> None:
+    """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    limits = scene_range(drive)
+    of_surfel = load_array(workspace.root / "surfels/instances.npy")
+    gone = select_removed(
+        surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
+    )
+    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
+    keep = torch.from_numpy(~gone)
+    left = surfels.select(keep)
+    marked = Surfels(
+        surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, (~keep).long()
+    )
+    ground = drive_ground(drive, scene, left)
+    moving = read_moving(workspace.root)
+    views, empties = [], []
+    for done, frame in enumerate(drive.frames):
+        planes = ("alpha", "depth", "semantics")
+        with torch.no_grad():
+            full = render(marked, frame.camera, planes, label_count=2, near=limits.near, far=limits.far)
+        assert full.alpha is not None and full.depth is not None and full.semantics is not None
+        own = object_mask(frame, scene, full.semantics[..., 1].numpy()) | moving.pixels(frame)
+        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own))
+        empties.append(render_numpy(left, frame.camera, near=limits.near, far=limits.far))
+        context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
+    for done, (frame, view, empty) in enumerate(zip(drive.frames, views, empties, strict=True)):
+        ground_depth = np.full(view.hidden.shape, np.inf)
+        if ground is not None:
+            ground_depth[view.hidden] = ground.intersect(frame.camera, frame.camera.rays()[view.hidden])[0]
+        unseen = never_seen(frame.camera, view.hidden, empty["alpha"], empty["depth"], ground_depth, views)
+        # Antialiased borders carry the object's colour one or two pixels beyond its label.
+        removed = grow(view.hidden, max(2, round(frame.camera.width / 400)))
+        save_mask(removed, frame_file(context.output("masks/removed"), frame))
+        save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, view.hidden, unseen))
+        context.progress(len(drive.frames) + done + 1, 2 * len(drive.frames), "finding what nobody saw")
+
+
+# --------------------------------------------------------------------------------------------------------------- inpaint
+
+
+def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels) -> Ground | None:
+    """The ground under the drive's longest track, from the scene without what is removed; None where it has none."""
+    track = max(tracks(drive), key=len)
+    cameras = [drive.frames[i].camera for i in track]
+    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit)
+
+
+def drive_ground_layer(
+    context: StageContext, drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_],
+    images: Sequence[NDArray[np.uint8]], removed: Sequence[NDArray[np.bool_]],
+) -> GroundLayer | None:  # fmt: skip
+    """The ground of the empty street, or None where the scene has none."""
+    limits = scene_range(drive)
+    ground = drive_ground(drive, scene, surfels.select(torch.from_numpy(~gone)))
+    if ground is None:
+        return None
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    usable = []
+    for i, frame in enumerate(drive.frames):
+        camera = frame.camera
+        depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
+        full = render_numpy(surfels, camera, near=limits.near, far=limits.far)
+        usable.append(
+            ground_usable(
+                labels[i], scene.labels, grow(removed[i], 1), depth.reshape(camera.height, camera.width), full["depth"]
+            )
+        )
+    means = surfels.means.double().numpy()
+    of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
+    removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
+    fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
+    keep = torch.from_numpy(~gone)
+    solid = [k for k, n in enumerate(scene.labels.names) if n in SOLID_CLASSES]
+    return build_ground_layer(
+        ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
+        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid,
+        plants=[k for k, n in enumerate(scene.labels.names) if n == "vegetation"], sun=context.settings.sun,
+        progress=context.progress,
+    )  # fmt: skip
+
+
+def inpaint_body(context: StageContext) -> None:
+    """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    sky = load_sky(workspace.root / "surfels/sky.npz")
+    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    limits = scene_range(drive)
+    exposures = read_exposures(workspace.exposure_json)
+    images = [exposures.read(f) for f in drive.frames]
+    removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
+    unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
+    shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
+    removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
+    layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
+    left = surfels.select(torch.from_numpy(~gone))
+    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
+    network = context.settings.networks.get("reference_inpainter")
+    order, names = context.settings.order, context.settings.keyframes
+    plan = plan_drive(
+        drive.frames, tasks, left, layer, order=order, names=names, near=limits.near, far=limits.far,
+        progress=context.progress,
+    )  # fmt: skip
+    told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
+    write_json_atomic(context.output("inpaint/keyframes.json"), told)
+    painted, seeds = paint_along(
+        tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
+        near=limits.near, far=limits.far, plan=plan,
+        reference=None if network is None else load_reference(network), progress=context.progress,
+    )  # fmt: skip
+    for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
+        write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
+        save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
+    parts = [] if seeds is None else [seeds]
+    relit = np.zeros(len(left), dtype=np.uint8)
+    if layer is not None:
+        preset = REOPTIMIZE_PRESETS[context.settings.quality]
+        chart = layer.chart
+        means = surfels.means.double().numpy()
+        row, column, inside = chart.index_of(chart.ground.path.to_street(means[gone]))
+        near = np.zeros(chart.source.shape, dtype=np.uint8)
+        near[row[inside], column[inside]] = 1
+        reach = max(3, int(1.5 * limits.unit / chart.texel) | 1)
+        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
+        default = scene.labels.index("road")
+        parts.append(
+            seed_ground(
+                chart, near.astype(bool), spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                sh_degree=left.sh_degree, default_label=0 if default is None else default,
+            )
+        )  # fmt: skip
+        street = chart.ground.path.to_street(means[~gone])
+        row, column, inside = chart.index_of(street)
+        low = np.abs(street[:, 2] - chart.ground.height_at(street[:, 0], street[:, 1])) < 0.15 * limits.unit
+        relit = (inside & low & (chart.gain[row, column].max(axis=1) > 1.02)).astype(np.uint8)
+    seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
+    write_surfels(seeds, context.output("surfels/seeds.ply"), offset=drive.offset)
+    save_array(relit, context.output("surfels/relit.npy"))
+
+
+# ------------------------------------------------------------------------------------------------------------ reoptimize
+
+
+def reoptimize_body(context: StageContext) -> None:
+    """surfels/empty.ply; renders/ and frames/, each in its own photograph's exposure."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    full = read_surfels(workspace.surfels_full)
+    sky = load_sky(workspace.root / "surfels/sky.npz")
+    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
+    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
+    limits = scene_range(drive)
+    preset = REOPTIMIZE_PRESETS[context.settings.quality]
+    near = near_removed(full, gone, preset.near_m * limits.unit)[~gone]
+    surfels = concatenate([full.select(torch.from_numpy(~gone)), seeds])
+    movable = np.concatenate([near | relit, np.ones(len(seeds), dtype=bool)])
+    exposures = read_exposures(workspace.exposure_json)
+    clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
+    empty = reoptimize(
+        surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
+        unit=limits.unit, near=limits.near, far=limits.far, label_count=len(scene.labels),
+        seed=context.settings.seed, progress=context.progress,
+    )  # fmt: skip
+    write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
+    moving = read_moving(workspace.root)
+    for i, frame in enumerate(drive.frames):
+        picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
+        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
+        removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
+        shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
+        photograph = read_image(frame.image_path)
+        # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
+        # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
+        taught = removed & ~grow(moving.pixels(frame), 2)
+        street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
+        delivered = compose_frame(photograph, street, removed | shadows)
+        write_image_atomic(frame_file(context.output("frames"), frame), delivered)
