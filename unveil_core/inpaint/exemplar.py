@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.inpaint.crossings import continue_crossings
 from unveil_core.inpaint.lateral import lateral_profile
 from unveil_core.inpaint.relight import prevailing_shade, relighting_gain, shadows_of_removed
 from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance, masked_blur, read_shade, shade_where_unseen
@@ -130,12 +131,12 @@ def fill_chart(
     faint = even & ~cv2.dilate((broad > MARK).astype(np.uint8), disc(0.1 * per_m)).astype(bool)
     detail, known = drift.straightened(sunny - median, faint)
     wanted = drift.straightened(detail, hole)[1]
-    invented = drift.bent(
-        _quilt(
-            detail, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
-        )
+    invented = settings.texture * _quilt(
+        detail, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
     )
-    fill = (median + settings.texture * invented) * left
+    lines, on_line = continue_crossings(*drift.straightened(sunny - median, even), wanted, texels_per_m=per_m)
+    invented = drift.bent(np.where(on_line[..., None], lines, invented))
+    fill = (median + invented) * left
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
     # Beyond the street the chart repeats its profile, so that nothing black is blended in at its edge.
