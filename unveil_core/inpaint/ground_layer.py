@@ -208,8 +208,10 @@ def build_ground_layer(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
     )  # fmt: skip
     footprint = _footprint(chart, removed, unit=unit)
+    way = ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
     light = None if scene is None else light_of_scene(
-        chart, *scene, unit=unit, footprint=footprint, solid=solid, plants=plants, given=sun,
+        chart, *scene, unit=unit, footprint=footprint, drive=(float(way.min()), float(way.max())),
+        solid=solid, plants=plants, given=sun,
     )  # fmt: skip
     filled = fill_chart(chart, footprint, settings, unit=unit, light=light, progress=progress)
     return GroundLayer(

@@ -30,6 +30,8 @@ LEVEL_M = 12.0
 """Half length of the stretch whose bright texels tell what a lateral offset is like in the sun, metres."""
 DARKEST_FALL = 0.7
 """Logarithm of brightness that shadow takes at most; what is darker is no more telling."""
+AHEAD_M = 10.0
+"""How far beyond the ends of the drive its shadows tell where the sun stands, metres."""
 STANDS_M = 0.25
 """What is lower than this over the ground casts no shadow to speak of, metres."""
 
@@ -41,6 +43,7 @@ def light_of_scene(
     *,
     unit: float,
     footprint: NDArray[np.bool_] | None = None,
+    drive: tuple[float, float] | None = None,
     solid: Sequence[int] = (),
     plants: Sequence[int] = (),
     given: tuple[float, float] | None = None,
@@ -52,6 +55,7 @@ def light_of_scene(
         kept, gone: surfels of what stays and of what is removed.
         unit: world units per metre.
         footprint: (A, B) texels that removed objects stand on; None = unknown.
+        drive: arc lengths at which the drive begins and ends, None = unknown.
         solid: labels of what is solid down to the ground, as houses and walls, though their feet may be hidden.
         plants: labels of vegetation.
         given: azimuth and elevation of the sun, degrees (see ``sun_towards``), instead of looking for it.
@@ -64,7 +68,7 @@ def light_of_scene(
     if given is not None:
         sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
     else:
-        sun = _look_for_sun(chart, footprint, concatenate([kept, gone]), unit)
+        sun = _look_for_sun(chart, footprint, drive, concatenate([kept, gone]), unit)
     if sun is None:
         return None
     kept = concatenate([kept, _down_to_ground(chart, kept, solid, unit)])
@@ -139,13 +143,19 @@ def _continued(
     return np.concatenate(parts), np.concatenate(tops)
 
 
-def _look_for_sun(chart: StreetChart, footprint: NDArray[np.bool_] | None, casters: Surfels, unit: float) -> Sun | None:
+def _look_for_sun(
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, drive: tuple[float, float] | None, casters: Surfels, unit: float
+) -> Sun | None:  # fmt: skip
     step = max(1, round(COARSE_M * unit / chart.texel))
     per_m = unit / chart.texel
     observed = chart.source == OBSERVED
     if footprint is not None:
         # Beside an object it is dark wherever the sun stands.
         observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * per_m)).astype(bool)
+    if drive is not None:
+        # Far ahead a pixel is a stretch of street, and a little height a great distance.
+        s, reach = chart.coordinates()[0], AHEAD_M * unit
+        observed &= ((s >= drive[0] - reach) & (s <= drive[1] + reach))[:, None]
     _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
     fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
     darkness = np.clip(fall, 0, DARKEST_FALL)
