@@ -10,7 +10,7 @@ __all__ = ["compose_frame"]
 
 
 def compose_frame(
-    image: NDArray[np.uint8], clean: NDArray[np.uint8], changed: NDArray[np.bool_], *, seam_px: float = 2.0
+    image: NDArray[np.uint8], clean: NDArray[np.uint8], changed: NDArray[np.bool_], *, seam_px: float = 1.0
 ) -> NDArray[np.uint8]:
     """Put ``clean`` into ``image`` where ``changed``, with a soft seam inside the changed region.
 

@@ -208,9 +208,8 @@ def build_ground_layer(
         ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
     )  # fmt: skip
     footprint = _footprint(chart, removed, unit=unit)
-    way = ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
     light = None if scene is None else light_of_scene(
-        chart, *scene, unit=unit, footprint=footprint, drive=(float(way.min()), float(way.max())),
+        chart, *scene, unit=unit, footprint=footprint, cameras=cameras,
         solid=solid, plants=plants, given=sun,
     )  # fmt: skip
     filled = fill_chart(chart, footprint, settings, unit=unit, light=light, progress=progress)

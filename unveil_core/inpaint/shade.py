@@ -33,10 +33,10 @@ CONTACT_M = 0.5
 SHIFT_M, SHIFT_STEP_M, WINDOW_M, STAY = 0.9, 0.15, 1.2, 0.02
 """How far a cast shadow may be moved, in which steps, by how large a surrounding, metres; and how much less of it must then be
 wrong."""
-NEAR_M = 0.6
-"""How far what is seen of the shade corrects what the scene's shadows say, metres."""
-CHINK_M = 0.25
-"""Gaps in what casts let no light through that are not wider than twice this, metres."""
+NEAR_M = (2.0, 0.5)
+"""How far what is seen of the shade corrects what the scene's shadows say, along the street and across it, metres."""
+DOUBT = 0.12
+"""Of what lies within that reach, the share that must be seen before it is believed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +139,16 @@ def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: f
     Args:
         sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
     """
-    kept = cv2.morphologyEx(light.kept.astype(np.uint8), cv2.MORPH_CLOSE, disc(CHINK_M * texels_per_m))
-    share = _moved(kept, sound, dark, texels_per_m)
+    share = _moved(light.kept.astype(np.uint8), sound, dark, texels_per_m)
     missed = np.where(sound, dark.astype(np.float32) - (share > 0.5), 0).astype(np.float32)
     # A border's misplacement is no news: what is missed must be broad.
-    broad = cv2.GaussianBlur(missed, (0, 0), 0.2 * texels_per_m)
-    missed[np.abs(broad) < 0.4] = 0
+    broad = masked_blur(missed, sound, 0.2 * texels_per_m)
+    missed[np.abs(broad) < 0.5] = 0
     # Many texels together are believed, a few in a gap between two cars are not.
-    correction = 1.3 * masked_blur(missed, sound, NEAR_M * texels_per_m, prior=0.15)
+    m = sound.astype(np.float32)
+    along, across = (near * texels_per_m for near in NEAR_M)
+    weight, value = (cv2.GaussianBlur(p, (0, 0), across, sigmaY=along) for p in (m, missed))
+    correction = 1.3 * value / (weight + DOUBT)
     soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
     return soft
 
