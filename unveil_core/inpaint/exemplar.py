@@ -24,6 +24,9 @@ from unveil_core.progress import Progress, no_progress
 __all__ = ["FillSettings", "fill_chart"]
 
 Float32 = NDArray[np.float32]
+FOOT_M = 0.3
+"""How far from its sides the ground is not read for what its offset looks like; over twice as far it goes on as it is inside,
+metres."""
 MARK = 0.06
 """What differs more from its lateral offset over a decimetre is a thing of its own."""
 
@@ -111,7 +114,12 @@ def fill_chart(
     border = (missing > 0.02) & (missing < 0.98)
     border = cv2.dilate(border.astype(np.uint8), kernel).astype(bool)
     even = sound & ~border if light is not None else sound
-    median = profile(sunny, even)
+    # At the foot of walls pixels mix, and after straightening one offset is wall here and walk there.
+    read, kept = (
+        cv2.erode(inside.astype(np.uint8), disc(m * per_m), borderType=cv2.BORDER_REPLICATE).astype(bool)
+        for m in (FOOT_M, 2 * FOOT_M)
+    )
+    median = np.minimum(_to_the_sides(profile(sunny, even & read), kept), 1.0)
     if light is not None:
         # Light and dark alike vary along the street: more sky, a bright wall across.
         median = median * (1 + masked_blur(sunny / np.maximum(median, 0.02) - 1, even, 1.5 * per_m, prior=0.05))
@@ -151,6 +159,16 @@ def fill_chart(
     close = cv2.dilate(footprint.astype(np.uint8), disc(0.6 * per_m)) > 0
     progress(2, 2, "filling the street")
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
+
+
+def _to_the_sides(picture: Float32, amid: NDArray[np.bool_]) -> Float32:
+    """A picture (A, B, 3) whose rows go on beyond their first and last texel of ``amid`` (A, B) as they are there."""
+    columns = amid.shape[1]
+    first, last = amid.argmax(axis=1), columns - 1 - amid[:, ::-1].argmax(axis=1)
+    any_ = amid.any(axis=1)
+    first, last = np.where(any_, first, 0), np.where(any_, last, columns - 1)
+    take = np.clip(np.arange(columns)[None], first[:, None], last[:, None])
+    return np.take_along_axis(picture, take[..., None], axis=1)
 
 
 def _lateral_labels(label: NDArray[np.int16], seen: NDArray[np.bool_]) -> NDArray[np.int16]:

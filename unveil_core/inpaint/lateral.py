@@ -10,8 +10,8 @@ from unveil_core.inpaint.shade import luminance
 __all__ = ["lateral_profile"]
 
 Float32 = NDArray[np.float32]
-LIKE = (0.6, 1.5)
-"""How much darker or brighter than farther along an offset may be taken to be."""
+FAR, CLOSE = 2.4, 0.08
+"""In half windows: what is farther along the street than the first says less than what is closer aside than the second."""
 
 
 def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
@@ -40,7 +40,7 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
             levels[k, enough] = np.nanpercentile(all_luma[part][:, enough], 70, axis=0)
     known = np.isfinite(levels)
     if known.any():
-        medians, levels = _completed(medians, levels, known)
+        medians, levels = _completed(medians, levels, known, hop=hop, window=window)
     else:
         medians[:], levels[:] = 0.5, 0.5
     position = np.arange(rows) / hop
@@ -51,25 +51,25 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
     return median, level
 
 
-def _completed(medians: Float32, levels: Float32, known: NDArray[np.bool_]) -> tuple[Float32, Float32]:
+def _completed(
+    medians: Float32, levels: Float32, known: NDArray[np.bool_], *, hop: int, window: int
+) -> tuple[Float32, Float32]:
     """Medians (K, B, 3) and levels (K, B) where they are not ``known``: what the street hides here it shows farther along.
 
-    It may be brighter there, or another pavement: what is taken over is how it differs from the nearest offset that is
-    known at both places.
+    Only right beside what is known, as at the foot of walls, a neighbour knows better than a place far off.
     """
     index, column = np.indices(known.shape)
     along, beside = _nearest(known), _nearest(known.T).T
-    has_along, has_beside = along >= 0, beside >= 0
-    full_medians, full_levels = medians[np.maximum(along, 0), column], levels[np.maximum(along, 0), column]
-    there = levels[np.maximum(along, 0), np.maximum(beside, 0)]
-    both = ~known & has_along & has_beside & np.isfinite(there)
-    here = levels[index, np.maximum(beside, 0)]
-    ratio = np.where(both, here / np.maximum(there, 0.02), 1.0).clip(*LIKE).astype(np.float32)
-    full_medians, full_levels = full_medians * ratio[..., None], full_levels * ratio
+    far = (along < 0) | (np.abs(along - index) * hop > FAR * window)
+    close = (beside >= 0) & (np.abs(beside - column) <= CLOSE * window)
+    aside = far & close
+    row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
+    medians, levels = medians[row, offset], levels[row, offset]
     # Offsets that are known nowhere take the nearest one that is.
-    somewhere = np.flatnonzero(has_along[0])
-    take = somewhere[np.abs(np.arange(known.shape[1])[:, None] - somewhere[None]).argmin(axis=1)]
-    return full_medians[:, take], full_levels[:, take]
+    somewhere = np.flatnonzero(known.any(axis=0))
+    nearest = somewhere[np.abs(np.arange(known.shape[1])[:, None] - somewhere[None]).argmin(axis=1)]
+    take = np.where(np.isfinite(levels), column, nearest[None])
+    return np.take_along_axis(medians, take[..., None], axis=1), np.take_along_axis(levels, take, axis=1)
 
 
 def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
