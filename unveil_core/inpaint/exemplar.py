@@ -116,7 +116,7 @@ def fill_chart(
     even = sound & ~border if light is not None else sound
     # At the foot of walls pixels mix, and after straightening one offset is wall here and walk there.
     read, kept = (
-        cv2.erode(inside.astype(np.uint8), disc(m * per_m), borderType=cv2.BORDER_REPLICATE).astype(bool)
+        cv2.erode(inside.astype(np.uint8), np.ones((1, 2 * int(m * per_m) + 1), np.uint8)).astype(bool)
         for m in (FOOT_M, 2 * FOOT_M)
     )
     median = np.minimum(_to_the_sides(profile(sunny, even & read), kept), 1.0)

@@ -28,6 +28,8 @@ COLUMN_M = 0.3
 """Edge of the columns that solid things are filled in, metres."""
 BEYOND_M = 10.0
 """How far houses go on where the drive begins and ends, metres."""
+GOES_ON_M = 3.0
+"""How far the last house that was seen is taken to go on, metres."""
 LEVEL_M = 12.0
 """Half length of the stretch whose bright texels tell what a lateral offset is like in the sun, metres."""
 DARKEST_FALL = 0.7
@@ -212,14 +214,16 @@ def _continued(
         along = columns[side, 0]
         ridge = np.full(np.ptp(along) + 1, -np.inf)
         np.maximum.at(ridge, along - along.min(), top[side])
-        # At the edge of the view only the lower part of a house was seen; the next one is as high as the others here.
         typical = float(np.median(ridge[np.isfinite(ridge)]))
         for end, sign in ((along.min(), -1), (along.max(), 1)):
             last = side & (np.abs(columns[:, 0] - end) < beyond // 3)
             offsets = np.unique(columns[last, 1])
-            rows = end + sign * np.arange(-beyond // 10, beyond + 1)
+            step = np.arange(-beyond // 10, beyond + 1)
+            rows = end + sign * step
+            # The last house goes on a little; the next one is as high as the others here.
+            high = np.where(step < round(GOES_ON_M / COLUMN_M), top[last].max(), typical)
             parts.append(np.stack([np.repeat(rows, len(offsets)), np.tile(offsets, len(rows))], axis=1))
-            tops.append(np.full(len(rows) * len(offsets), typical))
+            tops.append(np.repeat(high, len(offsets)))
     return np.concatenate(parts), np.concatenate(tops)
 
 
