@@ -12,7 +12,8 @@ from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
-from unveil_core.inpaint.lighting import _as_high_as_beside, _of_something_long, light_of_scene
+from unveil_core.inpaint.houses import as_high_as_beside, of_something_long
+from unveil_core.inpaint.lighting import light_of_scene
 from unveil_core.inpaint.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.sun import Sun, sun_towards
@@ -166,8 +167,8 @@ def test_a_few_misread_texels_in_a_gap_throw_no_light_on_their_surroundings() ->
 def test_lamps_are_no_houses() -> None:
     wall = np.stack([np.arange(0, 30), np.full(30, 20)], axis=1)
     lamp = np.array([[10, 5], [11, 5]])
-    assert _of_something_long(np.concatenate([wall, lamp])).tolist() == [True] * 30 + [False] * 2
-    assert not len(_of_something_long(np.zeros((0, 2), dtype=np.int64)))
+    assert of_something_long(np.concatenate([wall, lamp])).tolist() == [True] * 30 + [False] * 2
+    assert not len(of_something_long(np.zeros((0, 2), dtype=np.int64)))
 
 
 def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None:
@@ -177,8 +178,8 @@ def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None
     pose = np.array([[0.0, -1, 0, 0], [0, 0, -1, 1.5], [1, 0, 0, 0], [0, 0, 0, 1]])
     camera = Camera(384, 256, 274.0, 274.0, 192.0, 128.0, pose)
     seen = np.minimum(7.0, 1.5 + 0.46 * at[:, 0])  # what the border leaves of a wall seven metres high
-    top = _as_high_as_beside(chart, at, seen, [camera], 1.0)
+    top = as_high_as_beside(chart, at, seen, [camera], 1.0)
     near = (seen > 3.5) & (seen < 6.5)  # within ten metres of where its top is seen
     assert near.sum() > 10 and np.allclose(top[near], 7.0, atol=0.1)
     assert np.allclose(top[seen == 7.0], 7.0)
-    assert np.array_equal(_as_high_as_beside(chart, at, seen, [], 1.0), seen)
+    assert np.array_equal(as_high_as_beside(chart, at, seen, [], 1.0), seen)

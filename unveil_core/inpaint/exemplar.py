@@ -16,8 +16,17 @@ from numpy.typing import NDArray
 from unveil_core.inpaint.crossings import continue_crossings
 from unveil_core.inpaint.lateral import lateral_profile
 from unveil_core.inpaint.relight import prevailing_shade, relighting_gain, shadows_of_removed
-from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance, masked_blur, read_shade, shade_where_unseen
-from unveil_core.inpaint.straighten import find_drift
+from unveil_core.inpaint.shade import (
+    CONTACT_M,
+    Light,
+    Profile,
+    disc,
+    luminance,
+    masked_blur,
+    read_shade,
+    shade_where_unseen,
+)
+from unveil_core.inpaint.straighten import Drift, find_drift
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.progress import Progress, no_progress
 
@@ -114,15 +123,7 @@ def fill_chart(
     border = (missing > 0.02) & (missing < 0.98)
     border = cv2.dilate(border.astype(np.uint8), kernel).astype(bool)
     even = sound & ~border if light is not None else sound
-    # At the foot of walls pixels mix, and after straightening one offset is wall here and walk there.
-    read, kept = (
-        cv2.erode(inside.astype(np.uint8), np.ones((1, 2 * int(m * per_m) + 1), np.uint8)).astype(bool)
-        for m in (FOOT_M, 2 * FOOT_M)
-    )
-    median = np.minimum(_to_the_sides(profile(sunny, even & read), kept), 1.0)
-    if light is not None:
-        # Light and dark alike vary along the street: more sky, a bright wall across.
-        median = median * (1 + masked_blur(sunny / np.maximum(median, 0.02) - 1, even, 1.5 * per_m, prior=0.05))
+    median = _in_the_sun(sunny, even, inside, profile, per_m=per_m, uneven=light is not None)
     target = median * left
 
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
@@ -134,16 +135,7 @@ def fill_chart(
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    # Texture is fine and faint; lines across the street, and what is left of shadows, are no texture to lay down elsewhere.
-    broad = np.abs(luminance(masked_blur(sunny - median, even, 0.1 * per_m)))
-    faint = even & ~cv2.dilate((broad > MARK).astype(np.uint8), disc(0.1 * per_m)).astype(bool)
-    detail, known = drift.straightened(sunny - median, faint)
-    wanted = drift.straightened(detail, hole)[1]
-    invented = settings.texture * _quilt(
-        detail, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
-    )
-    lines, on_line = continue_crossings(*drift.straightened(sunny - median, even), wanted, texels_per_m=per_m)
-    invented = drift.bent(np.where(on_line[..., None], lines, invented))
+    invented = _invented(sunny - median, even, hole, drift, settings, per_m=per_m)
     fill = (median + invented) * left
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
@@ -159,6 +151,43 @@ def fill_chart(
     close = cv2.dilate(footprint.astype(np.uint8), disc(0.6 * per_m)) > 0
     progress(2, 2, "filling the street")
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=hole & close)
+
+
+def _in_the_sun(
+    sunny: Float32, even: NDArray[np.bool_], inside: NDArray[np.bool_], profile: Profile, *, per_m: float, uneven: bool
+) -> Float32:
+    """(A, B, 3) what the ground looks like in the sun, from what lies at its lateral offset.
+
+    Args:
+        sunny: (A, B, 3) as seen, shade taken away; even: (A, B) where that can be trusted; inside: (A, B) the ground.
+        uneven: whether brightness varies along the street.
+    """
+    # At the foot of walls pixels mix, and after straightening one offset is wall here and walk there.
+    read, kept = (
+        cv2.erode(inside.astype(np.uint8), np.ones((1, 2 * int(m * per_m) + 1), np.uint8)).astype(bool)
+        for m in (FOOT_M, 2 * FOOT_M)
+    )
+    median = np.minimum(_to_the_sides(profile(sunny, even & read), kept), 1.0)
+    if uneven:
+        # Light and dark alike vary along the street: more sky, a bright wall across.
+        median = median * (1 + masked_blur(sunny / np.maximum(median, 0.02) - 1, even, 1.5 * per_m, prior=0.05))
+    return median
+
+
+def _invented(
+    detail: Float32, even: NDArray[np.bool_], hole: NDArray[np.bool_], drift: Drift, settings: FillSettings, *, per_m: float
+) -> Float32:  # fmt: skip
+    """(A, B, 3) texture and lines for the hole (A, B), from ``detail`` (A, B, 3), what differs from the medians where ``even``."""
+    # Texture is fine and faint; lines across the street, and what is left of shadows, are no texture to lay down elsewhere.
+    broad = np.abs(luminance(masked_blur(detail, even, 0.1 * per_m)))
+    faint = even & ~cv2.dilate((broad > MARK).astype(np.uint8), disc(0.1 * per_m)).astype(bool)
+    texture, known = drift.straightened(detail, faint)
+    wanted = drift.straightened(texture, hole)[1]
+    invented = settings.texture * _quilt(
+        texture, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
+    )
+    lines, on_line = continue_crossings(*drift.straightened(detail, even), wanted, texels_per_m=per_m)
+    return drift.bent(np.where(on_line[..., None], lines, invented))
 
 
 def _to_the_sides(picture: Float32, amid: NDArray[np.bool_]) -> Float32:

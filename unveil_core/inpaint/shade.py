@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.inpaint.sun import Sun
 
-__all__ = ["CONTACT_M", "Light", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
