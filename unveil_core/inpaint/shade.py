@@ -69,11 +69,16 @@ def luminance(color: Float32) -> Float32:
     return color @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
 
-def masked_blur(picture: Float32, mask: Mask, sigma: float, *, prior: float = 0.0) -> Float32:
-    """Gaussian blur of (A, B) or (A, B, C) that only looks at ``mask``; ``prior`` pulls towards 0 where little is in reach."""
+def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float], *, prior: float = 0.0) -> Float32:
+    """Gaussian blur of (A, B) or (A, B, C) that only looks at ``mask``; ``prior`` pulls towards 0 where little is in reach.
+
+    Args:
+        sigma: texels, one for both directions, or along the street and across it.
+    """
+    along, across = sigma if isinstance(sigma, tuple) else (sigma, sigma)
     m = mask.astype(np.float32)
-    weight = cv2.GaussianBlur(m, (0, 0), sigma)
-    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), sigma)
+    weight = cv2.GaussianBlur(m, (0, 0), across, sigmaY=along)
+    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), across, sigmaY=along)
     weight = np.maximum(weight + prior, 1e-6)
     return value / (weight if picture.ndim == 2 else weight[..., None])
 
@@ -145,10 +150,8 @@ def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: f
     broad = masked_blur(missed, sound, 0.2 * texels_per_m)
     missed[np.abs(broad) < 0.5] = 0
     # Many texels together are believed, a few in a gap between two cars are not.
-    m = sound.astype(np.float32)
-    along, across = (near * texels_per_m for near in NEAR_M)
-    weight, value = (cv2.GaussianBlur(p, (0, 0), across, sigmaY=along) for p in (m, missed))
-    correction = 1.3 * value / (weight + DOUBT)
+    reach = (NEAR_M[0] * texels_per_m, NEAR_M[1] * texels_per_m)
+    correction = 1.3 * masked_blur(missed, sound, reach, prior=DOUBT)
     soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
     return soft
 
