@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What differs between Blender 4.2 LTS and 5.2 LTS: the one module that asks which Blender this is.
+
+Ask whether something is there rather than for a version where that is possible.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+__all__ = ["eevee", "fcurve_of", "has_window", "set_modifier_input"]
+
+
+def has_window() -> bool:
+    """Whether events and timers run: not with ``--background``, nor in Blender as a Python module."""
+    return not bpy.app.background and not getattr(bpy.app, "module", False)
+
+
+def eevee() -> str:
+    """The identifier of EEVEE: it had another one from 4.2 to 4.5."""
+    return "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
+
+
+def fcurve_of(datablock: Any, action: Any, data_path: str, index: int = 0) -> Any:
+    """A new f-curve of an action that is already assigned to the data block: an object, a camera, a scene.
+
+    Actions have slots since 4.4; 5.0 dropped ``action.fcurves``.
+    """
+    if hasattr(action, "fcurve_ensure_for_datablock"):
+        return action.fcurve_ensure_for_datablock(datablock, data_path, index=index)
+    if hasattr(action, "slots"):
+        animation = datablock.animation_data
+        if animation.action_slot is None:
+            animation.action_slot = action.slots.new(id_type=datablock.id_type, name=datablock.name)
+        layer = action.layers[0] if action.layers else action.layers.new("Layer")
+        strip = layer.strips[0] if layer.strips else layer.strips.new(type="KEYFRAME")
+        curves = strip.channelbag(animation.action_slot, ensure=True).fcurves
+    else:
+        curves = action.fcurves
+    return curves.find(data_path, index=index) or curves.new(data_path, index=index)
+
+
+def set_modifier_input(modifier: Any, name: str, value: Any) -> None:
+    """Set an input of a geometry nodes modifier by its identifier, as ``Socket_1``; 5.2 keeps them elsewhere."""
+    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
+    if inputs is not None:
+        getattr(inputs, name).value = value
+    else:
+        modifier[name] = value

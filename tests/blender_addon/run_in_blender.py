@@ -1,0 +1,65 @@
+"""Run the files of ``in_blender/`` under a Python that has bpy, each in a process of its own.
+
+bpy is not built to share a process: it can crash at exit, and keeps what one file did for the next. Any Python with bpy
+and pytest will do; unveil_core is not needed there, for the add-on works with a Python of its own, as with a user.
+
+    python tests/blender_addon/run_in_blender.py PYTHON [FILE ...]
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+__all__ = ["checks", "run_check", "unveil_python"]
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+
+
+def checks() -> list[Path]:
+    """The files to run."""
+    return sorted((HERE / "in_blender").glob("check_*.py"))
+
+
+def unveil_python(folder: Path, python: str = sys.executable) -> Path:
+    """A Python that has this checkout's unveil_core, wherever it is started and whatever is in the environment."""
+    script = folder / "unveil_python"
+    if not script.exists():
+        script.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{python}" "$@"\n')
+        script.chmod(0o755)
+    return script
+
+
+def run_check(python: str, check: Path, timeout_s: float = 300) -> subprocess.CompletedProcess[str]:
+    """Run one file; its user folders are new and go afterwards."""
+    with tempfile.TemporaryDirectory(prefix="unveil-bpy-") as name:
+        folder = Path(name)
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(("BLENDER_", "PYTHON"))}
+        return subprocess.run(
+            [python, "-m", "pytest", "-c", str(HERE / "in_blender/pytest.ini"), "--rootdir", str(HERE / "in_blender"),
+             "--confcutdir", str(HERE / "in_blender"), str(check)],
+            cwd=ROOT, capture_output=True, text=True, timeout=timeout_s,
+            env={**kept, "BLENDER_USER_RESOURCES": str(folder / "user"), "UNVEIL_PYTHON": str(unveil_python(folder)),
+                 "UNVEIL_ROOT": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
+        )  # fmt: skip
+
+
+def main(arguments: list[str]) -> int:
+    """Run all, or those named; 1 if one fails."""
+    worst = 0
+    for check in [Path(a).resolve() for a in arguments[1:]] or checks():
+        done = run_check(arguments[0], check)
+        print(
+            f"--- {check.name}: exit {done.returncode}\n{done.stdout}{done.stderr if done.returncode else ''}",
+            flush=True,
+        )
+        worst = max(worst, int(done.returncode != 0))
+    return worst
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
