@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.errors import Cancelled, DriveError, SettingsError, UnveilError
+from unveil_core.errors import Cancelled, DiskFullError, DriveError, SettingsError, UnveilError
+from unveil_core.stdin_watch import end_with_stdin
 
 __all__ = ["main"]
 
@@ -66,38 +68,46 @@ def _parser() -> argparse.ArgumentParser:
     def common(p: argparse.ArgumentParser) -> None:
         p.add_argument("--json", action="store_true", help="JSON lines on standard output")
         p.add_argument("--debug", action="store_true", help="show tracebacks")
+        p.add_argument("--end-with-stdin", action="store_true",
+                       help="cancel when standard input closes: when the program that started this one ends")  # fmt: skip
 
-    def networks(p: argparse.ArgumentParser, text: str) -> None:
-        p.add_argument("--inpainter", default="exemplar", metavar="NAME|FILE.onnx", help=text)
-        p.add_argument("--reference-inpainter", default=None, metavar="FILE.onnx",
+    def networks(p: argparse.ArgumentParser, text: str, recorded: bool = False) -> None:
+        p.add_argument(
+            "--inpainter", default=argparse.SUPPRESS if recorded else "exemplar", metavar="NAME|FILE.onnx", help=text
+        )
+        p.add_argument("--reference-inpainter", default=argparse.SUPPRESS if recorded else None, metavar="FILE.onnx",
                        help="carries what was invented: image, mask and the frame that shows the place to image")  # fmt: skip
 
-    def choices(p: argparse.ArgumentParser) -> None:
-        p.add_argument(
-            "--remove", type=_names, default=(), metavar="CLASSES", help="classes or groups: vehicle,human,dynamic"
-        )
-        p.add_argument("--instances", type=_ids, default=(), metavar="IDS", help="single objects, as 3,7")
-        p.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
-        p.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
-        p.add_argument("--seed", type=int, default=0)
-        p.add_argument("--max-side", type=int, default=None, metavar="PIXELS", help="reduce larger images to this side")
-        p.add_argument("--shadows", default="auto", metavar="auto|off|AZIMUTH,ELEVATION",
-                       help="take shadows of what goes along, leave them, or say where the sun stands, in degrees")  # fmt: skip
-        p.add_argument("--movers", default="auto", choices=("auto", "keep"),
-                       help="take what moves during the drive out of every frame, or treat it as if it stood")  # fmt: skip
-        p.add_argument("--iterations", type=int, default=None, metavar="N", help="steps of the reconstruction")
-        p.add_argument("--sh-degree", type=int, default=None, metavar="L", help="degree of colour by direction, 0 to 3")
-        p.add_argument("--splats", type=int, default=None, metavar="N", help="surfels at most")
-        p.add_argument("--no-adaptation", dest="adapt", action="store_false",
-                       help="take all that the quality allows, not only what the scene needs")  # fmt: skip
+    def choices(p: argparse.ArgumentParser, recorded: bool = False) -> None:
+        """The options of a run; on a workspace (``recorded``) what is not given stays as it was."""
+
+        def add(name: str, default: Any, **options: Any) -> None:
+            p.add_argument(name, default=argparse.SUPPRESS if recorded else default, **options)
+
+        add("--remove", (), type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
+        add("--instances", (), type=_ids, metavar="IDS", help="single objects, as 3,7")
+        add("--quality", "standard", choices=("draft", "standard", "high"))
+        add("--device", "auto", choices=("auto", "cpu", "cuda"))
+        add("--seed", 0, type=int)
+        add("--max-side", None, type=int, metavar="PIXELS", help="reduce larger images to this side")
+        add("--shadows", "auto", metavar="auto|off|AZIMUTH,ELEVATION",
+            help="take shadows of what goes along, leave them, or say where the sun stands, in degrees")  # fmt: skip
+        add("--movers", "auto", choices=("auto", "keep"),
+            help="take what moves during the drive out of every frame, or treat it as if it stood")  # fmt: skip
+        add("--iterations", None, type=int, metavar="N", help="steps of the reconstruction")
+        add("--sh-degree", None, type=int, metavar="L", help="degree of colour by direction, 0 to 3")
+        add("--splats", None, type=int, metavar="N", help="surfels at most")
+        add("--no-adaptation", True, dest="adapt", action="store_false",
+            help="take all that the quality allows, not only what the scene needs")  # fmt: skip
         networks(
             p,
             "for what is neither ground nor seen from anywhere: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
+            recorded,
         )
-        p.add_argument("--order", default="reverse", choices=("reverse", "forward", "independent"),
-                       help="of the frames when holes are filled; for comparison")  # fmt: skip
-        p.add_argument("--keyframes", type=_keyframes, default=(), metavar="auto|N,N,...",
-                       help="frames that invent what nobody saw, by number or stem")  # fmt: skip
+        add("--order", "reverse", choices=("reverse", "forward", "independent"),
+            help="of the frames when holes are filled; for comparison")  # fmt: skip
+        add("--keyframes", (), type=_keyframes, metavar="auto|N,N,...",
+            help="frames that invent what nobody saw, by number or stem")  # fmt: skip
 
     p = verbs.add_parser("demo", help="unveil the sample street")
     p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
@@ -116,10 +126,12 @@ def _parser() -> argparse.ArgumentParser:
     for name, text in _VERBS.items():
         p = verbs.add_parser(name, help=text)
         p.add_argument("workspace", type=Path)
-        if name == "segment":
-            p.add_argument("--remove", type=_names, default=None, metavar="CLASSES")
-            p.add_argument("--instances", type=_ids, default=None, metavar="IDS")
+        choices(p, recorded=True)
         common(p)
+    p = verbs.add_parser("status", help="which stages of a workspace are done, stale, or still to do")
+    p.add_argument("workspace", type=Path)
+    choices(p, recorded=True)
+    common(p)
     p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street, or with its own photographs")
     p.add_argument("workspace", type=Path)
     p.add_argument("--truth", type=Path, default=None, metavar="DIR")
@@ -189,14 +201,15 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _settings(arguments: argparse.Namespace) -> Any:
+def _settings(arguments: argparse.Namespace, recorded: Any = None) -> Any:
+    """What the arguments say, over what is recorded or the defaults."""
     from unveil_core.settings import RunSettings
 
     names = (
         "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
         "sh_degree", "splats", "adapt", "keyframes", "movers", "reference_inpainter",
     )  # fmt: skip
-    return RunSettings(**{n: getattr(arguments, n) for n in names})
+    return replace(recorded or RunSettings(), **{n: getattr(arguments, n) for n in names if hasattr(arguments, n)})
 
 
 def _sample_drive() -> Path:
@@ -287,21 +300,29 @@ def _run(arguments: argparse.Namespace) -> int:
         )  # fmt: skip
         print(json.dumps({"file": str(path)}) if arguments.json else path)
         return 0
-    settings = None
-    if verb == "segment" and (arguments.remove is not None or arguments.instances is not None):
-        from dataclasses import replace
+    from unveil_core.settings import RunSettings
+    from unveil_core.workspace import Workspace
 
-        from unveil_core.settings import RunSettings
-        from unveil_core.workspace import Workspace
-
-        recorded = RunSettings.from_json(Workspace.open(arguments.workspace).state().get("settings", {}))
-        settings = replace(
-            recorded,
-            remove=recorded.remove if arguments.remove is None else arguments.remove,
-            instances=recorded.instances if arguments.instances is None else arguments.instances,
-        )
+    settings = _settings(
+        arguments, RunSettings.from_json(Workspace.open(arguments.workspace).state().get("settings", {}))
+    )
+    if verb == "status":
+        return _status(arguments, settings)
     with reporting(arguments.json) as reporter:
         run_verb(verb, arguments.workspace, settings, reporter=reporter)
+    return 0
+
+
+def _status(arguments: argparse.Namespace, settings: Any) -> int:
+    from unveil_core.status import stage_states
+    from unveil_core.workspace import Workspace
+
+    states = stage_states(Workspace.open(arguments.workspace), settings)
+    if arguments.json:
+        print(json.dumps({"stages": states}))
+    else:
+        for name, state in states.items():
+            print(f"{name:<12} {state}")
     return 0
 
 
@@ -329,10 +350,15 @@ def main(argv: list[str] | None = None) -> int:
     except SystemExit as stop:
         return int(stop.code or 0) if isinstance(stop.code, int | None) else 2
     try:
+        if arguments.end_with_stdin:
+            end_with_stdin()
         return _run(arguments)
     except UnveilError as error:
         print(f"unveil: error: {error}", file=sys.stderr)
         return 2
+    except DiskFullError as error:
+        print(f"unveil: failed: {error}", file=sys.stderr)
+        return 1
     except (Cancelled, KeyboardInterrupt):
         print("unveil: cancelled; run the same command again to go on", file=sys.stderr)
         return 130

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["Cancelled", "DriveError", "SelectionError", "SettingsError", "UnveilError", "WorkspaceError"]
+__all__ = [
+    "Cancelled",
+    "DiskFullError",
+    "DriveError",
+    "SelectionError",
+    "SettingsError",
+    "UnveilError",
+    "WorkspaceError",
+]
 
 
 class UnveilError(Exception):
@@ -38,6 +46,14 @@ class SettingsError(UnveilError):
 
 class WorkspaceError(UnveilError):
     """A workspace folder that cannot be used as it is."""
+
+
+class DiskFullError(Exception):
+    """No room left to write to: nothing is wrong with the input, so this is a failure (exit code 1) that says what to do."""
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = path
+        super().__init__(f"{path}: the disk is full (free some space and run the same command again: it goes on)")
 
 
 class Cancelled(Exception):

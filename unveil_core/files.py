@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from unveil_core.errors import DriveError
 
 __all__ = [
+    "disk_is_full",
     "link_or_copy",
     "read_image",
     "read_instance_image",
@@ -54,6 +56,16 @@ def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
 def write_bytes_atomic(path: Path, content: bytes) -> None:
     """Write bytes, whole or not at all."""
     write_atomic(path, lambda stream: stream.write(content))
+
+
+def disk_is_full(error: OSError, path: Path) -> bool:
+    """Whether an error in writing below a path came from want of space; not every library passes the system's number on."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return True
+    try:
+        return error.errno is None and shutil.disk_usage(path).free < 2**20
+    except OSError:
+        return False
 
 
 def read_json(path: Path) -> object:

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.errors import Cancelled, UnveilError, WorkspaceError
-from unveil_core.files import write_json_atomic
+from unveil_core.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
+from unveil_core.files import disk_is_full, write_json_atomic
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.onnx_files import files_of
@@ -30,7 +30,7 @@ from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
 
-__all__ = ["Reporter", "Stage", "StageContext", "run_stages", "silent"]
+__all__ = ["Digests", "Reporter", "Stage", "StageContext", "input_hash", "run_stages", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
@@ -93,7 +93,7 @@ class StageContext:
 # ----------------------------------------------------------------------------------------------------------------- digests
 
 
-class _Digests:
+class Digests:
     """Content digests of files, remembered by size and time of change."""
 
     def __init__(self, workspace: Workspace) -> None:
@@ -123,7 +123,8 @@ class _Digests:
         write_json_atomic(self.path, self.known)
 
 
-def _input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: _Digests) -> str:
+def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:
+    """Digest of everything that a stage's result depends on: settings, the content of its inputs, its version."""
     values = settings.to_json()
     for name, path in settings.networks.items():  # what is in the files counts, not where they lie
         if name in stage.settings:
@@ -195,6 +196,17 @@ def _signals(flag: threading.Event) -> Iterator[None]:
             signal.signal(s, handler)
 
 
+@contextmanager
+def _room_on(root: Path) -> Iterator[None]:
+    """Errors for want of space become the one line that says so."""
+    try:
+        yield
+    except OSError as error:
+        if disk_is_full(error, root):
+            raise DiskFullError(root) from error
+        raise
+
+
 def peak_memory_mb() -> float:
     """Largest resident size of this process so far, MB."""
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -223,14 +235,15 @@ def run_stages(
         names of the stages that ran.
     Raises:
         Cancelled: SIGINT or SIGTERM came; the workspace resumes.
+        DiskFullError: no room; the workspace resumes.
         UnveilError: bad input; the stage's partial output is gone.
     """
     ran: list[str] = []
     _check_networks(stages, settings)
     stop = threading.Event()
-    with workspace.lock(), _signals(stop):
+    with _room_on(workspace.root), workspace.lock(), _signals(stop):
         recover(workspace)
-        digests = _Digests(workspace)
+        digests = Digests(workspace)
         workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
         for stage in stages:
             missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
@@ -239,7 +252,7 @@ def run_stages(
                     f"has no {missing[0]}, which {stage.name} needs", path=workspace.root,
                     mend="run the stages before it, or `unveil run`",
                 )  # fmt: skip
-            wanted = _input_hash(stage, workspace, settings, drive, digests)
+            wanted = input_hash(stage, workspace, settings, drive, digests)
             recorded = workspace.state().get("stages", {}).get(stage.name, {})
             there = all((workspace.root / n).exists() for n in stage.outputs)
             if not force and there and recorded.get("status") == "done" and recorded.get("input_hash") == wanted:
@@ -288,19 +301,22 @@ def _run_one(
     except BaseException as error:
         shutil.rmtree(partial, ignore_errors=True)
         status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
-        workspace.update_stage(stage.name, status=status)
         detail: dict[str, Any] = (
             {} if isinstance(error, UnveilError | Cancelled) else {"traceback": traceback.format_exc()}
         )
-        reporter(workspace.log(stage.name, str(error), level="error", **detail))
+        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be told
+            workspace.update_stage(stage.name, status=status)
+            reporter(workspace.log(stage.name, str(error), level="error", **detail))
         if isinstance(error, KeyboardInterrupt):
             raise Cancelled(stage.name) from error
         raise
     _move_into_place(workspace, stage, partial)
     seconds = round(time.monotonic() - started, 2)
+    values = settings.to_json()
     workspace.update_stage(
-        stage.name, status="done", seconds=seconds, peak_memory_mb=peak_memory_mb(), input_hash=wanted
-    )
+        stage.name, status="done", seconds=seconds, peak_memory_mb=peak_memory_mb(), input_hash=wanted,
+        settings={k: values[k] for k in stage.settings},
+    )  # fmt: skip
     reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
 
 
