@@ -160,24 +160,33 @@ class Lock:
 
     def __enter__(self) -> Lock:
         self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
-            if platform.system() == "Windows":
-                import msvcrt
-
-                msvcrt.locking(self._handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-            else:
-                import fcntl
-
-                fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            os.close(self._handle)
-            self._handle = None
-            raise WorkspaceError(
-                "is in use by another process", path=self.path.parent, mend="wait or stop it"
-            ) from error
+        for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
+            try:
+                self._take(self._handle)
+                break
+            except OSError as error:
+                if patience:
+                    time.sleep(patience)
+                    continue
+                os.close(self._handle)
+                self._handle = None
+                raise WorkspaceError(
+                    "is in use by another process", path=self.path.parent, mend="wait or stop it"
+                ) from error
         return self
 
     def __exit__(self, *exception: object) -> None:
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
+
+    @staticmethod
+    def _take(handle: int) -> None:
+        if platform.system() == "Windows":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

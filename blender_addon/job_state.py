@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a job has told of itself so far: its JSON lines, read one by one. No bpy here."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+__all__ = ["JobState", "duration"]
+
+LOG_LINES = 5000
+"""Kept of the log; more would be of no use in a text block."""
+NOT_SHOWN = frozenset(("t", "stage", "done", "total", "message", "level", "traceback", "seconds"))
+HINTS = {
+    0: "",
+    1: "it failed; the log tells where",
+    2: "bad input; the log tells which",
+    130: "cancelled; run it again to go on",
+}
+"""What an exit code of ``unveil`` means, for jobs that said no more themselves."""
+
+
+def duration(seconds: float) -> str:
+    """For people: ``8 s``, ``2 min 05 s``, ``1 h 10 min``."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+@dataclass
+class JobState:
+    """Attributes:
+    status: "running", "done", "failed", "bad input" or "cancelled".
+    stage, done, total, message: of the latest event.
+    metrics: numbers of the latest event that had some, as loss.
+    ended: by stage, "done" or "up to date", or "failed".
+    error: one readable line, empty as long as nothing is wrong.
+    exit_code: of the process; None while it runs.
+    log: the latest lines, as they came.
+    """
+
+    status: str = "running"
+    stage: str = ""
+    done: int = 0
+    total: int = 0
+    message: str = ""
+    metrics: dict[str, float] = field(default_factory=dict)
+    ended: dict[str, str] = field(default_factory=dict)
+    error: str = ""
+    exit_code: int | None = None
+    log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG_LINES))
+    stage_started: float = field(default_factory=time.monotonic)
+    first_done: int = 0
+
+    @property
+    def running(self) -> bool:
+        """Whether the job has not ended."""
+        return self.status == "running"
+
+    @property
+    def fraction(self) -> float:
+        """Of the stage, 0 to 1; 0 where it does not tell."""
+        return min(max(self.done / self.total, 0.0), 1.0) if self.total > 0 else 0.0
+
+    def seconds_left(self, now: float | None = None) -> float | None:
+        """Of the stage, by its pace so far; None as long as that says nothing."""
+        elapsed = (time.monotonic() if now is None else now) - self.stage_started
+        made = self.done - self.first_done
+        if made <= 0 or self.total <= self.done or elapsed < 1.0:
+            return None
+        return elapsed / made * (self.total - self.done)
+
+    def read(self, line: str) -> None:
+        """Take in a line of the job's output; what is no event is kept as log."""
+        line = line.rstrip("\r\n")
+        if line.startswith("{"):
+            try:
+                event = json.loads(line)
+            except ValueError:
+                event = None
+            if isinstance(event, dict) and isinstance(event.get("stage"), str):
+                self._take(event)
+                return
+        if line.strip():
+            self.log.append(line)
+        for mark in ("unveil: error: ", "unveil: failed: "):
+            if line.startswith(mark):
+                self.error = line.removeprefix(mark)
+
+    def _take(self, event: dict) -> None:  # type: ignore[type-arg]
+        stage, message = event["stage"], str(event.get("message", ""))
+        done, total = (int(event.get(k) or 0) for k in ("done", "total"))
+        # A stage counts anew for each of its parts: the pace of one part says nothing of the next.
+        if stage != self.stage or done < self.done or total != self.total:
+            self.stage_started, self.first_done = time.monotonic(), done
+        if stage != self.stage:
+            self.metrics = {}
+        self.stage, self.message, self.done, self.total = stage, message, done, total
+        numbers = {
+            k: float(v) for k, v in event.items()
+            if k not in NOT_SHOWN and isinstance(v, int | float) and not isinstance(v, bool)
+        }  # fmt: skip
+        self.metrics = numbers or self.metrics
+        if message in ("done", "up to date"):
+            self.ended[stage] = message
+        if event.get("level") == "error":
+            self.ended[stage] = "failed"
+            self.error = message or self.error
+        if message:
+            shown = f"{done}/{total}" if total else ""
+            parts = (f"{stage:<12}", shown, message, *(f"{k} {v:g}" for k, v in numbers.items()))
+            self.log.append(" ".join(p for p in parts if p))
+        if event.get("traceback"):
+            self.log.extend(str(event["traceback"]).splitlines())
+
+    def end(self, exit_code: int, *, cancelled: bool = False) -> None:
+        """The process has ended."""
+        self.exit_code = exit_code
+        if cancelled or exit_code == 130:
+            self.status, self.error = "cancelled", ""
+        elif exit_code == 0:
+            self.status, self.error = "done", ""
+        else:
+            self.status = "bad input" if exit_code == 2 else "failed"
+            if not self.error:
+                self.error = HINTS.get(exit_code) or _killed(exit_code)
+        self.log.append(f"ended with exit code {exit_code}: {self.error or self.status}")
+
+
+def _killed(exit_code: int) -> str:
+    if exit_code in (-9, 137):
+        return "the worker was killed, perhaps because memory ran out; run it again to go on"
+    if exit_code < 0:
+        return f"the worker was ended by signal {-exit_code}; run it again to go on"
+    return f"the worker ended with exit code {exit_code}; the log tells more"

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the stages of a workspace stand, read from its workspace.json. No bpy here.
+
+This is quick enough for every redraw and sees changed settings at once. What has changed outside, in the drive's files
+say, only ``unveil status`` can tell, which digests them; a run finds out by itself in any case.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+__all__ = ["STAGES", "StageState", "WorkspaceState", "read"]
+
+STAGES = {
+    "import": "Import",
+    "segment": "Choose",
+    "reconstruct": "Reconstruct",
+    "instances": "Find objects",
+    "remove": "Remove",
+    "inpaint": "Inpaint",
+    "reoptimize": "Re-optimize",
+    "mesh": "Mesh",
+    "report": "Report",
+}
+"""Names for people by verb, in the order of their dependence."""
+
+
+@dataclass(frozen=True)
+class StageState:
+    """Attributes:
+    name: the verb.
+    state: "to do", "running", "done", "stale" or "failed".
+    seconds: that it took, where it is done.
+    message: why it failed, in one line.
+    """
+
+    name: str
+    state: str
+    seconds: float | None = None
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class WorkspaceState:
+    """Attributes:
+    root: the folder.
+    exists: whether there is a workspace.
+    problem: one line if there is none, or it is damaged.
+    drive: what was imported.
+    stages: by name, in order.
+    """
+
+    root: Path
+    exists: bool
+    problem: str = ""
+    drive: str = ""
+    stages: dict[str, StageState] = field(default_factory=dict)
+
+
+def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> WorkspaceState:
+    """Read the states.
+
+    Args:
+        root: the workspace.
+        wanted: settings that a run would have, under their names in workspace.json; what was made with others is stale.
+            Names that are not in it are not compared.
+    """
+    root = Path(root)
+    try:
+        data = json.loads((root / "workspace.json").read_text(encoding="utf-8"))
+        recorded = dict(data.get("stages", {}))
+    except FileNotFoundError:
+        return _none(root, "there is no workspace yet")
+    except OSError as error:
+        return _none(root, f"{root}: cannot be read: {error.strerror}")
+    except (ValueError, AttributeError, TypeError):
+        return _none(root, f"{root / 'workspace.json'}: is damaged (run again into a new folder)")
+    # Asked for only where it matters: whoever looks holds the lock himself for a moment.
+    in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
+    stages: dict[str, StageState] = {}
+    before_done = True
+    for name in STAGES:
+        entry = recorded.get(name, {})
+        state = _state(entry, wanted or {}, in_use)
+        if state == "done" and not before_done:
+            state = "stale"
+        before_done = before_done and state == "done"
+        message = _why_failed(root, name) if state == "failed" else ""
+        stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
+    return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
+
+
+def _none(root: Path, problem: str) -> WorkspaceState:
+    return WorkspaceState(root, False, problem, stages={name: StageState(name, "to do") for name in STAGES})
+
+
+def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bool) -> str:
+    status = entry.get("status")
+    if status == "running":
+        return "running" if in_use else "to do"  # it was killed
+    if status == "failed":
+        return "failed"
+    if status != "done":
+        return "to do"
+    made_with = entry.get("settings")
+    if isinstance(made_with, dict) and any(wanted[k] != v for k, v in made_with.items() if k in wanted):
+        return "stale"
+    return "done"
+
+
+def _in_use(root: Path) -> bool:
+    """Whether a process works there: it holds a lock that goes with it."""
+    try:
+        handle = os.open(root / ".lock", os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+def _why_failed(root: Path, stage: str) -> str:
+    """The latest error of a stage; only the end of the log is read, which may be long."""
+    try:
+        with (root / "events.jsonl").open("rb") as stream:
+            stream.seek(0, os.SEEK_END)
+            stream.seek(max(stream.tell() - 65536, 0))
+            lines = stream.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        return ""
+    for line in reversed(lines):
+        try:
+            event = json.loads(line)
+        except ValueError:
+            continue
+        if event.get("stage") == stage and event.get("level") == "error":
+            return str(event.get("message", "")).splitlines()[0] if event.get("message") else ""
+    return ""
