@@ -64,7 +64,7 @@ def test_the_run_saw_nothing_behind_the_car(checked: Path, footage: Workspace) -
 
 def test_the_workspace_itself_is_left_alone(footage: Workspace, checked: Path) -> None:
     assert footage.state()["settings"]["quality"] == "draft" and not (footage.root / "frames").exists()
-    assert json.loads((footage.root / "labels.json").read_text())["removed"] == ["car"]
+    assert json.loads((footage.root / "selection.json").read_text())["removed"] == ["car"]
 
 
 def test_again_goes_on_where_it_was(footage: Workspace, checked: Path) -> None:

@@ -31,7 +31,7 @@ def states(root: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dic
 def test_done_and_to_do(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (root / "workspace.json").read_bytes()
     found = states(root, capsys)
-    assert list(found)[:3] == ["import", "segment", "reconstruct"]
+    assert list(found)[:5] == ["import", "objects", "segment", "choose", "reconstruct"]
     assert found["import"] == found["segment"] == "done"
     assert {found[n] for n in ("reconstruct", "remove", "mesh", "report")} == {"to do"}
     assert (root / "workspace.json").read_bytes() == before
@@ -71,3 +71,9 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
     stages = Workspace.open(root).state()["stages"]
     assert stages["import"]["settings"] == {"max_side": None, "quality": "standard"}
     assert set(stages["segment"]["settings"]) >= {"movers"}
+
+
+def test_another_choice_does_not_make_the_scene_stale(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["choose", str(root)]) == 0
+    changed = states(root, capsys, "--instances", "300")
+    assert changed["choose"] == "stale" and changed["segment"] == "done"

@@ -16,9 +16,11 @@ from unveil_core.stdin_watch import end_with_stdin
 __all__ = ["main"]
 
 _VERBS = {
-    "segment": "find the labels that occur and what of them goes",
+    "objects": "list the single objects that can be removed, before there is a scene",
+    "segment": "find the labels that occur, and what moves",
+    "choose": "say which classes and objects go",
     "reconstruct": "fit the semantic surfel scene with everything in it",
-    "instances": "name the single objects that can be removed",
+    "instances": "find the listed objects among the scene's surfels",
     "remove": "take the chosen objects out and find what nobody ever saw",
     "inpaint": "fill frames in reversed time, the ground in street coordinates",
     "reoptimize": "teach the scene its empty state, write renders/ and frames/",
@@ -86,6 +88,8 @@ def _parser() -> argparse.ArgumentParser:
 
         add("--remove", (), type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
         add("--instances", (), type=_ids, metavar="IDS", help="single objects, as 3,7")
+        add("--marked", None, metavar="FILE.json",
+            help="objects nobody labelled: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}")  # fmt: skip
         add("--quality", "standard", choices=("draft", "standard", "high"))
         add("--device", "auto", choices=("auto", "cpu", "cuda"))
         add("--seed", 0, type=int)
@@ -118,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
     choices(p)
     common(p)
-    p = verbs.add_parser("import", help="bring a drive into a workspace")
+    p = verbs.add_parser("import", help="bring a drive into a workspace and list what could go")
     p.add_argument("drive", type=Path)
     p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
     choices(p)
@@ -207,7 +211,7 @@ def _settings(arguments: argparse.Namespace, recorded: Any = None) -> Any:
 
     names = (
         "remove", "instances", "quality", "device", "seed", "max_side", "shadows", "inpainter", "order", "iterations",
-        "sh_degree", "splats", "adapt", "keyframes", "movers", "reference_inpainter",
+        "sh_degree", "splats", "adapt", "keyframes", "movers", "reference_inpainter", "marked",
     )  # fmt: skip
     return replace(recorded or RunSettings(), **{n: getattr(arguments, n) for n in names if hasattr(arguments, n)})
 
@@ -268,7 +272,7 @@ def _run(arguments: argparse.Namespace) -> int:
         settings = _settings(arguments)
         with reporting(arguments.json) as reporter:
             workspace = run(
-                drive, arguments.output, settings, until="import" if verb == "import" else None, reporter=reporter
+                drive, arguments.output, settings, until="objects" if verb == "import" else None, reporter=reporter
             )
         if verb != "import":
             from unveil_core.report.summary import print_summary

@@ -5,7 +5,6 @@ There is no true empty street of a real drive. See :mod:`unveil_core.evaluate.ho
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -35,6 +34,7 @@ from unveil_core.settings import RunSettings
 from unveil_core.stages import Reporter, silent
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace import Workspace
+from unveil_core.workspace_files import load_labels
 
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
@@ -127,7 +127,7 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
             f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
         )
     drive = read_imported(workspace.drive_dir)
-    labels = SceneLabels.from_json(json.loads(workspace.labels_json.read_text()))
+    labels = load_labels(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
     limits = scene_range(drive)

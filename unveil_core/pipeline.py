@@ -7,6 +7,7 @@ from pathlib import Path
 
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
+from unveil_core.drives.marked import marked_objects
 from unveil_core.errors import UnveilError
 from unveil_core.inpaint.drive_plan import named_frames
 from unveil_core.semantics.segment import choose_labels
@@ -47,7 +48,11 @@ def run(
         # Before anything is made: whether the drive is whole and the selection selects something.
         opened = open_drive(drive)
         check_drive(opened)
-        choose_labels(opened, settings.remove, settings.instances)
+        if until not in ("import", "objects"):  # before the choice is made
+            marked = {m.id for m in marked_objects(settings.marked)}
+            own = [i for i in settings.instances if i not in marked]
+            if own or settings.remove or not settings.instances:
+                choose_labels(opened, settings.remove, own)
     if settings.keyframes:
         named_frames(open_drive(drive).frames, settings.keyframes)
     space = Workspace.create(workspace)

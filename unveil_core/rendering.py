@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace import Workspace
+from unveil_core.workspace_files import load_labels
 
 __all__ = ["PLANES", "STATES", "render_views"]
 
@@ -88,7 +88,7 @@ def render_views(
     views = drive_path(drive) if path is None else read_camera_path(path, drive)
     views = shifted(views, drive.up, beside=beside * limits.unit, above=above * limits.unit)
     surfels, sky = _scene(workspace, state)
-    scene = SceneLabels.from_json(json.loads(workspace.labels_json.read_text())) if "semantics" in planes else None
+    scene = load_labels(workspace) if "semantics" in planes else None
     several = len({v.track for v in views}) > 1
     frames = []
     try:

@@ -24,6 +24,8 @@ class RunSettings:
     Attributes:
         remove: class names and groups to remove; empty = everything removable that occurs.
         instances: ids of single objects to remove.
+        marked: path of a JSON file of objects that a person marked, with boxes or mattes (see ``drives.marked``); made
+            absolute; None = none.
         quality: "draft", "standard" or "high".
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
@@ -60,10 +62,13 @@ class RunSettings:
     splats: int | None = None
     adapt: bool = True
     reference_inpainter: str | None = None
+    marked: str | None = None
 
     def __post_init__(self) -> None:
         if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
             raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+        if self.marked is not None:
+            object.__setattr__(self, "marked", str(Path(self.marked).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
             object.__setattr__(self, name, str(path.expanduser().absolute()))
         for name, value, known in (

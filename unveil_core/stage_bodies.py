@@ -5,31 +5,28 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from unveil_core.drives import open_drive
 from unveil_core.drives.exposure import write_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate import run_evaluation, write_metrics
-from unveil_core.files import read_image, write_image_atomic, write_json_atomic
+from unveil_core.files import write_json_atomic
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
 from unveil_core.moving import read_moving, write_moving
+from unveil_core.object_bodies import instances_body, known_objects, objects_body
 from unveil_core.optimize.adapt import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.optimize.scene_range import scene_range
 from unveil_core.report import write_report
-from unveil_core.semantics.catalogue import frames_that_see, thumbnail
-from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
-from unveil_core.semantics.segment import choose_labels, frame_instances
+from unveil_core.semantics.segment import choose_labels, find_labels
 from unveil_core.settings import RunSettings
 from unveil_core.stages import Stage, StageContext
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import save_sky, up_frame
+from unveil_core.surfels.sky import save_sky
 from unveil_core.unveil_bodies import inpaint_body, remove_body, reoptimize_body
-from unveil_core.workspace_files import load_labels, save_array
+from unveil_core.workspace_files import load_labels
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 """Edge of a voxel of the fused meshes, metres."""
@@ -47,13 +44,20 @@ def import_body(context: StageContext) -> None:
 
 
 def segment_body(context: StageContext) -> None:
-    """labels.json: which labels occur and which of them go; movers/: what moves."""
+    """labels.json: which labels occur; movers/: what moves."""
+    drive = read_imported(context.workspace.drive_dir)
+    scene = find_labels(drive)
+    write_json_atomic(context.output("labels.json"), scene.labels_json())
+    movers = write_moving(drive, scene, context.output("movers"), context.settings.movers, context.progress)
+    context.workspace.update_stage("segment", movers=movers)
+
+
+def choose_body(context: StageContext) -> None:
+    """selection.json: what goes. It is no part of labels.json, so that another choice does not make the scene anew."""
     drive = read_imported(context.workspace.drive_dir)
     settings = context.settings
-    scene = choose_labels(drive, settings.remove, settings.instances)
-    write_json_atomic(context.output("labels.json"), scene.to_json())
-    movers = write_moving(drive, scene, context.output("movers"), settings.movers, context.progress)
-    context.workspace.update_stage("segment", movers=movers)
+    scene = choose_labels(drive, settings.remove, settings.instances, known=known_objects(context.workspace))
+    write_json_atomic(context.output("selection.json"), scene.selection_json())
 
 
 # ----------------------------------------------------------------------------------------------------------- reconstruct
@@ -100,54 +104,6 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> No
     context.workspace.update_stage("reconstruct", choices=done.choices)
 
 
-def instances_body(context: StageContext) -> None:
-    """instances.json and surfels/instances.npy: single objects among what can be removed."""
-    workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
-    surfels = read_surfels(workspace.surfels_full)
-    limits = scene_range(drive)
-    removable = np.isin(surfels.labels.numpy(), scene.removable_labels)
-    positions = surfels.means.double().numpy()
-    means = positions[removable]
-    spacing = surfels.log_scales.exp().amax(dim=1).double().numpy()[removable] * 1.5
-    moving = read_moving(workspace.root)
-    images = [moving.ids_of_standing(f, frame_instances(f)) for f in drive.frames]
-    if any(image is not None for image in images):
-        ids = vote_instances(means, spacing, [f.camera for f in drive.frames], lambda v: images[v], near=limits.near)
-    else:
-        ids = cluster_points(means, 0.4 * limits.unit)
-    of_surfel = np.zeros(len(surfels), dtype=np.int64)
-    of_surfel[removable] = ids
-    save_array(of_surfel, context.output("surfels/instances.npy"))
-
-    axes = up_frame(drive.up)
-    labels = surfels.labels.numpy()
-    entries: list[dict[str, object]] = []
-    chosen = [int(i) for i in np.unique(ids) if i]
-    for done, instance in enumerate(chosen):
-        mask = of_surfel == instance
-        label = int(np.bincount(labels[mask]).argmax())
-        box = fit_box(positions[mask], axes, gap=1.0 * limits.unit)
-        seen = frames_that_see(drive, positions[mask], images, instance)
-        picture = None
-        if seen:
-            best, rectangle = seen[0]
-            picture = f"instances/{instance:04d}.png"
-            write_image_atomic(context.output(picture), thumbnail(read_image(drive.frames[best].image_path), rectangle))
-        order = sorted(v for v, _ in seen)
-        entries.append({
-            "id": instance, "class": scene.labels.names[label], "box": box.to_json(), "surfels": int(mask.sum()),
-            "first_frame": drive.frames[order[0]].name if order else None,
-            "last_frame": drive.frames[order[-1]].name if order else None,
-            "thumbnail": picture,
-            "removed": label in scene.removed_labels or instance in scene.instances,
-        })  # fmt: skip
-        context.progress(done + 1, len(chosen), "naming objects")
-    context.output("instances").mkdir(parents=True, exist_ok=True)
-    write_json_atomic(context.output("instances.json"), entries)
-
-
 # ---------------------------------------------------------------------------------------------------------- mesh, report
 
 
@@ -177,19 +133,24 @@ def report_body(context: StageContext) -> None:
 
 STAGES: tuple[Stage, ...] = (
     Stage("import", import_body, (), ("drive",), ("max_side", "quality"), drive_digest=True),
-    Stage("segment", segment_body, ("drive",), ("labels.json", "movers"), ("remove", "instances", "movers")),
+    Stage("objects", objects_body, ("drive",), ("objects.json", "objects"), ("marked",)),
+    Stage("segment", segment_body, ("drive",), ("labels.json", "movers"), ("movers",), version=2),
+    Stage("choose", choose_body, ("drive", "objects.json"), ("selection.json",), ("remove", "instances")),
     Stage(
         "reconstruct", reconstruct_body, ("drive", "labels.json"),
         ("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
         ("quality", "seed", "iterations", "sh_degree", "splats", "adapt"), optional=("movers",),
     ),
     Stage(
-        "instances", instances_body, ("drive", "labels.json", "surfels/full.ply"),
-        ("instances.json", "instances", "surfels/instances.npy"), optional=("movers",),
+        "instances", instances_body,
+        ("drive", "labels.json", "selection.json", "objects.json", "objects", "surfels/full.ply"),
+        ("instances.json", "instances", "surfels/instances.npy"), ("marked",), version=2, optional=("movers",),
     ),
     Stage(
-        "remove", remove_body, ("drive", "labels.json", "surfels/full.ply", "surfels/instances.npy"),
-        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"), optional=("movers",),
+        "remove", remove_body,
+        ("drive", "labels.json", "selection.json", "objects.json", "surfels/full.ply", "surfels/instances.npy"),
+        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"), ("marked",), version=2,
+        optional=("movers",),
     ),
     Stage(
         "inpaint", inpaint_body,

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from unveil_core.drives.marked import files_named, read_marked
 from unveil_core.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
 from unveil_core.files import disk_is_full, write_json_atomic
 from unveil_core.inpaint.onnx_models import load_reference
@@ -129,6 +130,10 @@ def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive:
     for name, path in settings.networks.items():  # what is in the files counts, not where they lie
         if name in stage.settings:
             values[name] = [(p.name.removeprefix(path.name), digests.of_file(p)) for p in files_of(path)]
+    if settings.marked is not None and "marked" in stage.settings:
+        path = Path(settings.marked)
+        pictures = [p for m in read_marked(path) if m.mattes is not None for p in files_named(m.mattes)]
+        values["marked"] = [digests.of_file(p) for p in (path, *pictures)]
     parts: list[object] = [stage.name, stage.version, {k: values[k] for k in stage.settings}]
     parts += [(name, digests.of(workspace.root / name)) for name in (*stage.inputs, *stage.optional)]
     if stage.drive_digest:

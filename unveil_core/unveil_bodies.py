@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.drive_plan import plan_drive, plan_json
@@ -63,6 +64,17 @@ def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32])
     return mask | (~known & (rendered > 0.5))
 
 
+def marked_pixels(
+    marked: Sequence[MarkedObject], drive: Drive, frame: Frame, rendered: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(H, W) pixels of marked objects: their mattes where this frame has them, else their ``rendered`` share (H, W)."""
+    mattes = [None if m.mattes is None else matte(m.mattes, drive, frame) for m in marked]
+    mask = np.zeros(rendered.shape, dtype=bool)
+    for own in mattes:
+        mask |= rendered > 0.5 if own is None else own
+    return mask
+
+
 def remove_body(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
@@ -77,18 +89,21 @@ def remove_body(context: StageContext) -> None:
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
     left = surfels.select(keep)
-    marked = Surfels(
-        surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, (~keep).long()
-    )
+    by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
+    # No label or instance image tells where these are: they are drawn apart.
+    kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
+    told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
     ground = drive_ground(drive, scene, left)
     moving = read_moving(workspace.root)
     views, empties = [], []
     for done, frame in enumerate(drive.frames):
         planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(marked, frame.camera, planes, label_count=2, near=limits.near, far=limits.far)
+            full = render(told, frame.camera, planes, label_count=3, near=limits.near, far=limits.far)
         assert full.alpha is not None and full.depth is not None and full.semantics is not None
-        own = object_mask(frame, scene, full.semantics[..., 1].numpy()) | moving.pixels(frame)
+        share = full.semantics.numpy()
+        own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
+        own |= marked_pixels(by_hand, drive, frame, share[..., 2])
         views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own))
         empties.append(render_numpy(left, frame.camera, near=limits.near, far=limits.far))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")

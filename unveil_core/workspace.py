@@ -80,8 +80,18 @@ class Workspace:
 
     @property
     def labels_json(self) -> Path:
-        """The labels that occur and which of them go."""
+        """The labels that occur."""
         return self.root / "labels.json"
+
+    @property
+    def selection_json(self) -> Path:
+        """The classes and objects that go."""
+        return self.root / "selection.json"
+
+    @property
+    def objects_json(self) -> Path:
+        """The single objects that can go, as they are known before there is a scene."""
+        return self.root / "objects.json"
 
     @property
     def surfels_full(self) -> Path:

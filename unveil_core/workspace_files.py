@@ -17,8 +17,11 @@ __all__ = ["frame_file", "load_array", "load_labels", "load_mask", "save_array",
 
 
 def load_labels(workspace: Workspace) -> SceneLabels:
-    """The labels that the segment stage chose."""
-    return SceneLabels.from_json(json.loads(workspace.labels_json.read_text()))
+    """The labels that occur, and what of them was chosen as far as it was."""
+    data = {"removed": [], "instances": [], **json.loads(workspace.labels_json.read_text())}
+    if workspace.selection_json.is_file():  # workspaces of before kept both in one file
+        data |= json.loads(workspace.selection_json.read_text())
+    return SceneLabels.from_json(data)
 
 
 def load_mask(path: Path) -> NDArray[np.bool_]:

@@ -3,41 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from unveil_core.drives.drive import Drive
+from unveil_core.semantics.visibility import PointsInView
 
-__all__ = ["frames_that_see", "thumbnail"]
+__all__ = ["Sighting", "best_sighting", "sightings_in_images", "sightings_of_points", "thumbnail"]
+
+LEAST_PIXELS, LEAST_POINTS = 12, 5
+"""Fewer of them are noise, no sight of an object."""
+Sightings = dict[int, list["Sighting"]]
 
 
-def frames_that_see(
-    drive: Drive, means: NDArray[np.float64], images: Sequence[NDArray[np.int64] | None], instance: int
-) -> list[tuple[int, tuple[int, int, int, int]]]:
-    """Frames that show an object with its rectangle (x0, y0, x1, y1), the one that shows it largest first."""
-    found = []
-    for v, frame in enumerate(drive.frames):
-        camera = frame.camera
-        image = images[v]
-        if image is not None:
-            rows, columns = np.nonzero(image == instance)
-            whole = len(rows)
-        else:
-            pixels, depth = camera.project(means)
-            ok = (depth > 0) & (pixels >= 0).all(axis=1)
-            ok &= (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
-            columns, rows = pixels[ok, 0].astype(int), pixels[ok, 1].astype(int)
-            whole = int(ok.sum()) if ok.mean() > 0.3 else 0
-        if whole < 12:
+@dataclass(frozen=True)
+class Sighting:
+    """One frame that shows an object.
+
+    Attributes:
+        frame: its index in the drive.
+        rectangle: (x0, y0, x1, y1) pixels that the object spans.
+    """
+
+    frame: int
+    rectangle: tuple[int, int, int, int]
+
+
+def sightings_in_images(images: Sequence[NDArray[np.integer] | None]) -> Sightings:
+    """Where instance images (H, W) per frame, 0 = none, show which id."""
+    found: Sightings = {}
+    for v, image in enumerate(images):
+        if image is None or not image.any():
             continue
-        rectangle = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
-        inner = rectangle[0] > 1 and rectangle[2] < camera.width - 1 and rectangle[3] < camera.height - 1
-        area = (rectangle[2] - rectangle[0]) * (rectangle[3] - rectangle[1])
-        found.append((area * (2 if inner else 1), v, rectangle))
-    found.sort(key=lambda f: (-f[0], f[1]))
-    return [(v, rectangle) for _, v, rectangle in found]
+        counts = np.bincount(image.ravel().astype(np.int64))
+        for number, place in enumerate(ndimage.find_objects(image), start=1):
+            if place is not None and counts[number] >= LEAST_PIXELS:
+                rows, columns = place
+                rectangle = (columns.start, rows.start, columns.stop, rows.stop)
+                found.setdefault(number, []).append(Sighting(v, rectangle))
+    return found
+
+
+def sightings_of_points(ids: NDArray[np.int64], views: Sequence[PointsInView]) -> Sightings:
+    """Where views see points of objects: ``ids`` (P,) of all points, 0 = none."""
+    found: Sightings = {}
+    for v, seen in enumerate(views):
+        own = ids[seen.index]
+        for number in np.unique(own[own > 0]):
+            rows, columns = seen.rows[own == number], seen.columns[own == number]
+            if len(rows) >= LEAST_POINTS:
+                rectangle = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+                found.setdefault(int(number), []).append(Sighting(v, rectangle))
+    return found
+
+
+def best_sighting(drive: Drive, sightings: Sequence[Sighting]) -> Sighting:
+    """The one that shows most of an object, best without its being cut off."""
+
+    def area(sighting: Sighting) -> tuple[int, int]:
+        camera = drive.frames[sighting.frame].camera
+        x0, y0, x1, y1 = sighting.rectangle
+        inner = x0 > 1 and x1 < camera.width - 1 and y1 < camera.height - 1
+        return (x1 - x0) * (y1 - y0) * (2 if inner else 1), -sighting.frame
+
+    return max(sightings, key=area)
 
 
 def thumbnail(image: NDArray[np.uint8], rectangle: tuple[int, int, int, int], side: int = 96) -> NDArray[np.uint8]:

@@ -40,6 +40,14 @@ class Box:
         inside &= (local[:, 2] <= half[2] + margin) & (local[:, 2] >= -half[2] + above)
         return inside
 
+    def corners(self, axes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(8, 3) world positions."""
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ axes
+        signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+        corners: NDArray[np.float64] = (signs * np.asarray(self.size) / 2) @ turn + np.asarray(self.centre)
+        return corners
+
     def to_json(self) -> dict[str, object]:
         """For instances.json."""
         return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}

@@ -16,7 +16,8 @@ from unveil_core.progress import Progress
 
 __all__ = ["ROWS", "Row", "chosen_rows"]
 
-FRAMES, SCENE = ("import", "segment"), ("import", "segment", "reconstruct", "instances", "remove")
+FRAMES = ("import", "segment", "choose")
+SCENE = ("import", "objects", "segment", "choose", "reconstruct", "instances", "remove")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,111 @@
+"""Objects that a person marked, because no label knows them: boxes, or sequences of mattes.
+
+A JSON list; each entry is ``{id, class, centre: [x, y, z], size: [length, width, height], yaw}`` in the drive's coordinates, or
+``{id, class, mattes: FOLDER}`` with pictures of any size that are white where the imported photographs show the object.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.drives.boxes import TrackedBox, read_boxes
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.errors import DriveError
+from unveil_core.files import read_image, read_json
+
+__all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marked"]
+
+MEND = "an entry is a box {id, class, centre, size, yaw} or {id, class, mattes: FOLDER}"
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+
+
+@dataclass(frozen=True)
+class MarkedObject:
+    """One marked object.
+
+    Attributes:
+        id: 1 to 65535, unlike all others of the drive.
+        class_name: what the person calls it.
+        box: in the drive's coordinates, or None.
+        mattes: folder of pictures, or None.
+    """
+
+    id: int
+    class_name: str
+    box: TrackedBox | None = None
+    mattes: Path | None = None
+
+
+def read_marked(path: Path) -> tuple[MarkedObject, ...]:
+    """The checked objects of a file; folders are relative to it.
+
+    Raises:
+        DriveError: no such file, not a list, an entry that is neither a box nor mattes, or an id used twice.
+    """
+    entries = read_json(path)
+    if not isinstance(entries, list):
+        raise DriveError("holds no list of marked objects", path=path, mend=MEND)
+    found = [_entry(i, entry, path) for i, entry in enumerate(entries)]
+    numbers = [m.id for m in found]
+    twice = [n for n in numbers if numbers.count(n) > 1]
+    if twice:
+        raise DriveError(f"id {twice[0]} occurs twice", path=path, mend="an id stands for one object")
+    return tuple(found)
+
+
+def marked_objects(setting: str | None) -> tuple[MarkedObject, ...]:
+    """Those of the file that a run's settings name; none where they name none."""
+    return () if setting is None else read_marked(Path(setting))
+
+
+def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
+    if not isinstance(entry, dict):
+        raise DriveError(f"entry {i} is no object", path=path, mend=MEND)
+    if "mattes" not in entry:
+        (box,) = read_boxes([{"class": "object", **entry}], path, str(i))
+        return MarkedObject(box.id, box.class_name, box=box)
+    number, folder = entry.get("id"), path.parent / str(entry["mattes"])
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
+        raise DriveError(f"entry {i}: id {number!r} is no number from 1 to 65535", path=path, mend=MEND)
+    if not files_named(folder):
+        raise DriveError("holds no pictures to take as mattes", path=folder, mend="name a folder of PNG files")
+    return MarkedObject(number, str(entry.get("class", "object")), mattes=folder)
+
+
+def files_named(folder: Path) -> list[Path]:
+    """The pictures in a folder and its sub-folders, in order."""
+    if not folder.is_dir():
+        return []
+    return sorted(p for p in folder.rglob("*") if p.suffix.lower() in PICTURES and not p.name.startswith("."))
+
+
+def matte(folder: Path, drive: Drive, frame: Frame) -> NDArray[np.bool_] | None:
+    """(H, W) where the matte of a frame is white, None where it has none.
+
+    A matte belongs to the frame of its name, ``CAMERA/FRAME.png`` or ``FRAME.png``; where no name fits and there are as many
+    files as the drive has frames, to the frame of its place.
+
+    Raises:
+        DriveError: it cannot be read.
+    """
+    files = files_named(folder)
+    own = {p.stem: p for p in files if p.parent == folder}
+    own |= {p.stem: p for p in files if p.parent == folder / frame.camera_name}
+    path = own.get(frame.name)
+    stems = {f.name for f in drive.frames}
+    if path is None and len(files) == len(drive.frames) and not any(p.stem in stems for p in files):
+        path = files[drive.frames.index(frame)]
+    if path is None:
+        return None
+    picture = read_image(path).max(axis=2)
+    size = (frame.camera.width, frame.camera.height)
+    if picture.shape != size[::-1]:
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    white: NDArray[np.bool_] = picture > 127
+    return white

@@ -1,0 +1,228 @@
+"""The single objects of a drive before there is a scene: from its points, its labels and its instance images.
+
+Their ids stay: the scene's surfels are given to these objects later, so that what was chosen early is chosen for good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.marked import MarkedObject, matte
+from unveil_core.drives.scale import units_per_metre
+from unveil_core.errors import SelectionError
+from unveil_core.progress import Progress, no_progress
+from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
+from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
+from unveil_core.semantics.lift import vote_labels
+from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_labels
+from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.surfels.initialize import estimate_normals, thin_points
+from unveil_core.surfels.sky import up_frame
+
+__all__ = ["ABOVE_GROUND_M", "FoundObjects", "SceneObject", "find_objects", "marked_box", "vote_mattes"]
+
+MOST_POINTS = 300_000
+"""More points are labelled by their neighbours among so many."""
+CLUSTER_M = 0.4
+"""Points of removable classes nearer than this are one object, where no image tells objects apart."""
+ABOVE_GROUND_M = 0.1
+"""What lies lower over the floor of a marked box is the ground under the object."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObject:
+    """One object.
+
+    Attributes:
+        id: for ``--instances``.
+        class_name: of the scene's labels, or as marked.
+        source: "images", "clusters", "box" or "mattes": where it comes from.
+        box: around its points, None where it has none; in axes of ``surfels.sky.up_frame``.
+        points: how many of the drive's points are its own.
+        sightings: frames that show it, in the drive's order.
+    """
+
+    id: int
+    class_name: str
+    source: str
+    box: Box | None
+    points: int
+    sightings: tuple[Sighting, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FoundObjects:
+    """All objects of a drive, and what its points are.
+
+    Attributes:
+        objects: by id.
+        point_labels: (P,) compact labels, -1 unknown.
+        point_objects: (P,) ids, 0 = none.
+    """
+
+    objects: tuple[SceneObject, ...]
+    point_labels: NDArray[np.int64]
+    point_objects: NDArray[np.int64]
+
+
+def marked_box(marked: TrackedBox, drive: Drive) -> Box:
+    """A marked box in the drive's recentred coordinates and the axes of ``up_frame``.
+
+    Its yaw counts from north, counterclockwise seen from above: from x, where z is up.
+    """
+    yaw = (marked.yaw + np.pi / 2 + np.pi / 2) % np.pi - np.pi / 2
+    x, y, z = (float(v) for v in np.asarray(marked.centre) - drive.offset)
+    return Box((x, y, z), marked.size, float(yaw))
+
+
+def find_objects(
+    drive: Drive, scene: SceneLabels, marked: Sequence[MarkedObject] = (), progress: Progress = no_progress
+) -> FoundObjects:
+    """Name the objects of a drive.
+
+    Args:
+        drive: an imported drive; scene: its labels.
+        marked: objects by hand.
+        progress: called per step.
+    Raises:
+        SelectionError: a marked object has the id of another one.
+        DriveError: a picture that cannot be read.
+    """
+    axes, unit = up_frame(drive.up), units_per_metre(drive)
+    positions = drive.points.positions
+    cell = 0.0
+    some = np.arange(len(positions))
+    while len(some) > MOST_POINTS:
+        cell = max(0.05 * unit, cell * 1.5)
+        some = thin_points(positions, cell)
+    cameras = [f.camera for f in drive.frames]
+    normals, spacing = estimate_normals(positions[some], np.stack([c.centre for c in cameras]))
+    views: list[PointsInView] = []
+    for done, camera in enumerate(cameras):
+        views.append(points_in_view(positions[some], spacing, camera, near=0.2 * unit, normals=normals))
+        progress(done + 1, len(cameras), "seeing points")
+    sky = scene.labels.index("sky")
+
+    def label_image(v: int) -> NDArray[np.int64]:
+        label = frame_labels(drive.frames[v], scene)
+        return label if sky is None else np.where(label == sky, -1, label)  # a point of the sky is no place
+
+    labels, _ = vote_labels(len(some), views, label_image, len(scene.labels))
+    removable = np.isin(labels, scene.removable_labels)
+    images = [frame_instances(f) for f in drive.frames]
+    ids = np.zeros(len(some), dtype=np.int64)
+    by_image = any(image is not None for image in images)
+    if by_image:
+        own = vote_instances(
+            positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=0.2 * unit
+        )
+        sightings = sightings_in_images(images)
+    else:
+        own = cluster_points(positions[some][removable], CLUSTER_M * unit, minimum=20)
+    ids[removable] = own
+    if not by_image:
+        sightings = sightings_of_points(ids, views)
+    all_labels, all_ids = labels, ids
+    if len(some) < len(positions):
+        nearest = cKDTree(positions[some]).query(positions)[1]
+        all_labels, all_ids = labels[nearest], ids[nearest]
+    classes = _image_classes(drive, scene, images) if by_image else {}
+    found = [
+        _object(drive, scene, number, "images" if by_image else "clusters", all_ids, all_labels,
+                sightings.get(number, []), classes.get(number), axes, unit)
+        for number in sorted({*sightings, *(int(i) for i in np.unique(all_ids) if i)})
+    ]  # fmt: skip
+    taken = {o.id for o in found}
+    for mark in marked:
+        if mark.id in taken:
+            raise SelectionError(
+                f"the marked object {mark.id} has the id of another object", mend=f"use {max(taken) + 1} or more"
+            )
+        taken.add(mark.id)
+        found.append(_marked(mark, drive, positions, some, views, axes, unit))
+    return FoundObjects(tuple(found), all_labels, all_ids)
+
+
+def _image_classes(
+    drive: Drive, scene: SceneLabels, images: Sequence[NDArray[np.int64] | None]
+) -> dict[int, int]:  # fmt: skip
+    """The label that most pixels of each id have."""
+    counts: dict[int, NDArray[np.int64]] = {}
+    for frame, image in zip(drive.frames, images, strict=True):
+        if image is None or not image.any():
+            continue
+        label = frame_labels(frame, scene)
+        use = (image > 0) & (label >= 0)
+        pairs, how_many = np.unique(image[use] * len(scene.labels) + label[use], return_counts=True)
+        for pair, n in zip(pairs, how_many, strict=True):
+            number, k = divmod(int(pair), len(scene.labels))
+            counts.setdefault(number, np.zeros(len(scene.labels), np.int64))[k] += n
+    return {number: int(c.argmax()) for number, c in counts.items()}
+
+
+def _object(
+    drive: Drive, scene: SceneLabels, number: int, source: str, ids: NDArray[np.int64], labels: NDArray[np.int64],
+    sightings: Sequence[Sighting], label: int | None, axes: NDArray[np.float64], unit: float,
+) -> SceneObject:  # fmt: skip
+    own = ids == number
+    if label is None:
+        label = int(np.bincount(labels[own & (labels >= 0)]).argmax())
+    box = fit_box(drive.points.positions[own], axes, gap=unit) if own.sum() >= 5 else None
+    return SceneObject(number, scene.labels.names[label], source, box, int(own.sum()), tuple(sightings))
+
+
+def _marked(
+    mark: MarkedObject, drive: Drive, positions: NDArray[np.float64], some: NDArray[np.int64],
+    views: Sequence[PointsInView], axes: NDArray[np.float64], unit: float,
+) -> SceneObject:  # fmt: skip
+    if mark.box is not None:
+        box = marked_box(mark.box, drive)
+        inside = box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M * unit)
+        ids = np.where(inside[some], mark.id, 0)
+        sightings = sightings_of_points(ids, views).get(mark.id) or _outlines(drive, box, axes)
+        return SceneObject(mark.id, mark.class_name, "box", box, int(inside.sum()), tuple(sightings))
+    assert mark.mattes is not None
+    mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
+    inside = vote_mattes(len(some), views, mattes)
+    seen = sightings_in_images([None if m is None else m.astype(np.int64) for m in mattes]).get(1, [])
+    own = positions[some][inside]
+    fitted = fit_box(own, axes, gap=unit) if len(own) >= 5 else None
+    return SceneObject(mark.id, mark.class_name, "mattes", fitted, int(inside.sum()), tuple(seen))
+
+
+def vote_mattes(
+    count: int, views: Sequence[PointsInView], mattes: Sequence[NDArray[np.bool_] | None]
+) -> NDArray[np.bool_]:
+    """(P,) points that most views with a matte (H, W) show within it; ``count`` is P."""
+
+    def image(v: int) -> NDArray[np.int64]:
+        picture = mattes[v]
+        assert picture is not None
+        return picture.astype(np.int64)
+
+    with_matte = [v for v, m in enumerate(mattes) if m is not None]
+    voted, _ = vote_labels(count, [views[v] for v in with_matte], lambda i: image(with_matte[i]), 2)
+    inside: NDArray[np.bool_] = voted == 1
+    return inside
+
+
+def _outlines(drive: Drive, box: Box, axes: NDArray[np.float64]) -> list[Sighting]:
+    """Where a box without points lies in the frames."""
+    found = []
+    for v, frame in enumerate(drive.frames):
+        camera = frame.camera
+        pixels, depth = camera.project(box.corners(axes))
+        if (depth <= 0.1).any():
+            continue
+        low, high = np.floor(pixels.min(axis=0)).astype(int), np.ceil(pixels.max(axis=0)).astype(int)
+        x0, y0, x1, y1 = max(0, low[0]), max(0, low[1]), min(camera.width, high[0]), min(camera.height, high[1])
+        if x1 - x0 > 2 and y1 - y0 > 2:
+            found.append(Sighting(v, (int(x0), int(y0), int(x1), int(y1))))
+    return found
