@@ -11,9 +11,16 @@ from importlib import import_module
 __all__ = ["register", "unregister"]
 
 MODULES = (
+    "session",
     "properties",
     "selection",
+    "preferences",
+    "operators_run",
+    "operators_environment",
     "panels",
+    "panel_run",
+    "handlers",
+    "command_line",
 )
 """Modules with ``register()`` and ``unregister()``, in the order of registration. Nothing but registration happens there."""
 

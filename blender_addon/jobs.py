@@ -18,7 +18,7 @@ from pathlib import Path
 
 from .job_state import JobState
 
-__all__ = ["Job", "end_all", "unveil_job", "worker_environment"]
+__all__ = ["Job", "end_all", "unveil_command", "unveil_job", "worker_environment"]
 
 DRAIN_S = 0.004
 """Longest time that one drain takes: a tick of the interface has 0.02 s for all it does."""
@@ -176,6 +176,12 @@ def end_all() -> None:
         job.end()
 
 
+def unveil_command(python: str | Path, arguments: Sequence[str]) -> list[str]:
+    """The ``unveil`` command; it ends when its standard input does."""
+    # -P keeps the working folder off the module path: a torch.py beside a .blend must not be taken for torch.
+    return [str(python), "-P", "-u", "-m", "unveil_core", *arguments, "--end-with-stdin"]
+
+
 def unveil_job(python: str | Path, arguments: Sequence[str]) -> Job:
     """A job of the ``unveil`` command, which ends with this process, however this ends.
 
@@ -185,5 +191,4 @@ def unveil_job(python: str | Path, arguments: Sequence[str]) -> Job:
     Raises:
         OSError: the interpreter cannot be started.
     """
-    # -P keeps the working folder off the module path: a torch.py beside a .blend must not be taken for torch.
-    return Job([str(python), "-P", "-u", "-m", "unveil_core", *arguments, "--json", "--end-with-stdin"])
+    return Job(unveil_command(python, [*arguments, "--json"]))

@@ -55,6 +55,16 @@ def _keyframes(text: str) -> tuple[str, ...]:
     return names
 
 
+def _pixels(text: str) -> int | None:
+    if text.strip() != "auto" and not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of pixels, and not auto")
+    return None if text.strip() == "auto" else int(text)
+
+
+def _file_or_none(text: str) -> str | None:
+    return None if text.strip() == "none" else text
+
+
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
@@ -77,7 +87,8 @@ def _parser() -> argparse.ArgumentParser:
         p.add_argument(
             "--inpainter", default=argparse.SUPPRESS if recorded else "exemplar", metavar="NAME|FILE.onnx", help=text
         )
-        p.add_argument("--reference-inpainter", default=argparse.SUPPRESS if recorded else None, metavar="FILE.onnx",
+        p.add_argument("--reference-inpainter", default=argparse.SUPPRESS if recorded else None,
+                       metavar="FILE.onnx|none", type=_file_or_none,
                        help="carries what was invented: image, mask and the frame that shows the place to image")  # fmt: skip
 
     def choices(p: argparse.ArgumentParser, recorded: bool = False) -> None:
@@ -93,7 +104,7 @@ def _parser() -> argparse.ArgumentParser:
         add("--quality", "standard", choices=("draft", "standard", "high"))
         add("--device", "auto", choices=("auto", "cpu", "cuda"))
         add("--seed", 0, type=int)
-        add("--max-side", None, type=int, metavar="PIXELS", help="reduce larger images to this side")
+        add("--max-side", None, type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
         add("--shadows", "auto", metavar="auto|off|AZIMUTH,ELEVATION",
             help="take shadows of what goes along, leave them, or say where the sun stands, in degrees")  # fmt: skip
         add("--movers", "auto", choices=("auto", "keep"),

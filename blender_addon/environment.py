@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make a virtual environment that has unveil_core. No bpy here.
+
+The file is also the program that does it, run by the Python that the environment is to have:
+
+    python environment.py FOLDER REQUIREMENT [--torch-index URL]
+
+It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wrong, no half-made environment stays.
+"""
+
+from __future__ import annotations
+
+import _thread
+import argparse
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+__all__ = ["READY", "base_python", "is_ready", "remove_unfinished", "requirement"]
+
+READY = "unveil-is-installed"
+"""File in an environment that was finished."""
+LEAST, MOST = (3, 11), (3, 13)
+"""Versions of Python that torch and numba are built for."""
+
+
+def is_ready(folder: Path) -> bool:
+    """Whether an environment was finished."""
+    return (folder / READY).is_file()
+
+
+def remove_unfinished(folder: Path) -> bool:
+    """Remove an environment that was not finished; returns whether there was one."""
+    if not folder.exists() or is_ready(folder):
+        return False
+    shutil.rmtree(folder, ignore_errors=True)
+    return True
+
+
+def requirement(addon: Path, named: str = "") -> str:
+    """What pip is to install: what the user has named, else the wheel that came with the add-on, else the package by its name."""
+    wheels = sorted((addon / "core").glob("unveil_core-*.whl"))
+    return named.strip() or (str(wheels[-1]) if wheels else "unveil-core")
+
+
+def base_python(own: str, environ: Mapping[str, str] | None = None) -> str | None:
+    """A Python of a version that the environment can have and that can make one: Blender's own, or one on the path.
+
+    Args:
+        own: the interpreter of this process.
+    """
+    path = (os.environ if environ is None else environ).get("PATH", "")
+    minors = range(LEAST[1], MOST[1] + 1)
+    names = [shutil.which(f"python3.{minor}", path=path) for minor in minors] + [shutil.which("python3", path=path)]
+    for python in (own, *names):
+        if python and _can_make(python):
+            return python
+    return None
+
+
+def _can_make(python: str) -> bool:
+    program = "import ensurepip, sys, venv; print(*sys.version_info[:2])"
+    try:
+        done = subprocess.run([python, "-I", "-c", program], capture_output=True, text=True, timeout=20)
+        return LEAST <= tuple(int(n) for n in done.stdout.split()) <= MOST
+    except (OSError, ValueError, subprocess.TimeoutExpired):
+        return False
+
+
+# ----------------------------------------------------------------------------------------------------------------- the program
+
+
+def tell(done: int, total: int, message: str, level: str = "info") -> None:
+    """An event, as ``unveil --json`` has them."""
+    event = {"t": time.time(), "stage": "environment", "done": done, "total": total, "message": message, "level": level}
+    print(json.dumps(event), flush=True)
+
+
+def _run(step: int, steps: int, command: list[str], what: str) -> None:
+    """Run a command and tell what it says; pip's own progress counts within the step."""
+    tell(step * 100, steps * 100, what)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
+    assert process.stdout is not None
+    last, label, told = "", what, 0.0
+    try:
+        for line in process.stdout:
+            line = line.strip()
+            progress = re.fullmatch(r"Progress (\d+) of (\d+)", line)
+            if progress:
+                done, total = (int(g) for g in progress.groups())
+                if total and (done == total or time.monotonic() - told > 0.2):
+                    told = time.monotonic()
+                    share = int(90 * done / total)
+                    tell(step * 100 + share, steps * 100, f"{label} ({done / 1e6:.0f} of {total / 1e6:.0f} MB)")
+                continue
+            if line:
+                print(line, flush=True)
+                last = line if not line.startswith("[notice]") else last
+            if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
+                label = line[:80]
+                tell(step * 100, steps * 100, label)
+        if process.wait():
+            raise RuntimeError(last or f"{command[0]} ended with exit code {process.returncode}")
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+
+
+def make(folder: Path, wanted: str, torch_index: str) -> None:
+    """Make the environment.
+
+    Args:
+        folder: of the environment; what is there goes.
+        wanted: a requirement for pip, or the path of a wheel or a source folder.
+        torch_index: package index for torch, which comes first: its own has builds without gigabytes of CUDA; empty for none.
+    Raises:
+        RuntimeError: a step failed, with the last line that it said.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+    pip = [python, "-I", "-m", "pip", "--no-input", "--disable-pip-version-check"]
+    _run(0, 5, [sys.executable, "-I", "-m", "venv", str(folder)], "making the environment")
+    try:  # only a newer pip tells how far a download is
+        _run(1, 5, [*pip, "install", "--upgrade", "pip>=24.2"], "updating pip")
+        pip_install = [*pip, "install", "--progress-bar", "raw"]
+    except RuntimeError:
+        pip_install = [*pip, "install", "--progress-bar", "off"]
+    if torch_index:
+        _run(2, 5, [*pip_install, "--index-url", torch_index, "torch>=2.4"], "installing torch")
+    _run(3, 5, [*pip_install, wanted], "installing unveil")
+    _run(4, 5, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
+    (folder / READY).write_text("")
+    tell(1, 1, "done")
+
+
+def _end_with_stdin() -> None:
+    while sys.stdin.buffer.read(4096):
+        pass
+    _thread.interrupt_main()
+
+
+def main(arguments: list[str]) -> int:
+    """Exit codes as those of ``unveil``."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("requirement")
+    parser.add_argument("--torch-index", default="")
+    given = parser.parse_args(arguments)
+    threading.Thread(target=_end_with_stdin, daemon=True).start()
+    code = 1
+    try:
+        make(given.folder, given.requirement, given.torch_index)
+        code = 0
+    except KeyboardInterrupt:
+        code = 130
+    except (RuntimeError, OSError) as error:
+        tell(0, 0, str(error), "error")
+        print(f"unveil: failed: the environment could not be made: {error}", file=sys.stderr)
+    finally:
+        if code:
+            remove_unfinished(given.folder)
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

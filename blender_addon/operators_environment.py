@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Check the Python that has unveil, or make one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy
+
+from . import environment
+from .job_operator import JobOperator, UserError, redraw
+from .job_state import JobState
+from .jobs import Job
+from .preferences import environment_folder, forget, preferences, unveil_interpreter
+
+__all__ = ["UNVEIL_OT_check_python", "UNVEIL_OT_create_environment"]
+
+
+class UNVEIL_OT_check_python(bpy.types.Operator):
+    """Look for the Python that has unveil and see what it can do; takes some seconds"""
+
+    bl_idname = "unveil.check_python"
+    bl_label = "Check"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        forget()
+        found = unveil_interpreter(context, full=True)
+        redraw(context)
+        if found is None:
+            chosen = preferences(context)
+            named = chosen.python if chosen else ""
+            problem = f"{named}: there is no such Python" if named else "No Python was found: press Create environment"
+            self.report({"ERROR"}, problem)
+            return {"CANCELLED"}
+        if not found.ok:
+            self.report({"ERROR"}, found.problem)
+            return {"CANCELLED"}
+        self.report({"INFO"}, "  ".join(found.lines()))
+        return {"FINISHED"}
+
+
+class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
+    """Make a Python environment in the extension's user folder and install unveil into it (some hundred megabytes)"""
+
+    bl_idname = "unveil.create_environment"
+    bl_label = "Create environment"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not bpy.app.online_access:
+            cls.poll_message_set("Needs online access: Preferences > System > Network")
+            return False
+        return super().poll(context)
+
+    def start(self, context: bpy.types.Context) -> Job:
+        folder = environment_folder(create=True)
+        if folder is None:
+            raise UserError(
+                "Unveil is not installed as an extension: install its zip, or name a Python in its preferences"
+            )
+        base = environment.base_python(sys.executable)
+        if base is None:
+            raise UserError("No Python 3.11, 3.12 or 3.13 that can make an environment was found: install one first")
+        chosen = preferences(context)
+        here = Path(environment.__file__)
+        wanted = environment.requirement(here.parent, chosen.install_from)
+        command = [base, "-I", "-u", str(here), str(folder), wanted]
+        return Job([*command, "--torch-index", chosen.torch_index])
+
+    def ended(self, context: bpy.types.Context, state: JobState) -> None:
+        folder = environment_folder()
+        if folder is not None:
+            environment.remove_unfinished(folder)
+        forget()
+
+    def finished(self, context: bpy.types.Context, state: JobState) -> None:
+        unveil_interpreter(context)
+
+
+CLASSES = (UNVEIL_OT_check_python, UNVEIL_OT_create_environment)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
