@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from pathlib import Path
 
 import bpy
@@ -40,8 +41,8 @@ def workspace_of(scene: bpy.types.Scene) -> Path | None:
 
 def load_results(context: bpy.types.Context, workspace: Path) -> None:
     """Bring into the scene what the workspace holds."""
-    results = importlib.import_module(".results", __package__)
-    results.load(context, workspace)
+    if importlib.util.find_spec(f"{__package__}.results") is not None:
+        importlib.import_module(".results", __package__).load(context, workspace)
 
 
 class UNVEIL_OT_run(JobOperator, bpy.types.Operator):

@@ -17,9 +17,11 @@ __all__ = ["STAGES", "StageState", "WorkspaceState", "read"]
 
 STAGES = {
     "import": "Import",
-    "segment": "Choose",
+    "objects": "Find objects",
+    "segment": "Labels, movers",
+    "choose": "Choose",
     "reconstruct": "Reconstruct",
-    "instances": "Find objects",
+    "instances": "Objects in 3D",
     "remove": "Remove",
     "inpaint": "Inpaint",
     "reoptimize": "Re-optimize",
@@ -27,6 +29,20 @@ STAGES = {
     "report": "Report",
 }
 """Names for people by verb, in the order of their dependence."""
+FOLLOWS = {
+    "import": (),
+    "objects": ("import",),
+    "segment": ("import",),
+    "choose": ("import", "objects"),
+    "reconstruct": ("import", "segment"),
+    "instances": ("import", "objects", "segment", "choose", "reconstruct"),
+    "remove": ("choose", "reconstruct", "instances"),
+    "inpaint": ("reconstruct", "remove"),
+    "reoptimize": ("reconstruct", "remove", "inpaint"),
+    "mesh": ("reconstruct", "reoptimize"),
+    "report": ("remove", "inpaint", "reoptimize", "mesh"),
+}
+"""Which stages' results a stage reads, directly or through others."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +98,11 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     # Asked for only where it matters: whoever looks holds the lock himself for a moment.
     in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
     stages: dict[str, StageState] = {}
-    before_done = True
     for name in STAGES:
         entry = recorded.get(name, {})
         state = _state(entry, wanted or {}, in_use)
-        if state == "done" and not before_done:
+        if state == "done" and any(stages[earlier].state != "done" for earlier in FOLLOWS[name]):
             state = "stale"
-        before_done = before_done and state == "done"
         message = _why_failed(root, name) if state == "failed" else ""
         stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)

@@ -10,7 +10,7 @@ from unveil_core.stage_bodies import STAGES
 from unveil_core.stages import Digests, input_hash
 from unveil_core.workspace import Workspace
 
-__all__ = ["stage_states"]
+__all__ = ["depends_on", "stage_states"]
 
 
 def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> dict[str, str]:
@@ -40,7 +40,7 @@ def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> d
             state = "failed"
         elif not there:
             state = "to do"
-        elif entry.get("status") != "done" or _depends_on(stage.inputs + stage.optional, will_change):
+        elif entry.get("status") != "done" or depends_on(stage.inputs + stage.optional, will_change):
             state = "stale"
         else:
             try:
@@ -55,7 +55,7 @@ def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> d
     return states
 
 
-def _depends_on(inputs: tuple[str, ...], changing: set[str]) -> bool:
+def depends_on(inputs: tuple[str, ...], changing: set[str]) -> bool:
     """Whether an input is one of the changing files or folders, holds one, or lies in one."""
     return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in changing)
 

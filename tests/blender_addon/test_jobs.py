@@ -149,7 +149,7 @@ def python(tmp_path: Path) -> Path:
 def test_an_import_tells_of_itself(drive: Path, python: Path, tmp_path: Path) -> None:
     state = unveil_job(python, ["import", str(drive), "-o", str(tmp_path / "ws")]).wait(60)
     assert state.status == "done", list(state.log)
-    assert state.ended == {"import": "done"} and (tmp_path / "ws/drive/cameras.json").is_file()
+    assert state.ended == {"import": "done", "objects": "done"} and (tmp_path / "ws/drive/cameras.json").is_file()
 
 
 def test_bad_input_is_one_line(python: Path, tmp_path: Path) -> None:

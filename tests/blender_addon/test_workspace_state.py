@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.workspace_state import STAGES, read
+from blender_addon.workspace_state import FOLLOWS, STAGES, read
 from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.cli import main
 from unveil_core.settings import RunSettings
 from unveil_core.stage_bodies import STAGES as CORE_STAGES
-from unveil_core.status import stage_states
+from unveil_core.status import depends_on, stage_states
 from unveil_core.workspace import Workspace
 
 
@@ -20,7 +20,8 @@ from unveil_core.workspace import Workspace
 def root(tmp_path: Path) -> Path:
     drive = make_tiny_drive(tmp_path / "drive")
     assert main(["import", str(drive), "-o", str(tmp_path / "ws")]) == 0
-    assert main(["segment", str(tmp_path / "ws")]) == 0
+    for verb in ("segment", "choose"):
+        assert main([verb, str(tmp_path / "ws")]) == 0
     return tmp_path / "ws"
 
 
@@ -28,12 +29,35 @@ def states(root: Path, wanted: dict[str, object] | None = None) -> dict[str, str
     return {name: stage.state for name, stage in read(root, wanted).stages.items()}
 
 
-def test_the_stages_are_those_of_the_core() -> None:
+def test_the_stages_and_what_they_follow_are_the_core_s() -> None:
     assert list(STAGES) == [stage.name for stage in CORE_STAGES]
+
+    def closed(follows: dict[str, tuple[str, ...]]) -> dict[str, set[str]]:
+        found: dict[str, set[str]] = {}
+        for name, direct in follows.items():
+            found[name] = set(direct).union(*(found[d] for d in direct))
+        return found
+
+    direct = {
+        s.name: tuple(
+            o.name for o in CORE_STAGES if o is not s and depends_on(s.inputs + s.optional, set(o.outputs))
+        )
+        for s in CORE_STAGES
+    }  # fmt: skip
+    assert closed(FOLLOWS) == closed(direct)
 
 
 @pytest.mark.parametrize(
-    "changed", [{}, {"seed": 5}, {"movers": "keep"}, {"max_side": 32}, {"quality": "draft"}, {"shadows": "off"}]
+    "changed",
+    [
+        {},
+        {"seed": 5},
+        {"movers": "keep"},
+        {"max_side": 32},
+        {"quality": "draft"},
+        {"shadows": "off"},
+        {"instances": (300,)},
+    ],
 )
 def test_it_agrees_with_unveil_status(root: Path, changed: dict[str, object]) -> None:
     settings = RunSettings(**changed)  # type: ignore[arg-type]
