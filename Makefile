@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_WAIT_POLICY := PASSIVE
 
-.PHONY: demo test test-blender lint clean
+.PHONY: demo test test-blender extension lint clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -16,6 +16,18 @@ test: $(VENV)/.installed-test
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.2/bin/python
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.5/bin/python
+
+# The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.
+# Blender's own tool builds and checks it.
+extension: BLENDER_EXT = $(shell $(BIN)/python -c "import importlib.util as u, pathlib as p; print(next(p.Path(u.find_spec('bpy').origin).parent.glob('*/scripts/addons_core/bl_pkg/cli/blender_ext.py')))")
+extension: $(VENV)/.installed-test
+	rm -rf build/extension dist/extension && mkdir -p build dist/extension
+	cp -R blender_addon build/extension
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/extension/core .
+	$(BIN)/python $(BLENDER_EXT) validate build/extension
+	$(BIN)/python $(BLENDER_EXT) build --source-dir build/extension --output-dir dist/extension
+	$(BIN)/python $(BLENDER_EXT) validate dist/extension/unveil-*.zip
+	$(BIN)/python $(BLENDER_EXT) server-generate --repo-dir dist/extension --html
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -121,8 +121,8 @@ def _live(stage: StageState) -> StageState:
 
 def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
     """Lines that fit into the sidebar: labels do not wrap by themselves."""
-    width = context.region.width if context.region is not None else 300
-    characters = max(int(width / (7.5 * context.preferences.system.ui_scale)) - 4, 16)
+    width = (context.region.width if context.region is not None else 0) or 300
+    characters = max(int(width / (7.5 * (context.preferences.system.ui_scale or 1.0))) - 4, 16)
     return textwrap.wrap(text, characters, break_on_hyphens=False) or [""]
 
 

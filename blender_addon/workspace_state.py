@@ -29,20 +29,6 @@ STAGES = {
     "report": "Report",
 }
 """Names for people by verb, in the order of their dependence."""
-FOLLOWS = {
-    "import": (),
-    "objects": ("import",),
-    "segment": ("import",),
-    "choose": ("import", "objects"),
-    "reconstruct": ("import", "segment"),
-    "instances": ("import", "objects", "segment", "choose", "reconstruct"),
-    "remove": ("choose", "reconstruct", "instances"),
-    "inpaint": ("reconstruct", "remove"),
-    "reoptimize": ("reconstruct", "remove", "inpaint"),
-    "mesh": ("reconstruct", "reoptimize"),
-    "report": ("remove", "inpaint", "reoptimize", "mesh"),
-}
-"""Which stages' results a stage reads, directly or through others."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +87,7 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     for name in STAGES:
         entry = recorded.get(name, {})
         state = _state(entry, wanted or {}, in_use)
-        if state == "done" and any(stages[earlier].state != "done" for earlier in FOLLOWS[name]):
+        if state == "done" and not _follows(entry, recorded, stages):
             state = "stale"
         message = _why_failed(root, name) if state == "failed" else ""
         stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
@@ -124,6 +110,17 @@ def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bo
     if isinstance(made_with, dict) and any(wanted[k] != v for k, v in made_with.items() if k in wanted):
         return "stale"
     return "done"
+
+
+def _follows(entry: Mapping[str, object], recorded: Mapping[str, dict], stages: Mapping[str, StageState]) -> bool:  # type: ignore[type-arg]
+    """Whether the stages that it was made from are up to date, and are what they were then."""
+    made_from = entry.get("follows")
+    if not isinstance(made_from, dict):
+        return True
+    return all(
+        recorded.get(name, {}).get("input_hash") == digest and (name not in stages or stages[name].state == "done")
+        for name, digest in made_from.items()
+    )
 
 
 def _in_use(root: Path) -> bool:

@@ -31,7 +31,7 @@ from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
 
-__all__ = ["Digests", "Reporter", "Stage", "StageContext", "input_hash", "run_stages", "silent"]
+__all__ = ["Digests", "Reporter", "Stage", "StageContext", "depends_on", "input_hash", "run_stages", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
@@ -201,6 +201,20 @@ def _signals(flag: threading.Event) -> Iterator[None]:
             signal.signal(s, handler)
 
 
+def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool:
+    """Whether an input is one of the outputs, a folder that holds one, or lies in one."""
+    return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in outputs)
+
+
+def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
+    """The input hashes of the stages whose outputs a stage reads: with them one can tell at a glance what is stale."""
+    inputs = stage.inputs + stage.optional
+    return {
+        name: entry["input_hash"] for name, entry in recorded.items()
+        if name != stage.name and "input_hash" in entry and depends_on(inputs, entry.get("outputs", ()))
+    }  # fmt: skip
+
+
 @contextmanager
 def _room_on(root: Path) -> Iterator[None]:
     """Errors for want of space become the one line that says so."""
@@ -258,12 +272,17 @@ def run_stages(
                     mend="run the stages before it, or `unveil run`",
                 )  # fmt: skip
             wanted = input_hash(stage, workspace, settings, drive, digests)
-            recorded = workspace.state().get("stages", {}).get(stage.name, {})
+            all_recorded = workspace.state().get("stages", {})
+            recorded = all_recorded.get(stage.name, {})
+            follows = _follows(stage, all_recorded)
             there = all((workspace.root / n).exists() for n in stage.outputs)
             if not force and there and recorded.get("status") == "done" and recorded.get("input_hash") == wanted:
+                if recorded.get("follows") != follows:  # other inputs, of the same content
+                    workspace.update_stage(stage.name, follows=follows)
                 reporter(workspace.log(stage.name, "up to date", done=1, total=1))
                 continue
             _run_one(workspace, stage, settings, drive, wanted, stop, reporter)
+            workspace.update_stage(stage.name, follows=follows)
             ran.append(stage.name)
             digests.save()
     return ran
@@ -320,7 +339,7 @@ def _run_one(
     values = settings.to_json()
     workspace.update_stage(
         stage.name, status="done", seconds=seconds, peak_memory_mb=peak_memory_mb(), input_hash=wanted,
-        settings={k: values[k] for k in stage.settings},
+        settings={k: values[k] for k in stage.settings}, outputs=list(stage.outputs),
     )  # fmt: skip
     reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
 

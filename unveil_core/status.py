@@ -7,10 +7,10 @@ from pathlib import Path
 from unveil_core.errors import UnveilError, WorkspaceError
 from unveil_core.settings import RunSettings
 from unveil_core.stage_bodies import STAGES
-from unveil_core.stages import Digests, input_hash
+from unveil_core.stages import Digests, depends_on, input_hash
 from unveil_core.workspace import Workspace
 
-__all__ = ["depends_on", "stage_states"]
+__all__ = ["stage_states"]
 
 
 def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> dict[str, str]:
@@ -53,11 +53,6 @@ def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> d
         if state != "done":
             will_change.update(stage.outputs)
     return states
-
-
-def depends_on(inputs: tuple[str, ...], changing: set[str]) -> bool:
-    """Whether an input is one of the changing files or folders, holds one, or lies in one."""
-    return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in changing)
 
 
 def _in_use(workspace: Workspace) -> bool:

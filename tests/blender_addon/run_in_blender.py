@@ -34,8 +34,14 @@ def unveil_python(folder: Path, python: str = sys.executable) -> Path:
     return script
 
 
-def run_check(python: str, check: Path, timeout_s: float = 300) -> subprocess.CompletedProcess[str]:
-    """Run one file; its user folders are new and go afterwards."""
+def run_check(python: str, check: Path, *, shared: Path, timeout_s: float = 300) -> subprocess.CompletedProcess[str]:
+    """Run one file; its user folders are new and go afterwards.
+
+    Args:
+        python: has bpy and pytest.
+        check: the file.
+        shared: a folder in which the files keep what is costly to make: a workspace that a run has finished.
+    """
     with tempfile.TemporaryDirectory(prefix="unveil-bpy-") as name:
         folder = Path(name)
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("BLENDER_", "PYTHON"))}
@@ -44,20 +50,19 @@ def run_check(python: str, check: Path, timeout_s: float = 300) -> subprocess.Co
              "--confcutdir", str(HERE / "in_blender"), str(check)],
             cwd=ROOT, capture_output=True, text=True, timeout=timeout_s,
             env={**kept, "BLENDER_USER_RESOURCES": str(folder / "user"), "UNVEIL_PYTHON": str(unveil_python(folder)),
-                 "UNVEIL_ROOT": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"},
+                 "UNVEIL_ROOT": str(ROOT), "UNVEIL_SHARED": str(shared), "PYTHONDONTWRITEBYTECODE": "1"},
         )  # fmt: skip
 
 
 def main(arguments: list[str]) -> int:
     """Run all, or those named; 1 if one fails."""
     worst = 0
-    for check in [Path(a).resolve() for a in arguments[1:]] or checks():
-        done = run_check(arguments[0], check)
-        print(
-            f"--- {check.name}: exit {done.returncode}\n{done.stdout}{done.stderr if done.returncode else ''}",
-            flush=True,
-        )
-        worst = max(worst, int(done.returncode != 0))
+    with tempfile.TemporaryDirectory(prefix="unveil-shared-") as shared:
+        for check in [Path(a).resolve() for a in arguments[1:]] or checks():
+            done = run_check(arguments[0], check, shared=Path(shared))
+            said = done.stdout + (done.stderr if done.returncode else "")
+            print(f"--- {check.name}: exit {done.returncode}\n{said}", flush=True)
+            worst = max(worst, int(done.returncode != 0))
     return worst
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.workspace_state import FOLLOWS, STAGES, read
+from blender_addon.workspace_state import STAGES, read
 from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.cli import main
 from unveil_core.settings import RunSettings
 from unveil_core.stage_bodies import STAGES as CORE_STAGES
-from unveil_core.status import depends_on, stage_states
+from unveil_core.status import stage_states
 from unveil_core.workspace import Workspace
 
 
@@ -29,22 +29,20 @@ def states(root: Path, wanted: dict[str, object] | None = None) -> dict[str, str
     return {name: stage.state for name, stage in read(root, wanted).stages.items()}
 
 
-def test_the_stages_and_what_they_follow_are_the_core_s() -> None:
+def test_the_stages_are_those_of_the_core() -> None:
     assert list(STAGES) == [stage.name for stage in CORE_STAGES]
 
-    def closed(follows: dict[str, tuple[str, ...]]) -> dict[str, set[str]]:
-        found: dict[str, set[str]] = {}
-        for name, direct in follows.items():
-            found[name] = set(direct).union(*(found[d] for d in direct))
-        return found
 
-    direct = {
-        s.name: tuple(
-            o.name for o in CORE_STAGES if o is not s and depends_on(s.inputs + s.optional, set(o.outputs))
-        )
-        for s in CORE_STAGES
-    }  # fmt: skip
-    assert closed(FOLLOWS) == closed(direct)
+def test_a_stage_run_anew_with_other_settings_makes_stale_what_follows(root: Path) -> None:
+    before = read(root)
+    assert {before.stages[n].state for n in ("import", "objects", "segment", "choose")} == {"done"}
+    drive = str(root.parent / "drive/transforms.json")
+    assert main(["import", drive, "-o", str(root), "--max-side", "32"]) == 0
+    after = {name: stage.state for name, stage in read(root).stages.items()}
+    assert after["import"] == after["objects"] == "done" and after["segment"] == after["choose"] == "stale"
+    assert main(["import", drive, "-o", str(root)]) == 0  # as before, byte for byte
+    assert read(root).stages["choose"].state == "done"
+    assert stage_states(Workspace.open(root))["choose"] == "done"
 
 
 @pytest.mark.parametrize(
@@ -79,7 +77,8 @@ def test_running_failed_and_killed(root: Path) -> None:
 def test_what_follows_a_stage_that_is_not_done_is_stale(root: Path) -> None:
     workspace = Workspace.open(root)
     workspace.update_stage("import", status="cancelled")
-    assert states(root)["segment"] == "stale"
+    found = states(root)
+    assert found["segment"] == found["choose"] == "stale" and found["reconstruct"] == "to do"
 
 
 def test_no_workspace_and_a_damaged_one(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import os
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(os.environ["UNVEIL_ROOT"])
+SHARED = Path(os.environ["UNVEIL_SHARED"])
 
 
 @dataclass(frozen=True)
@@ -55,3 +58,43 @@ def scene(addon: AddOn):  # type: ignore[no-untyped-def]
 
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     return bpy.context.scene
+
+
+def outside(*arguments: str) -> None:
+    """Run the Python that has unveil_core."""
+    subprocess.run([os.environ["UNVEIL_PYTHON"], *arguments], check=True, timeout=240, stdin=subprocess.DEVNULL)
+
+
+@pytest.fixture(scope="session")
+def street() -> Path:
+    """transforms.json of a small street with a red car, 8 frames of 128x80; its truth lies beside it."""
+    folder = SHARED / "street"
+    if not folder.exists():
+        program = (
+            "import sys, pathlib; from tests.small_street import make_small_street as m; m(pathlib.Path(sys.argv[1]))"
+        )
+        outside("-c", program, str(SHARED / "street.partial"))
+        (SHARED / "street.partial").rename(folder)
+    return folder / "transforms.json"
+
+
+@pytest.fixture(scope="session")
+def finished(addon: AddOn, street: Path) -> Path:
+    """A workspace of that street, run at draft quality through the operator. Not to be changed: see :func:`workspace`."""
+    folder = SHARED / "finished"
+    if not folder.exists():
+        import bpy
+
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        settings = bpy.context.scene.unveil
+        settings.drive, settings.workspace = str(street), str(SHARED / "finished.partial")
+        settings.quality = "draft"
+        assert bpy.ops.unveil.run() == {"FINISHED"}
+        (SHARED / "finished.partial").rename(folder)
+    return folder
+
+
+@pytest.fixture
+def workspace(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the finished workspace."""
+    return Path(shutil.copytree(finished, tmp_path / "workspace"))
