@@ -14,6 +14,7 @@ MODULES = (
     "session",
     "properties",
     "selection",
+    "view",
     "preferences",
     "operators_run",
     "operators_environment",

@@ -6,11 +6,14 @@ Ask whether something is there rather than for a version where that is possible.
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import bpy
 
-__all__ = ["eevee", "fcurve_of", "has_window", "set_modifier_input"]
+__all__ = [
+    "eevee", "fcurve_of", "has_window", "set_modifier_input", "show_in_sequencer", "strip_files", "strips_of",
+]  # fmt: skip
 
 
 def has_window() -> bool:
@@ -49,3 +52,22 @@ def set_modifier_input(modifier: Any, name: str, value: Any) -> None:
         getattr(inputs, name).value = value
     else:
         modifier[name] = value
+
+
+def strips_of(scene: Any) -> Any:
+    """The strips of a scene's sequence editor, which is made where there is none; called sequences up to 4.3."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.strips if hasattr(editor, "strips") else editor.sequences
+
+
+def show_in_sequencer(context: Any, scene: Any) -> None:
+    """Let the Video Sequencer show a scene where it shows none: since 5.0 that need not be the window's scene."""
+    workspace = getattr(context, "workspace", None)
+    if workspace is not None and getattr(workspace, "sequencer_scene", scene) is None:
+        workspace.sequencer_scene = scene
+
+
+def strip_files(strip: Any) -> list[str]:
+    """Absolute paths of an image strip's pictures."""
+    folder = bpy.path.abspath(strip.directory)
+    return [os.path.join(folder, e.filename) for e in strip.elements]

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Finding again what was made before: data blocks carry the drive and the part they play in it as custom properties.
+
+Names are for people: Blender cuts and numbers them, and artists change them.
+"""
+
+from __future__ import annotations
+
+import os
+import uuid
+from typing import Any
+
+import bpy
+
+__all__ = [
+    "child_collection", "drive_collection", "drive_of", "ensure", "ensure_object", "find", "mark", "remove", "workspace_of",
+]  # fmt: skip
+
+DRIVE, ROLE, WORKSPACE = "unveil_drive", "unveil_role", "unveil_workspace"
+
+
+def mark(block: Any, drive: str, role: str) -> None:
+    """Write what it is on a data block or strip."""
+    block[DRIVE], block[ROLE] = drive, role
+
+
+def find(blocks: Any, drive: str, role: str) -> Any:
+    """The one of that role, None where there is none."""
+    return next((b for b in blocks if b.get(ROLE) == role and b.get(DRIVE) == drive), None)
+
+
+def ensure(blocks: Any, drive: str, role: str, make: Any) -> Any:
+    """The one of that role, made by ``make()`` where there is none."""
+    block = find(blocks, drive, role)
+    if block is None:
+        block = make()
+        mark(block, drive, role)
+    return block
+
+
+def ensure_object(data: Any, drive: str, role: str, name: str, collection: bpy.types.Collection) -> bpy.types.Object:
+    """The object of that role, with this data, in this collection."""
+    thing = ensure(bpy.data.objects, drive, role, lambda: bpy.data.objects.new(name, data))
+    if thing.data != data:
+        thing.data = data
+    if collection not in thing.users_collection:
+        collection.objects.link(thing)
+    return thing
+
+
+def remove(blocks: Any, block: Any) -> None:
+    """Take a data block away, where there is one."""
+    if block is not None:
+        blocks.remove(block)
+
+
+def same_folder(a: str, b: str) -> bool:
+    """Whether two paths lead to one folder."""
+    return os.path.normcase(os.path.realpath(a)) == os.path.normcase(os.path.realpath(b))
+
+
+def workspace_of(collection: bpy.types.Collection) -> str:
+    """Absolute path of the workspace that a drive's collection shows."""
+    return os.path.realpath(bpy.path.abspath(str(collection.get(WORKSPACE, ""))))
+
+
+def drive_of(collection: bpy.types.Collection) -> str:
+    """The drive's mark on its data blocks."""
+    return str(collection.get(DRIVE, ""))
+
+
+def drive_collection(
+    scene: bpy.types.Scene, workspace: str, name: str = "", source: str = ""
+) -> bpy.types.Collection | None:
+    """The collection of a workspace's drive in a scene; made where there is none and a name is given.
+
+    One whose workspace is gone but whose drive is the same was moved with its workspace, and is taken over.
+    """
+    drives = [c for c in scene.collection.children_recursive if c.get(ROLE) == "drive"]
+    for collection in drives:
+        if same_folder(workspace_of(collection), workspace):
+            return collection
+    if not name:
+        return None
+    for collection in drives:
+        if collection.get("unveil_source") == source and not os.path.isdir(workspace_of(collection)):
+            collection[WORKSPACE] = workspace
+            return collection
+    collection = bpy.data.collections.new(name)
+    mark(collection, uuid.uuid4().hex[:12], "drive")
+    collection[WORKSPACE], collection["unveil_source"] = workspace, source
+    scene.collection.children.link(collection)
+    return collection
+
+
+def child_collection(parent: bpy.types.Collection, role: str, name: str) -> bpy.types.Collection:
+    """A collection within a drive's."""
+    child = find(parent.children_recursive, drive_of(parent), role)
+    if child is None:
+        child = bpy.data.collections.new(name)
+        mark(child, drive_of(parent), role)
+        parent.children.link(child)
+    return child

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Picture sequences as Blender wants them: numbered without gaps. No bpy here.
+
+A drive's frames may have any names; where these are no such numbers, numbered links to them are made in ``blender/`` of the
+workspace.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["REGION_COLORS", "PictureSequence", "numbered", "with_palette"]
+
+REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
+"""sRGB of nothing removed, observed, seen from other views, never seen."""
+
+
+@dataclass(frozen=True)
+class PictureSequence:
+    """Files that Blender reads as one sequence.
+
+    Attributes:
+        files: in order, numbered one by one.
+        first: number of the first.
+    """
+
+    files: tuple[Path, ...]
+    first: int
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+
+def _numbers(files: Sequence[Path]) -> int | None:
+    """Number of the first file where they are numbered one by one in one folder, else None."""
+    stems = [f.stem for f in files]
+    alike = len({(len(f.stem), f.suffix, f.parent) for f in files}) == 1
+    if not alike or not all(s.isascii() and s.isdigit() for s in stems):
+        return None
+    first = int(stems[0])
+    if first > 1_000_000 or any(int(s) != first + i for i, s in enumerate(stems)):
+        return None
+    return first
+
+
+def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
+    """A sequence of files; where their names are none, of links to them in ``folder``.
+
+    Raises:
+        OSError: the links cannot be made.
+    """
+    first = _numbers(files)
+    if first is not None:
+        return PictureSequence(tuple(files), first)
+    folder.mkdir(parents=True, exist_ok=True)
+    linked = []
+    for i, file in enumerate(files):
+        target = folder / f"{i:06d}{file.suffix.lower()}"
+        if not _same(target, file):
+            target.unlink(missing_ok=True)
+            try:
+                os.link(file, target)
+            except OSError:
+                shutil.copy2(file, target)
+        linked.append(target)
+    for left in set(folder.iterdir()) - set(linked):
+        left.unlink()
+    return PictureSequence(tuple(linked), 0)
+
+
+def _same(target: Path, file: Path) -> bool:
+    """Whether a link or copy is still that of the file, which may have been written anew."""
+    try:
+        a, b = target.stat(), file.stat()
+    except OSError:
+        return False
+    return (a.st_ino, a.st_dev) == (b.st_ino, b.st_dev) or (a.st_size, a.st_mtime_ns) == (b.st_size, b.st_mtime_ns)
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def with_palette(png: bytes, colors: Sequence[tuple[int, int, int]]) -> bytes:
+    """A grey 8-bit PNG of small numbers as one that shows each number in a colour; the pixels are taken over as they are.
+
+    Raises:
+        ValueError: it is no grey 8-bit PNG.
+    """
+    header = struct.unpack(">IIBBBBB", png[16:29]) if png[:8] == b"\x89PNG\r\n\x1a\n" and len(png) > 33 else ()
+    if header[2:4] != (8, 0):
+        raise ValueError("is no grey 8-bit PNG")
+    palette = bytes(v for color in (*colors, *[(255, 255, 255)] * (256 - len(colors))) for v in color)
+    start = png[:8] + _chunk(b"IHDR", struct.pack(">IIBBBBB", *header[:3], 3, *header[4:])) + _chunk(b"PLTE", palette)
+    rest = png[33:]
+    kept, place = [], 0
+    while place + 12 <= len(rest):  # gamma and the like of a grey picture do not go with a palette
+        (length,) = struct.unpack(">I", rest[place : place + 4])
+        kind, end = rest[place + 4 : place + 8], place + 12 + length
+        if kind in (b"IDAT", b"IEND"):
+            kept.append(rest[place:end])
+        place = end
+    return start + b"".join(kept)
