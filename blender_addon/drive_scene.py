@@ -12,11 +12,11 @@ from . import blocks, cameras, classes, meshes, plates, selection, sequences, sp
 from .drive_files import ImportedDrive, read_drive, read_json
 from .ply_file import read_ply
 
-__all__ = ["MOST_POINTS", "load", "tracks_of"]
+__all__ = ["MOST_POINTS", "load", "show_cameras_view", "tracks_of"]
 
 MOST_POINTS = 150_000
 """More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
-RADIUS_PER_METRE, RADIUS_M = 0.0025, (0.012, 0.2)
+RADIUS_PER_METRE, RADIUS_M = 0.005, (0.03, 0.35)
 """Size of a shown point by its distance from the drive: LiDAR thins out with it."""
 
 
@@ -87,7 +87,9 @@ def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -
     meshes.set_colors(mesh, "Colour", np.repeat(plain, 4, axis=0))
     meshes.set_colors(mesh, "Class", np.repeat(classes.color_table(source)[labels], 4, axis=0))
     meshes.set_face_values(mesh, "label", np.repeat(labels.astype(np.int32), 4))
-    thing = blocks.ensure_object(mesh, mark, "points", "Points", blocks.child_collection(collection, "points", "Points"))
+    thing = blocks.ensure_object(
+        mesh, mark, "points", "Points", blocks.child_collection(collection, "points", "Points")
+    )
     if not mesh.materials:
         mesh.materials.append(meshes.color_material(mark, "Points"))
     thing["unveil_points"], thing["unveil_points_shown"] = len(ply.vertices), len(chosen)
@@ -119,10 +121,18 @@ def _first_look(context: bpy.types.Context, tracks: list[bpy.types.Object]) -> N
     scene.frame_set(0)
     # Photographs are to be seen as they are: a filmic view would bleach them.
     scene.view_settings.view_transform = "Standard"
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                space = area.spaces.active
-                space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
-                space.clip_end = max(space.clip_end, 2000.0)
-                space.region_3d.view_perspective = "CAMERA"
+    for space in _viewports(context):
+        space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
+        space.clip_end = max(space.clip_end, 2000.0)
+    show_cameras_view(context)
+
+
+def show_cameras_view(context: bpy.types.Context) -> None:
+    """Look through the scene's camera in every 3D view."""
+    for space in _viewports(context):
+        space.region_3d.view_perspective = "CAMERA"
+
+
+def _viewports(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:
+    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "VIEW_3D"]
+    return [a.spaces.active for a in areas]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run has made, in the scene: as plates, strips, clips, meshes and Gaussians. What is there already is brought up to date."""
+"""What a run has made, in the scene: plates, strips, clips, meshes and Gaussians. What is there already is brought up to date."""
 
 from __future__ import annotations
 
@@ -112,9 +112,8 @@ def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str) -> 
     kinds = plates.kinds_of(camera)
     if "clean" not in kinds:
         return
-    fresh = scene.sequence_editor is None
     strips = versions.strips_of(scene)
-    if fresh:  # F12 goes on to render the scene, not these pictures
+    if not len(strips):  # F12 goes on to render the scene, not these pictures
         scene.render.use_sequencer = False
     versions.show_in_sequencer(context, scene)
     for kind in ("original", "clean"):

@@ -51,12 +51,15 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         "inpainter": _inpainter(settings, absolute),
         "reference_inpainter": _file(settings.reference_inpainter, absolute) or None,
         "max_side": settings.max_side or None,
+        "marked": None,
     }
     for option, value in zip(selection[::2], selection[1::2], strict=True):
         if option == "--remove":
             found["remove"] = _names(value)
         elif option == "--instances":
             found["instances"] = [int(part) for part in _names(value)]
+        elif option == "--marked":
+            found["marked"] = value
     return found
 
 

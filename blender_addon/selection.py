@@ -43,6 +43,8 @@ class UnveilObject(bpy.types.PropertyGroup):
     frames: IntProperty(description="How many frames show it")
     first_frame: StringProperty()
     last_frame: StringProperty()
+    best_track: StringProperty(description="The camera that shows it best")
+    best_frame: IntProperty(default=-1, description="The frame of the timeline that shows it best; negative: none")
     points: IntProperty()
     thumbnail: StringProperty()
     marker: PointerProperty(type=bpy.types.Object, description="The wire cube around what nobody labelled")
@@ -211,7 +213,11 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     for entry in listed["classes"]:
         item = selection.classes.add()
         item.name, item.removable, item.alone = entry["name"], bool(entry["removable"]), entry["name"] in alone
-        item.objects, item.points, item.pixels = int(entry["objects"]), int(entry["points"]), int(entry["pixels"] // 1000)
+        item.objects, item.points, item.pixels = (
+            int(entry["objects"]),
+            int(entry["points"]),
+            int(entry["pixels"] // 1000),
+        )
     selection.active = min(selection.active, max(len(selection.objects) - 1, 0))
 
 
@@ -232,6 +238,7 @@ def _keep(thing: UnveilObject) -> dict[str, Any]:
 def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
     thing.frames, thing.points = int(entry["frames"]), int(entry["points"])
     thing.first_frame, thing.last_frame = entry["first_frame"] or "", entry["last_frame"] or ""
+    thing.best_track, thing.best_frame = _place(drive, entry.get("best_camera"), entry.get("best_frame"))
     thing.distance = -1.0 if entry["distance_m"] is None else float(entry["distance_m"])
     thing.thumbnail = str(drive.workspace / entry["thumbnail"]) if entry["thumbnail"] else ""
     box = entry["box"]
@@ -240,6 +247,12 @@ def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
         thing.centre = drive.to_scene(np.asarray(box["centre"], np.float64))
         thing.size = np.asarray(box["size"]) / drive.units_per_metre
         thing.yaw = float(box["yaw"]) - math.pi / 2  # the files count from east, the scene's x is north
+
+
+def _place(drive: ImportedDrive, track: str | None, name: str | None) -> tuple[str, int]:
+    """Track and frame of the timeline of a frame of the drive."""
+    names = [f.name for f in drive.tracks.get(track or "", ())]
+    return (track or "", names.index(name)) if name in names else ("", -1)
 
 
 CLASSES = (UnveilObject, UnveilClass, UnveilSelection)

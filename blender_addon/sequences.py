@@ -15,10 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["REGION_COLORS", "PictureSequence", "numbered", "with_palette"]
+__all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
 
 REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
 """sRGB of nothing removed, observed, seen from other views, never seen."""
+
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
+"""What mattes may be, as the command takes them."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,11 @@ class PictureSequence:
 
     def __len__(self) -> int:
         return len(self.files)
+
+
+def pictures_in(folder: str | Path) -> list[Path]:
+    """The pictures in a folder and those below it."""
+    return sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() in PICTURES and not p.name.startswith("."))
 
 
 def _numbers(files: Sequence[Path]) -> int | None:

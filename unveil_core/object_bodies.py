@@ -71,11 +71,12 @@ def objects_body(context: StageContext) -> None:
 def _entry(context: StageContext, drive: Drive, thing: SceneObject, unit: float) -> dict[str, object]:
     """What the lists tell of an object; ``distance_m`` from the nearest camera that sees it."""
     frames = [drive.frames[s.frame] for s in thing.sightings]
-    picture = distance = None
+    picture = distance = shown = None
     if thing.sightings:
         best = best_sighting(drive, thing.sightings)
+        shown = drive.frames[best.frame]
         picture = f"objects/{thing.id:04d}.png"
-        image = read_image(drive.frames[best.frame].image_path)
+        image = read_image(shown.image_path)
         write_image_atomic(context.output(picture), thumbnail(image, best.rectangle))
     if thing.box is not None:
         centres = np.stack([f.camera.centre for f in frames or drive.frames])
@@ -84,6 +85,7 @@ def _entry(context: StageContext, drive: Drive, thing: SceneObject, unit: float)
         "id": thing.id, "class": thing.class_name, "source": thing.source,
         "box": None if thing.box is None else thing.box.to_json(), "points": thing.points, "frames": len(frames),
         "first_frame": frames[0].name if frames else None, "last_frame": frames[-1].name if frames else None,
+        "best_camera": None if shown is None else shown.camera_name, "best_frame": None if shown is None else shown.name,
         "distance_m": distance, "thumbnail": picture,
     }  # fmt: skip
 

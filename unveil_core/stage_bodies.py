@@ -133,7 +133,7 @@ def report_body(context: StageContext) -> None:
 
 STAGES: tuple[Stage, ...] = (
     Stage("import", import_body, (), ("drive",), ("max_side", "quality"), drive_digest=True),
-    Stage("objects", objects_body, ("drive",), ("objects.json", "objects"), ("marked",)),
+    Stage("objects", objects_body, ("drive",), ("objects.json", "objects"), ("marked",), version=2),
     Stage("segment", segment_body, ("drive",), ("labels.json", "movers"), ("movers",), version=2),
     Stage("choose", choose_body, ("drive", "objects.json"), ("selection.json",), ("remove", "instances")),
     Stage(

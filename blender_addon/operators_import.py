@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Import a drive, or the workspace of one, by menu, sidebar or script."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from . import cameras, drive_scene, results, view
+from .drive_files import read_json
+from .job_operator import JobOperator, UserError
+from .job_state import JobState
+from .run_arguments import default_workspace, settings_arguments
+
+__all__ = ["loaded"]
+
+
+def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: str) -> bool:
+    """Bring a workspace into the scene; what is wrong with it is reported in one line."""
+    try:
+        results.load(context, workspace)
+    except (OSError, ValueError) as error:
+        operator.report({"ERROR"}, " ".join(str(error).split()))
+        return False
+    return True
+
+
+class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
+    """Bring the scene's drive into its workspace, and what could be removed into the lists"""
+
+    bl_idname = "unveil.import_drive"
+    bl_label = "Import drive"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filepath: StringProperty(
+        name="Drive", subtype="FILE_PATH", description="Empty: the scene's", options={"SKIP_SAVE", "HIDDEN"}
+    )
+    workspace: StringProperty(
+        name="Workspace",
+        subtype="DIR_PATH",
+        description="Empty: the scene's, or beside the drive",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        settings = context.scene.unveil
+        if self.filepath:
+            drive = _absolute(self.filepath)
+            if not settings.drive or _absolute(settings.drive) != drive:
+                settings.workspace = ""
+            settings.drive = str(drive)
+        if not settings.drive:
+            raise UserError("There is no drive yet: choose a transforms.json or the folder of a drive")
+        drive = _absolute(settings.drive)
+        if not drive.exists():
+            raise UserError(f"{drive}: there is no such drive")
+        if self.workspace:
+            settings.workspace = self.workspace
+        if not settings.workspace:
+            settings.workspace = str(default_workspace(drive, bpy.data.filepath))
+        place = _absolute(settings.workspace)
+        return ["import", str(drive), "-o", str(place), *settings_arguments(settings, bpy.path.abspath)]
+
+    def finished(self, context: bpy.types.Context, state: JobState) -> None:
+        loaded(self, context, context.scene.unveil.workspace)
+
+
+def _absolute(path: str) -> Path:
+    return Path(bpy.path.abspath(path)).absolute()
+
+
+class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
+    """Import a street drive: a transforms.json, or the folder of any drive that unveil knows"""
+
+    bl_idname = "unveil.open_drive"
+    bl_label = "Import street drive"
+
+    filename_ext = ""
+    filter_glob: StringProperty(default="*.json;*.bin;*.txt;*.yaml", options={"HIDDEN"})
+    workspace: StringProperty(
+        name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        path = _drive_of(_absolute(self.filepath))
+        return bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
+
+
+def _drive_of(path: Path) -> Path:
+    """What to import for what was picked: a transforms file itself, else the folder it lies in."""
+    if path.is_file() and path.suffix.lower() != ".json":
+        path = path.parent  # a file of a COLMAP model, or the like
+        return path.parent.parent if path.parent.name == "sparse" else path
+    return path
+
+
+class UNVEIL_OT_load_workspace(bpy.types.Operator):
+    """Bring what the workspace holds into the scene, or up to date where it is there"""
+
+    bl_idname = "unveil.load_workspace"
+    bl_label = "Load workspace"
+    bl_options = {"REGISTER", "UNDO"}
+
+    directory: StringProperty(
+        name="Workspace", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
+    )
+    ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.ask:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.unveil
+        place = self.directory or settings.workspace
+        if not place:
+            self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
+            return {"CANCELLED"}
+        if not (_absolute(place) / "workspace.json").is_file():
+            self.report({"ERROR"}, f"{_absolute(place)}: is no workspace (choose the folder that holds workspace.json)")
+            return {"CANCELLED"}
+        settings.workspace = str(_absolute(place)) if self.directory else place
+        if not loaded(self, context, settings.workspace):
+            return {"CANCELLED"}
+        settings.drive = str((read_json(_absolute(place) / "workspace.json") or {}).get("drive", settings.drive))
+        return {"FINISHED"}
+
+
+class UNVEIL_OT_look_through(bpy.types.Operator):
+    """Look through this camera, with the size and pixel shape of its pictures"""
+
+    bl_idname = "unveil.look_through"
+    bl_label = "Look through camera"
+    bl_options = {"REGISTER", "UNDO"}
+
+    track: StringProperty(options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        collection = view.shown_drive(context.scene)
+        tracks = [] if collection is None else drive_scene.tracks_of(collection)
+        camera = next((c for c in tracks if not self.track or c["unveil_track"] == self.track), None)
+        if camera is None:
+            self.report({"ERROR"}, f"There is no camera {self.track}")
+            return {"CANCELLED"}
+        cameras.fit_scene_to(context.scene, camera)
+        drive_scene.show_cameras_view(context)
+        return {"FINISHED"}
+
+
+def _menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator(UNVEIL_OT_open_drive.bl_idname, text="Street drive (Unveil)")
+
+
+CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_OT_load_workspace, UNVEIL_OT_look_through)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.TOPBAR_MT_file_import.append(_menu)
+
+
+def unregister() -> None:
+    bpy.types.TOPBAR_MT_file_import.remove(_menu)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

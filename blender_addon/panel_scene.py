@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sections Drive, What goes, and Results of the sidebar."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from . import cameras, previews, selection, view
+from .panels import Section
+
+__all__: list[str] = []
+
+
+class UNVEIL_PT_drive(Section, bpy.types.Panel):
+    """What is imported."""
+
+    bl_idname = "UNVEIL_PT_drive"
+    bl_label = "Drive"
+    bl_order = 1
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        layout.operator("unveil.open_drive", icon="IMPORT")
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(scene.unveil, "drive")
+        row = layout.row(align=True)
+        row.operator(
+            "unveil.import_drive", text="Import again" if selection.current(scene) else "Import", icon="FILE_REFRESH"
+        )
+        row.operator("unveil.load_workspace", text="Open workspace", icon="FILE_FOLDER").ask = True
+        collection = view.shown_drive(scene)
+        if collection is None:
+            return
+        tracks = [o for o in collection.all_objects if cameras.track_of(o) is not None]
+        if len(tracks) > 1:
+            flow = layout.grid_flow(columns=2, align=True)
+            for camera in tracks:
+                flow.operator(
+                    "unveil.look_through",
+                    text=camera["unveil_track"],
+                    icon="VIEW_CAMERA",
+                    depress=camera == scene.camera,
+                ).track = camera["unveil_track"]
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.row().prop(scene.unveil_view, "points", expand=True)
+
+
+# ------------------------------------------------------------------------------------------------------------------ what goes
+
+
+class UNVEIL_UL_classes(bpy.types.UIList):
+    """Classes: check box, colour, name, how many objects."""
+
+    bl_idname = "UNVEIL_UL_classes"
+
+    def draw_item(
+        self, context: Any, layout: Any, data: Any, item: Any, icon: int, active_data: Any, active_property: str,
+        index: int = 0, flt_flag: int = 0,
+    ) -> None:  # fmt: skip
+        row = layout.row(align=True)
+        row.prop(item, "chosen", text="")
+        row.label(text=item.name, icon_value=previews.chip(item.name))
+        count = (
+            f"{item.objects} object{'s' if item.objects != 1 else ''}" if item.objects else f"{item.points:,} points"
+        )
+        end = row.row()
+        end.alignment = "RIGHT"
+        end.label(text=count)
+
+    def filter_items(self, context: Any, data: Any, property: str) -> tuple[list[int], list[int]]:
+        everything = data.all_classes
+        flags = [
+            self.bitflag_filter_item if i.removable or i.chosen or everything else 0 for i in getattr(data, property)
+        ]
+        return flags, []
+
+
+class UNVEIL_UL_objects(bpy.types.UIList):
+    """Objects: check box, picture, class, size, distance, frames."""
+
+    bl_idname = "UNVEIL_UL_objects"
+
+    def draw_item(
+        self, context: Any, layout: Any, data: Any, item: Any, icon: int, active_data: Any, active_property: str,
+        index: int = 0, flt_flag: int = 0,
+    ) -> None:  # fmt: skip
+        row = layout.row(align=True)
+        if item.moves:
+            row.label(text="", icon="ANIM")
+        else:
+            row.prop(item, "chosen", text="")
+        row.label(text="", icon_value=previews.chip(item.class_name))
+        picture = previews.thumbnail(item.thumbnail) if item.thumbnail else 0
+        if picture:
+            row.label(text=item.name, icon_value=picture)
+        else:
+            row.label(text=item.name, icon={"box": "CUBE", "mattes": "IMAGE_DATA"}.get(item.source, "QUESTION"))
+        end = row.row()
+        end.alignment = "RIGHT"
+        end.label(text=_measures(item))
+
+
+def _measures(item: selection.UnveilObject) -> str:
+    """Size, distance and frames in few characters."""
+    box = selection.box_of(item)
+    size = "×".join(f"{v:.1f}" for v in box.size) + " m" if box is not None else ""
+    distance = f"{item.distance:.0f} m off" if item.distance >= 0 else ""
+    frames = f"{item.frames} fr." if item.frames else ""
+    return "  ".join(part for part in (size, distance, frames) if part)
+
+
+class UNVEIL_PT_selection(Section, bpy.types.Panel):
+    """Lists of what can go."""
+
+    bl_idname = "UNVEIL_PT_selection"
+    bl_label = "What goes"
+    bl_order = 2
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        listed = scene.unveil_selection
+        if not selection.current(scene):
+            layout.label(text="Import a drive to see what is in it", icon="INFO")
+            return
+        row = layout.row(align=True)
+        for which, text in (("VEHICLES", "Vehicles"), ("PEOPLE", "People"), ("ALL", "All"), ("NONE", "None")):
+            row.operator("unveil.choose", text=text).which = which
+        layout.template_list("UNVEIL_UL_classes", "", listed, "classes", listed, "active_class", rows=3, sort_lock=True)
+        layout.prop(listed, "all_classes")
+        layout.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6)
+        row = layout.row(align=True)
+        row.operator("unveil.add_box", icon="CUBE")
+        row.operator("unveil.add_mattes", icon="IMAGE_DATA")
+        row.prop(listed, "show_boxes", text="", icon="SHADING_BBOX")
+        if 0 <= listed.active < len(listed.objects):
+            self._active(layout, listed.objects[listed.active])
+        problem = selection.problem(scene)
+        layout.label(text=problem or _summary(scene), icon="ERROR" if problem else "CHECKMARK")
+
+    def _active(self, layout: bpy.types.UILayout, thing: selection.UnveilObject) -> None:
+        """More of the object whose row is active."""
+        box = layout.box()
+        row = box.row()
+        picture = previews.thumbnail(thing.thumbnail) if thing.thumbnail else 0
+        if picture:
+            row.template_icon(icon_value=picture, scale=4.0)
+        column = row.column()
+        column.label(text=thing.name)
+        column.label(text=_measures(thing) or "not seen yet")
+        if thing.moves:
+            column.label(text="moves: goes from every frame")
+        elif thing.first_frame:
+            column.label(text=f"frames {thing.first_frame} to {thing.last_frame}")
+        row = box.row(align=True)
+        row.operator(
+            "unveil.toggle_object", text="Leave it in" if thing.chosen else "Take it out"
+        ).number = thing.number
+        row.operator("unveil.go_to_object", text="", icon="HIDE_OFF").number = thing.number
+        if selection.is_marked(thing):
+            row.operator("unveil.remove_mark", text="", icon="TRASH").number = thing.number
+
+
+def _summary(scene: bpy.types.Scene) -> str:
+    classes, numbers = selection.chosen_classes(scene), selection.chosen_numbers(scene)
+    parts = [f"all {name}" for name in classes]
+    if numbers:
+        parts.append(f"{len(numbers)} single object{'s' if len(numbers) != 1 else ''}")
+    return "Goes: " + ", ".join(parts)
+
+
+# -------------------------------------------------------------------------------------------------------------------- results
+
+
+class UNVEIL_PT_results(Section, bpy.types.Panel):
+    """What is shown of the results."""
+
+    bl_idname = "UNVEIL_PT_results"
+    bl_label = "Results"
+    bl_order = 4
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return view.shown_drive(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, shown = self.layout, context.scene.unveil_view
+        row = layout.row(align=True)
+        row.scale_y = 1.3
+        row.prop(shown, "state", expand=True)
+        layout.operator("unveil.before_after", icon="UV_SYNC_SELECT")
+        layout.row(align=True).prop(shown, "shown")
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(shown, "background")
+        layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
+
+
+CLASSES = (UNVEIL_PT_drive, UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection, UNVEIL_PT_results)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,379 @@
+"""Drives and results in the scene: exact cameras, choices, and nothing twice, however often it is loaded."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(os.environ["UNVEIL_ROOT"])
+MAKE = """
+import sys
+from pathlib import Path
+from tests.drives.tiny_drive import edit, make_tiny_drive
+from tests.small_street import make_small_street
+from unveil_core.pipeline import run
+from unveil_core.settings import RunSettings
+folder = Path(sys.argv[1])
+tiny = make_tiny_drive(folder / "tiny", offset=(352155.25, 5812961.5, 36.0))
+def skew(document):
+    document.update(cx=13.25, cy=14.5)
+    for frame, stem in zip(document["frames"], ("1533.10", "1533.25", "1533.31", "1533.42"), strict=True):
+        for key, value in list(frame.items()):
+            if key.endswith("_path"):
+                path = folder / "tiny" / value
+                new = path.with_name(stem + path.suffix)
+                if path.exists():
+                    path.rename(new)
+                frame[key] = str(new.relative_to(folder / "tiny"))
+edit(tiny, skew)
+run(make_small_street(folder / "street"), folder / "ws", RunSettings(quality="draft", iterations=40))
+"""
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """``tiny/``, a drive with far coordinates, oblong pixels and odd names; ``street/`` and ``ws/``, its finished workspace."""
+    folder = tmp_path_factory.mktemp("made")
+    done = subprocess.run(
+        [os.environ["UNVEIL_PYTHON"], "-c", MAKE, str(folder)], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def blocks() -> dict[str, list[str]]:
+    """Every data block of the file, by kind."""
+    import bpy
+
+    kinds = (
+        "objects", "meshes", "cameras", "images", "actions", "collections", "materials", "movieclips", "node_groups",
+    )  # fmt: skip
+    return {kind: sorted(b.name for b in getattr(bpy.data, kind)) for kind in kinds}
+
+
+def undo() -> None:
+    import bpy
+
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo()
+
+
+def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:  # type: ignore[no-untyped-def]
+    """Pixels between Blender's projection and the drive's own of points (N, 3) of its local coordinates, over its frames."""
+    import bpy
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    scene = bpy.context.scene
+    worst = 0.0
+    entries = json.loads((workspace / "drive/cameras.json").read_text())["frames"]
+    for n, e in enumerate(x for x in entries if x["camera"] == camera["unveil_track"]):
+        scene.frame_set(n)
+        seen = np.array(e["world_to_camera"]) @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
+        u = e["fx"] * seen[0] / seen[2] + e["cx"]
+        v = e["fy"] * seen[1] / seen[2] + e["cy"]
+        use = (seen[2] > 0.5) & (np.abs(u) < 2 * e["width"]) & (np.abs(v) < 2 * e["height"])
+        assert use.sum() > 5
+        for i in np.flatnonzero(use)[:40]:
+            x, y, _ = world_to_camera_view(scene, camera, Vector(points[i]))
+            worst = max(worst, abs(x * e["width"] - u[i]), abs((1 - y) * e["height"] - v[i]))
+    return worst
+
+
+# -------------------------------------------------------------------------------------------------------------------- import
+
+
+def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Path) -> None:
+    import bpy
+
+    ws = tmp_path / "ws"
+    assert bpy.ops.unveil.import_drive(filepath=str(made / "tiny/transforms.json"), workspace=str(ws)) == {"FINISHED"}
+    (collection,) = scene.collection.children
+    assert collection.name == "tiny" and scene.unveil.drive == str(made / "tiny/transforms.json")
+    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    assert list(collection["unveil_offset"]) == offset and offset[1] > 5_000_000
+    camera = scene.camera
+    generator = np.random.default_rng(3)
+    points = generator.uniform((0, -4, -3), (25, 4, 3), (300, 3))
+    assert greatest_error(addon, camera, ws, points) < 0.01
+    assert (scene.frame_start, scene.frame_end) == (0, 3)
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (32, 24)
+    # Blender reads sequences by their numbers, which these names are not.
+    background = camera.data.background_images[0]
+    assert background.show_background_image and background.image.source == "SEQUENCE"
+    assert (background.image_user.frame_start, background.image_user.frame_duration) == (0, 4)
+    files = addon.module("plates").files_of(camera, "original")
+    originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
+    assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
+    assert [Path(f).name for f in files] == [f"{i:06d}.png" for i in range(4)]
+
+
+def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
+    addon.module("drive_scene").load(__import__("bpy").context, made / "ws")
+    camera = scene.camera
+    places = []
+    for frame, part in ((2, 0.0), (2, 0.5), (3, 0.0)):
+        scene.frame_set(frame, subframe=part)
+        places.append(np.array(camera.matrix_world))
+    assert np.allclose(places[1][:3, 3], (places[0] + places[2])[:3, 3] / 2, atol=1e-5)
+
+
+def test_points_are_coloured_faces(addon, scene, made: Path) -> None:
+    import bpy
+
+    scene.unveil.workspace = str(made / "ws")
+    collection = addon.module("drive_scene").load(bpy.context, made / "ws")
+    (thing,) = [o for o in collection.all_objects if o.name == "Points"]
+    mesh = thing.data
+    count = len(np.load(made / "ws/objects/point_labels.npy"))
+    assert len(mesh.polygons) == 4 * count == 4 * thing["unveil_points"]
+    assert mesh.color_attributes.active_color.name == "Class"
+    labels = np.zeros(4 * count, np.int32)
+    mesh.attributes["label"].data.foreach_get("value", labels)
+    car = int(np.flatnonzero(labels == 13)[0])
+    color = np.array(mesh.color_attributes["Class"].data[mesh.polygons[car].vertices[0]].color_srgb[:3])
+    assert np.abs(color * 255 - (0, 0, 142)).max() < 0.6
+    scene.unveil_view.points = "COLOUR"
+    assert mesh.color_attributes.active_color.name == "Colour"
+
+
+def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path) -> None:
+    import bpy
+
+    with pytest.raises(RuntimeError, match="is no workspace"):
+        bpy.ops.unveil.load_workspace(directory=str(tmp_path))
+    with pytest.raises(RuntimeError, match="there is no such drive"):
+        bpy.ops.unveil.import_drive(filepath=str(tmp_path / "nowhere.json"))
+    assert list(scene.collection.children) == []
+
+
+# ----------------------------------------------------------------------------------------------------------------- selection
+
+
+def test_choices_become_options(addon, scene, made: Path) -> None:
+    import bpy
+
+    selection = addon.module("selection")
+    assert selection.arguments(scene) == [] and selection.problem(scene) == ""  # nothing is imported yet
+    # The workspace's own run took all cars; what it took is chosen here, too.
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    listed = scene.unveil_selection
+    (car,) = listed.objects
+    assert (car.number, car.class_name, car.frames, car.chosen) == (5, "car", 8, True)
+    assert 1.0 < car.size[2] < 2.0 and 1 < car.distance < 8 and Path(car.thumbnail).is_file()
+    assert selection.arguments(scene) == ["--remove", "car"]
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.unveil.toggle_object("EXEC_DEFAULT", True, number=5)
+    assert not scene.unveil_selection.objects[0].chosen and selection.arguments(scene) == []
+    assert selection.problem(scene) == "Nothing is chosen: tick what is to go, or click its box"
+    with pytest.raises(RuntimeError, match="Nothing is chosen"):
+        bpy.ops.unveil.run()
+    undo()
+    scene = bpy.context.scene
+    assert scene.unveil_selection.objects[0].chosen and selection.problem(scene) == ""
+    scene.unveil_selection.classes["car"].chosen = False
+    assert not scene.unveil_selection.objects[0].chosen
+    bpy.ops.unveil.choose(which="VEHICLES")
+    assert scene.unveil_selection.classes["car"].chosen and selection.arguments(scene) == ["--remove", "car"]
+    scene.unveil_selection.classes["building"].chosen = True  # has no single objects
+    assert selection.arguments(scene) == ["--remove", "building,car"]
+    bpy.ops.unveil.choose(which="NONE")
+    assert selection.problem(scene)
+
+
+def test_boxes_lie_around_their_objects(addon, scene, made: Path) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    selection, ply_file = addon.module("selection"), addon.module("ply_file")
+    points = ply_file.read_ply(made / "ws/drive/points.ply").positions
+    own = points[np.load(made / "ws/objects/point_objects.npy") == 5]
+    corners = selection.box_of(scene.unveil_selection.objects[0]).corners
+    inside = ((own > corners.min(axis=0) - 0.05) & (own < corners.max(axis=0) + 0.05)).all(axis=1)
+    assert inside.mean() > 0.9 and np.prod(np.ptp(corners, axis=0)) < 40
+
+
+def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Path) -> None:
+    import bpy
+    from mathutils import Euler
+
+    ws = tmp_path / "ws"
+    bpy.ops.unveil.import_drive(filepath=str(made / "street/transforms.json"), workspace=str(ws))
+    bpy.ops.unveil.choose(which="NONE")
+    scene.cursor.location = (7.0, -2.5, -1.6)
+    bpy.ops.unveil.add_box(class_name="skip")
+    marker = bpy.context.view_layer.objects.active
+    assert marker.display_type == "WIRE" and marker.select_get()
+    marker.location = (7.25, -2.55, -0.9)
+    marker.scale, marker.rotation_euler = (3.8, 2.0, 1.6), Euler((0, 0, 0.1))
+    selection = addon.module("selection")
+    arguments = selection.arguments(scene)
+    assert arguments == ["--instances", "1001", "--marked", str(ws / "marked.json")]
+    (entry,) = json.loads((ws / "marked.json").read_text())
+    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    assert np.allclose(entry["centre"], np.array((7.25, -2.55, -0.9)) + offset, atol=1e-5)
+    assert np.allclose(entry["size"], (3.8, 2.0, 1.6), atol=1e-5) and abs(entry["yaw"] - 0.1) < 1e-5
+    # What the command makes of it comes back into the list.
+    done = subprocess.run(
+        [os.environ["UNVEIL_PYTHON"], "-m", "unveil_core", "objects", str(ws), *arguments],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    bpy.ops.unveil.load_workspace()
+    skip = scene.unveil_selection.objects["skip 1001"]
+    assert skip.frames > 3 and skip.points > 30 and skip.chosen and skip.marker == marker
+    # Another file finds the wire cube in the workspace; deleting it forgets the object.
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.unveil.load_workspace(directory=str(ws))
+    again = scene.unveil_selection.objects["skip 1001"]
+    box = selection.box_of(again)
+    assert np.allclose(box.centre, (7.25, -2.55, -0.9), atol=1e-4) and np.allclose(box.size, (3.8, 2.0, 1.6), atol=1e-4)
+    bpy.ops.unveil.choose(which="ALL")
+    assert selection.chosen_numbers(scene) == [1001]
+    with bpy.context.temp_override(selected_objects=[again.marker]):
+        bpy.ops.object.delete()
+    assert selection.chosen_numbers(scene) == []
+    assert selection.arguments(scene)[:2] == ["--remove", "car"]
+    assert json.loads((ws / "marked.json").read_text()) == []
+
+
+def test_mattes_become_an_instance(addon, scene, made: Path, tmp_path: Path) -> None:
+    import bpy
+
+    ws = tmp_path / "ws"
+    bpy.ops.unveil.import_drive(filepath=str(made / "street/transforms.json"), workspace=str(ws))
+    with pytest.raises(RuntimeError, match="holds no pictures"):
+        bpy.ops.unveil.add_mattes(directory=str(made / "tiny/nothing"))
+    bpy.ops.unveil.add_mattes(directory=str(made / "street/truth/removed"), class_name="van")
+    arguments = addon.module("selection").arguments(scene)
+    assert arguments[:2] == ["--instances", "1001"]
+    assert json.loads((ws / "marked.json").read_text())[0]["mattes"] == str(made / "street/truth/removed")
+    bpy.ops.unveil.remove_mark(number=1001)
+    assert json.loads(Path(addon.module("selection").arguments(scene)[-1]).read_text()) == []
+
+
+# ------------------------------------------------------------------------------------------------------------------- results
+
+
+def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    plates, versions = addon.module("plates"), addon.module("versions")
+    camera = scene.camera
+    kinds = ["original", "clean", "render", "inpainted", "regions", "removed", "shadows", "unobserved"]
+    assert plates.kinds_of(camera) == kinds
+    assert {s.name: len(s.elements) for s in versions.strips_of(scene)} == {"camera original": 8, "camera clean": 8}
+    assert not scene.render.use_sequencer  # F12 still renders the scene
+    clips = {c.name: c.frame_duration for c in bpy.data.movieclips}
+    assert clips["camera clean"] == 8 and all(c.use_fake_user for c in bpy.data.movieclips)
+    for state, count in (("before", "full"), ("after", "empty")):
+        mesh = bpy.data.objects[f"Mesh {state}"].data
+        ply = addon.module("ply_file").read_ply(made / f"ws/meshes/{count}.ply")
+        assert len(mesh.vertices) == len(ply.vertices) and len(mesh.polygons) == len(ply.triangles)
+        offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["offset"])
+        assert np.allclose(mesh.vertices[7].co, ply.positions[7] - offset, atol=1e-4)
+        color = np.array(mesh.color_attributes["Col"].data[7].color_srgb[:3]) * 255
+        assert np.abs(color - ply.colors[7]).max() < 0.6 and mesh.materials[0] is not None
+        assert not mesh.validate()
+        splats = bpy.data.objects[f"Gaussians {state}"]
+        assert len(splats.data.polygons) == splats["unveil_gaussians_shown"] > 100
+
+
+def test_before_and_after_at_one_click(addon, scene, made: Path) -> None:
+    import bpy
+
+    def visible() -> set[str]:
+        bpy.context.view_layer.update()
+        return {o.name for o in scene.objects if o.type == "MESH" and o.visible_get()}
+
+    def background() -> str:
+        (shown,) = [b for b in scene.camera.data.background_images if b.show_background_image]
+        return shown.image.name
+
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    assert visible() == {"Mesh after"} and background() == "camera clean"
+    bpy.ops.unveil.before_after()
+    assert visible() == {"Mesh before"} and background() == "camera original"
+    bpy.ops.unveil.before_after()
+    assert visible() == {"Mesh after"} and background() == "camera clean"
+    scene.unveil_view.shown, scene.unveil_view.background = {"POINTS", "SPLATS"}, "regions"
+    assert visible() == {"Points", "Gaussians after"} and background() == "camera regions"
+    scene.unveil_view.background = "none"
+    assert not [b for b in scene.camera.data.background_images if b.show_background_image]
+
+
+def test_nothing_is_there_twice(addon, scene, made: Path, tmp_path: Path) -> None:
+    """Loaded again, saved, opened, loaded again; and what the artist renamed or moved elsewhere is found all the same."""
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    first = blocks()
+    strips = addon.module("versions").strips_of
+    counts = len(strips(scene)), len(scene.timeline_markers)
+    bpy.ops.unveil.load_workspace()
+    assert blocks() == first and (len(strips(scene)), len(scene.timeline_markers)) == counts
+    bpy.data.objects["Mesh after"].name = "my street"
+    bpy.data.images["camera clean"].name = "plate"
+    bpy.data.collections["street"].name = "shot 12"
+    scene.unveil_view.background = "removed"
+    scene.unveil_selection.objects[0].chosen = False
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    scene = bpy.context.scene
+    bpy.ops.unveil.load_workspace()
+    assert {k: len(v) for k, v in blocks().items()} == {k: len(v) for k, v in first.items()}
+    assert (len(strips(scene)), len(scene.timeline_markers)) == counts
+    # What the artist decided stays.
+    assert "my street" in bpy.data.objects and scene.unveil_view.background == "removed"
+    assert not scene.unveil_selection.objects[0].chosen
+
+
+def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Path) -> None:
+    import shutil
+
+    import bpy
+
+    shutil.copytree(made / "ws", tmp_path / "ws")
+    shutil.rmtree(tmp_path / "ws/frames")
+    shutil.rmtree(tmp_path / "ws/meshes")
+    bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))  # what is there of an unfinished run
+    assert "clean" not in addon.module("plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
+    shutil.copytree(made / "ws/frames", tmp_path / "ws/frames")
+    shutil.copytree(made / "ws/meshes", tmp_path / "ws/meshes")
+    bpy.ops.unveil.load_workspace()
+    mesh = bpy.data.objects["Mesh after"].data
+    before = len(mesh.vertices)
+    shutil.copyfile(made / "ws/meshes/full.ply", tmp_path / "ws/meshes/empty.ply")
+    bpy.ops.unveil.load_workspace()
+    assert bpy.data.objects["Mesh after"].data == mesh
+    assert len(mesh.vertices) == len(bpy.data.objects["Mesh before"].data.vertices) != before
+    # A workspace that was moved is the same drive; a second one beside it is another.
+    (tmp_path / "ws").rename(tmp_path / "moved")
+    bpy.ops.unveil.load_workspace(directory=str(tmp_path / "moved"))
+    assert len(scene.collection.children) == 1
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    assert len(scene.collection.children) == 2
+
+
+def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path) -> None:
+    """What a window draws, without one: lines and colours of the boxes, and the texts of the rows."""
+    import bpy
+
+    bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    gizmos, panels = addon.module("box_gizmos"), addon.module("panel_scene")
+    ((ends, color, width),) = gizmos.lines_of(bpy.context, None)
+    assert len(ends) == 24 and color == gizmos.GOES and width == gizmos.ACTIVE_PX
+    bpy.ops.unveil.toggle_object(number=5)
+    assert gizmos.lines_of(bpy.context, None)[0][1] == gizmos.STAYS
+    assert gizmos.lines_of(bpy.context, 5)[0][1] == gizmos.POINTED
+    scene.unveil_selection.show_boxes = False
+    assert gizmos.lines_of(bpy.context, 5) == []
+    text = panels._measures(scene.unveil_selection.objects[0])
+    assert text.endswith("8 fr.") and " m off" in text
