@@ -16,6 +16,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -77,6 +78,9 @@ def _can_make(python: str) -> bool:
 # ----------------------------------------------------------------------------------------------------------------- the program
 
 
+_children: list[subprocess.Popen[str]] = []
+
+
 def tell(done: int, total: int, message: str, level: str = "info") -> None:
     """An event, as ``unveil --json`` has them."""
     event = {"t": time.time(), "stage": "environment", "done": done, "total": total, "message": message, "level": level}
@@ -88,6 +92,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     tell(step * 100, steps * 100, what)
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
     assert process.stdout is not None
+    _children.append(process)
     last, label, told = "", what, 0.0
     try:
         for line in process.stdout:
@@ -142,9 +147,15 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
 
 
 def _end_with_stdin() -> None:
-    while sys.stdin.buffer.read(4096):
+    """Whoever started this has ended: so does this."""
+    while os.read(0, 4096):  # not sys.stdin, whose lock would be held when Python shuts down
         pass
-    _thread.interrupt_main()
+    for process in _children:
+        process.kill()
+    if os.name == "nt":
+        _thread.interrupt_main()
+    else:
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # wakes it where it waits, too
 
 
 def main(arguments: list[str]) -> int:

@@ -29,6 +29,9 @@ def _watch(exit_code: int) -> None:
             pass
     except (OSError, ValueError, AttributeError):
         pass  # there is none: nobody is at the other end
-    _thread.interrupt_main(signal.SIGINT)
+    if sys.platform == "win32":
+        _thread.interrupt_main(signal.SIGINT)
+    else:
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)  # wakes it where it waits, too
     time.sleep(PATIENCE_S)
     os._exit(exit_code)

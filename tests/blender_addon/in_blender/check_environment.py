@@ -1,0 +1,66 @@
+"""The button that makes an environment: only online, cancelled and failed without a trace, found when it is made."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def chosen(addon, scene, monkeypatch):  # type: ignore[no-untyped-def]
+    """The preferences, with pip cut off from the network and no other Python with unveil in sight."""
+    import bpy
+
+    for name in ("UNVEIL_PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PATH", "/nowhere")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
+    preferences = addon.module("preferences")
+    preferences.forget()
+    found = preferences.preferences(bpy.context)
+    found.torch_index = ""
+    yield found
+    found.install_from = ""
+    preferences.forget()
+
+
+def online() -> None:  # type: ignore[no-untyped-def]
+    import bpy
+
+    bpy.context.preferences.system.use_online_access = True
+    assert bpy.app.online_access
+
+
+def test_offline_it_is_not_offered(addon, chosen) -> None:
+    import bpy
+
+    bpy.context.preferences.system.use_online_access = False
+    assert not bpy.app.online_access and not bpy.ops.unveil.create_environment.poll()
+
+
+def test_a_failure_is_told_and_nothing_stays(addon, chosen) -> None:
+    import bpy
+
+    online()
+    chosen.install_from = "a-package-that-is-not-there"
+    with pytest.raises(RuntimeError, match="No matching distribution found"):
+        bpy.ops.unveil.create_environment()
+    assert not addon.module("preferences").environment_folder().exists()
+    with pytest.raises(RuntimeError, match="No Python was found"):
+        bpy.ops.unveil.check_python()
+
+
+def test_it_is_made_and_found(addon, chosen, tmp_path: Path) -> None:
+    import bpy
+
+    from tests.blender_addon.tiny_wheel import tiny_wheel
+
+    online()
+    chosen.install_from = str(tiny_wheel(tmp_path))
+    assert bpy.ops.unveil.create_environment() == {"FINISHED"}
+    found = addon.module("preferences").unveil_interpreter(bpy.context)
+    assert found.ok and found.source == "made by the add-on" and found.facts["unveil"] == "0.1.0"

@@ -1,0 +1,100 @@
+"""The extension as a whole: what it says of itself, what it may import, and that Blender's own tool takes it."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import json
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.blender_addon.run_in_blender import ROOT
+from unveil_core import __version__
+
+ADDON = ROOT / "blender_addon"
+MANIFEST = tomllib.loads((ADDON / "blender_manifest.toml").read_text())
+BLENDERS_TAGS = {
+    "3D View", "Add Curve", "Add Mesh", "Animation", "Bake", "Camera", "Compositing", "Development", "Game Engine",
+    "Geometry Nodes", "Grease Pencil", "Import-Export", "Lighting", "Material", "Mesh", "Modeling", "Node", "Object", "Paint",
+    "Physics", "Pipeline", "Render", "Rigging", "Scene", "Sculpt", "Sequencer", "System", "Text Editor", "Tracking",
+    "User Interface", "UV",
+}  # fmt: skip
+OUTSIDE = {"torch", "unveil_core", "cv2", "numba", "scipy", "skimage", "onnxruntime", "trimesh"}
+
+
+def imports(path: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found.update(alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def test_the_manifest() -> None:
+    assert MANIFEST["version"] == __version__
+    assert "blender" not in MANIFEST["name"].lower() and set(MANIFEST["tags"]) <= BLENDERS_TAGS
+    assert MANIFEST["blender_version_min"] == "4.2.0" and set(MANIFEST["permissions"]) == {"files", "network"}
+
+
+def test_nothing_heavy_is_imported_into_blender() -> None:
+    for path in ADDON.glob("*.py"):
+        assert not imports(path) & OUTSIDE, path.name
+
+
+def test_only_one_module_asks_which_blender_this_is() -> None:
+    for path in ADDON.glob("*.py"):
+        if path.name != "versions.py":
+            assert "bpy.app.version" not in path.read_text(), path.name
+
+
+def test_modules_without_bpy_work_without_it() -> None:
+    plain = sorted(p.stem for p in ADDON.glob("*.py") if not reaches_bpy(p))
+    assert {"jobs", "job_state", "interpreter", "environment", "workspace_state", "run_arguments", "session"} <= set(
+        plain
+    )
+    program = "import sys; sys.modules['bpy'] = None; import importlib\n" + "\n".join(
+        f"importlib.import_module('blender_addon.{name}')" for name in plain
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def reaches_bpy(path: Path, seen: frozenset[Path] = frozenset()) -> bool:
+    """Whether a module imports bpy, or one of Blender's modules, itself or through another of the add-on."""
+    if imports(path) & {"bpy", "mathutils", "gpu", "gpu_extras", "bpy_extras", "blf"}:
+        return True
+    inner: set[Path] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level == 1:
+            names = [node.module] if node.module else [alias.name for alias in node.names]
+            inner.update(p for p in (ADDON / f"{name}.py" for name in names) if p.exists())
+    return any(reaches_bpy(p, seen | {path}) for p in inner - seen - {path})
+
+
+@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="bpy is not installed")
+def test_blenders_own_tool_builds_it_and_a_repository(tmp_path: Path) -> None:
+    spec = importlib.util.find_spec("bpy")
+    assert spec is not None and spec.origin is not None
+    tool = next(Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+
+    def run(*arguments: str) -> None:
+        done = subprocess.run([sys.executable, str(tool), *arguments], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    run("validate", str(ADDON))
+    run("build", "--source-dir", str(ADDON), "--output-dir", str(tmp_path))
+    archive = tmp_path / f"unveil-{__version__}.zip"
+    run("validate", str(archive))
+    run("server-generate", "--repo-dir", str(tmp_path))
+    names = zipfile.ZipFile(archive).namelist()
+    assert {"blender_manifest.toml", "__init__.py", "LICENSE"} <= set(names)
+    assert not [n for n in names if "__pycache__" in n or n.endswith((".pyc", ".zip"))]
+    entry = json.loads((tmp_path / "index.json").read_text())["data"][0]
+    assert entry["id"] == "unveil" and entry["archive_size"] == archive.stat().st_size
