@@ -132,7 +132,12 @@ def standing(scene: Any) -> list[UnveilObject]:
 
 def chosen_classes(scene: Any) -> list[str]:
     """Names of the classes that go whole."""
-    return [c.name for c in scene.unveil_selection.classes if c.chosen]
+    listed = scene.unveil_selection
+    whole: dict[str, bool] = {}
+    for thing in listed.objects:  # one pass: this is asked for at every redraw
+        if not thing.moves and not is_marked(thing):
+            whole[thing.class_name] = whole.get(thing.class_name, True) and thing.chosen
+    return [c.name for c in listed.classes if whole.get(c.name, c.alone)]
 
 
 def chosen_numbers(scene: Any) -> list[int]:

@@ -31,6 +31,11 @@ def skew(document):
                     path.rename(new)
                 frame[key] = str(new.relative_to(folder / "tiny"))
 edit(tiny, skew)
+def rig(document):
+    for i, frame in enumerate(document["frames"]):
+        frame["camera"] = ("front", "left")[i % 2]
+        frame["fl_x"] = 25.0 if i % 2 == 0 else 20.0 + i
+edit(make_tiny_drive(folder / "rig"), rig)
 run(make_small_street(folder / "street"), folder / "ws", RunSettings(quality="draft", iterations=40))
 """
 
@@ -106,11 +111,37 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     # Blender reads sequences by their numbers, which these names are not.
     background = camera.data.background_images[0]
     assert background.show_background_image and background.image.source == "SEQUENCE"
-    assert (background.image_user.frame_start, background.image_user.frame_duration) == (0, 4)
+    user = background.image_user  # frame 0 of the timeline shows file 0
+    assert (user.frame_start, user.frame_duration, user.frame_offset) == (0, 4, -1)
     files = addon.module("plates").files_of(camera, "original")
     originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
     assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
     assert [Path(f).name for f in files] == [f"{i:06d}.png" for i in range(4)]
+
+
+def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) -> None:
+    """Also where the lens changes from frame to frame, and the pixels are of another shape for each camera."""
+    import bpy
+
+    bpy.ops.unveil.import_drive(filepath=str(made / "rig/transforms.json"), workspace=str(tmp_path / "ws"))
+    tracks = {c["unveil_track"]: c for c in addon.module("drive_scene").tracks_of(scene.collection.children[0])}
+    assert set(tracks) == {"front", "left"} and scene.frame_end == 1
+    points = np.random.default_rng(3).uniform((0, -4, -3), (25, 4, 3), (300, 3))
+    for track, camera in tracks.items():
+        bpy.ops.unveil.look_through(track=track)
+        assert scene.camera == camera
+        files = addon.module("plates").files_of(camera, "original")
+        assert (
+            len(files) == 2
+            and Path(files[0]).read_bytes() == (made / f"rig/images/0{track == 'left':d}.png").read_bytes()
+        )
+    bpy.ops.unveil.look_through(track="front")
+    assert greatest_error(addon, tracks["front"], tmp_path / "ws", points) < 0.01
+    values = []
+    for n in (0, 1):
+        scene.frame_set(n)
+        values.append(tracks["left"].data.lens * 32 / 36)
+    assert np.allclose(values, (21, 23), atol=1e-4)
 
 
 def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
