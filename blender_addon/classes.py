@@ -16,7 +16,7 @@ CITYSCAPES: dict[str, tuple[int, int, int]] = {
 }  # fmt: skip
 """sRGB by name; the position is the number on disk."""
 VEHICLES = ("car", "truck", "bus", "train", "motorcycle", "bicycle")
-OTHER, UNKNOWN = (230, 120, 20), (150, 150, 150)
+OTHER, UNKNOWN = (230, 120, 20), (95, 95, 95)
 KEEP_REMOVE = ((110, 140, 110), (220, 40, 40))
 
 
