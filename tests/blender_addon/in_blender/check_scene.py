@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import outside
 
-ROOT = Path(os.environ["UNVEIL_ROOT"])
 MAKE = """
 import sys
 from pathlib import Path
 from tests.drives.tiny_drive import edit, make_tiny_drive
-from tests.small_street import make_small_street
-from unveil_core.pipeline import run
-from unveil_core.settings import RunSettings
 folder = Path(sys.argv[1])
 tiny = make_tiny_drive(folder / "tiny", offset=(352155.25, 5812961.5, 36.0))
 def skew(document):
@@ -36,18 +32,17 @@ def rig(document):
         frame["camera"] = ("front", "left")[i % 2]
         frame["fl_x"] = 25.0 if i % 2 == 0 else 20.0 + i
 edit(make_tiny_drive(folder / "rig"), rig)
-run(make_small_street(folder / "street"), folder / "ws", RunSettings(quality="draft", iterations=40))
 """
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``tiny/``, a drive with far coordinates, oblong pixels and odd names; ``street/`` and ``ws/``, its finished workspace."""
+def made(street: Path, finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """``tiny/``, a drive with far coordinates, oblong pixels and odd names; ``rig/``, one of two cameras; ``street/`` and
+    ``ws/``, its finished workspace."""
     folder = tmp_path_factory.mktemp("made")
-    done = subprocess.run(
-        [os.environ["UNVEIL_PYTHON"], "-c", MAKE, str(folder)], capture_output=True, text=True, cwd=ROOT
-    )
-    assert done.returncode == 0, done.stderr
+    outside("-c", MAKE, str(folder))
+    shutil.copytree(street.parent, folder / "street")
+    shutil.copytree(finished, folder / "ws")
     return folder
 
 
@@ -250,11 +245,7 @@ def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Pat
     assert np.allclose(entry["centre"], np.array((7.25, -2.55, -0.9)) + offset, atol=1e-5)
     assert np.allclose(entry["size"], (3.8, 2.0, 1.6), atol=1e-5) and abs(entry["yaw"] - 0.1) < 1e-5
     # What the command makes of it comes back into the list.
-    done = subprocess.run(
-        [os.environ["UNVEIL_PYTHON"], "-m", "unveil_core", "objects", str(ws), *arguments],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    outside("-m", "unveil_core", "objects", str(ws), *arguments)
     bpy.ops.unveil.load_workspace()
     skip = scene.unveil_selection.objects["skip 1001"]
     assert skip.frames > 3 and skip.points > 30 and skip.chosen and skip.marker == marker
@@ -367,8 +358,6 @@ def test_nothing_is_there_twice(addon, scene, made: Path, tmp_path: Path) -> Non
 
 
 def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Path) -> None:
-    import shutil
-
     import bpy
 
     shutil.copytree(made / "ws", tmp_path / "ws")
