@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,7 +21,9 @@ from unveil_core.pipeline import run
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
 
-DRAFT = RunSettings(quality="draft")
+# Few steps: what they lead to is for the tests of the reconstruction, which choose for themselves how many they take.
+STEPS, SPLATS = 150, 12_000
+DRAFT = RunSettings(quality="draft", iterations=STEPS, splats=SPLATS)
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +107,7 @@ def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, st
         "--quality",
         "draft",
     ]
+    command += ["--iterations", str(STEPS), "--splats", str(SPLATS)]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL, env={**os.environ})
     state = tmp_path / "ws" / "workspace.json"
     deadline = time.monotonic() + 120
@@ -112,7 +117,7 @@ def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, st
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    again = run(street, tmp_path / "ws", DRAFT)
+    again = run(street, tmp_path / "ws", DRAFT, until="mesh")
     first, second = results(done.root), results(again.root)
     assert first.keys() == second.keys() and len(first) > 40
     assert [n for n in first if first[n] != second[n]] == []
@@ -120,12 +125,12 @@ def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, st
     assert {"import", "segment", "reconstruct"} <= {e["stage"] for e in events}
 
 
-def test_another_choice_redoes_only_what_depends_on_it(done: Workspace, street: Path) -> None:
+def test_another_choice_redoes_only_what_depends_on_it(done: Workspace, street: Path, tmp_path: Path) -> None:
     ran: list[str] = []
-    run(street, done.root, RunSettings(quality="draft", shadows="off"),
+    shutil.copytree(done.root, tmp_path / "ws")
+    run(street, tmp_path / "ws", replace(DRAFT, shadows="off"), until="inpaint",
         reporter=lambda e: ran.append(str(e["stage"])) if e["message"] == "started" else None)  # fmt: skip
     assert "reconstruct" not in ran and "inpaint" in ran
-    run(street, done.root, DRAFT)
 
 
 def test_masks_on_some_frames_are_enough(tmp_path: Path) -> None:

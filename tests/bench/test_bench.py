@@ -14,7 +14,6 @@ from unveil_core.bench.plot import pareto_front
 from unveil_core.bench.raster import Plan, bench_raster, write_plot
 from unveil_core.bench.rivals import GsplatReference, Yardstick, gsplat_is_there
 from unveil_core.bench.scenes import corridor, corridor_camera
-from unveil_core.bench.step import bench_step
 from unveil_core.bench.timing import alternate
 from unveil_core.cli import main
 from unveil_core.errors import UnveilError
@@ -73,15 +72,12 @@ def test_raster_tables_tell_times_and_errors(tmp_path: Path) -> None:
     assert picture is not None and picture.shape[0] > 400
 
 
-def test_step_is_measured() -> None:
-    told = bench_step(size=(48, 32), count=400, iterations=2)
-    assert told["step_ms"] > 0 and told["least_ms"] <= told["step_ms"] and "ratio" not in told
-
-
-def test_command_writes_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_measures_a_step_and_writes_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "step.json"
     assert main(["bench", "step", "--size", "48x32", "--surfels", "300", "-o", str(target)]) == 0
-    assert json.loads(target.read_text())["surfels"] == 300
+    told = json.loads(target.read_text())
+    assert told["surfels"] == 300 and told["size"] == [48, 32]
+    assert 0 < told["least_ms"] <= told["step_ms"] and told["second_process_s"] > 0 and "ratio" not in told
     assert '"step_ms"' in capsys.readouterr().out
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from unveil_core.optimize.adam import Adam
 from unveil_core.optimize.density import DensityControl, DensitySettings, cut_in_two
 from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
 from unveil_core.surfels.surfels import Surfels, rotations
@@ -179,3 +180,24 @@ def test_budget_is_kept() -> None:
     control.observe(torch.rand(20, 2), torch.ones(20, dtype=torch.bool), 10.0, torch.zeros(20))
     control.act(trainable)
     assert len(trainable) == 23
+
+
+def test_one_tensor_s_steps_are_those_of_torch_bit_for_bit() -> None:
+    g = torch.Generator().manual_seed(4)
+    mine = torch.rand(3, 8, 16, generator=g).requires_grad_(True)
+    theirs = mine.detach().clone().requires_grad_(True)
+    adam, optimizer = Adam(mine, 2e-3), torch.optim.Adam([theirs], lr=2e-3)
+
+    def both(mine: torch.Tensor, adam: Adam) -> None:
+        gradient = torch.randn(3, 8, 16, generator=g) * torch.tensor([1.0, 1e-9, 0.0])[:, None, None]
+        mine.grad, theirs.grad = gradient.clone(), gradient.clone()
+        adam.step()
+        optimizer.step()
+        assert mine.grad is None and torch.equal(mine, theirs)
+
+    for _ in range(4):
+        both(mine, adam)
+    adam.step()  # without a gradient nothing moves, and no step is counted
+    twin = mine.detach().clone().requires_grad_(True)
+    both(twin, adam.copy(twin))
+    assert adam.turn == 4 and not torch.equal(mine, twin)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from tests.fresh_code import told_fresh_and_cached
 from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
 from unveil_core import buffers
 from unveil_core.geometry.camera import Camera
@@ -247,21 +245,3 @@ def test_tensors_that_are_not_contiguous_are_rendered_the_same() -> None:
     assert not strided.sh.is_contiguous()
     for a, b in zip(all_bits(surfels, camera()), all_bits(strided, camera()), strict=True):
         assert torch.equal(a, b)
-
-
-DIGEST = """
-import hashlib, sys, torch
-from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
-from unveil_core.raster import render
-s = with_gradients(random_surfels(1500, 2, degree=2))
-out = render(s, camera(150, 90, 110.0), ("rgb", "alpha"))
-g = torch.Generator().manual_seed(1)
-torch.autograd.backward([out.rgb, out.alpha], [torch.randn(v.shape, generator=g) for v in (out.rgb, out.alpha)])
-bits = [out.rgb, out.alpha, *(getattr(s, n).grad for n in GRADIENTS)]
-print(hashlib.sha256(b"".join(b.detach().numpy().tobytes() for b in bits)).hexdigest())
-"""
-
-
-def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path: Path) -> None:
-    fresh, cached = told_fresh_and_cached(DIGEST, tmp_path)
-    assert fresh == cached

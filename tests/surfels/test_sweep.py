@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from tests.fresh_code import told_fresh_and_cached
 from unveil_core.geometry.camera import Camera
 from unveil_core.parallel import threads
 from unveil_core.surfels.sweep import SweepSettings, sweep_depth, sweep_points
@@ -83,21 +80,3 @@ def test_swept_points_lie_on_the_plane() -> None:
     off = np.abs(points @ NORMAL - OFFSET) / np.linalg.norm(NORMAL)
     assert len(points) > 2000 and len(size) == len(points)
     assert np.median(off) < 0.03 and (off < 0.2).mean() > 0.97
-
-
-DIGEST = """
-import hashlib, numpy as np
-from tests.surfels.test_sweep import camera_at, photograph
-from unveil_core.surfels.sweep import SweepSettings, sweep_depth
-cameras = [camera_at(x) for x in (0.0, -0.3, 0.3)]
-ladder = 1.0 / np.linspace(1 / 2.0, 1 / 40.0, 40)
-planes = sweep_depth(
-    cameras[0], photograph(cameras[0]), [(c, photograph(c)) for c in cameras[1:]], ladder, SweepSettings()
-)
-print(hashlib.sha256(b"".join(plane.tobytes() for plane in planes)).hexdigest())
-"""
-
-
-def test_freshly_compiled_and_cached_code_find_the_same(tmp_path: Path) -> None:
-    fresh, cached = told_fresh_and_cached(DIGEST, tmp_path)
-    assert fresh == cached

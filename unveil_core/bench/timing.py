@@ -29,13 +29,19 @@ def alternate(
         by name: median and least milliseconds, and with a base the median of the ratios to it within each round.
     """
     times: dict[str, list[float]] = {name: [] for name in runs}
-    for turn in range(rounds + 1):
-        for name, run in runs.items():
-            gc.collect()
-            begun = time.perf_counter()
-            run()
-            if turn:
-                times[name].append((time.perf_counter() - begun) * 1e3)
+    # What is there already is no garbage of the runs: looking through it each time would take longer than small runs do.
+    gc.collect()
+    gc.freeze()
+    try:
+        for turn in range(rounds + 1):
+            for name, run in runs.items():
+                gc.collect()
+                begun = time.perf_counter()
+                run()
+                if turn:
+                    times[name].append((time.perf_counter() - begun) * 1e3)
+    finally:
+        gc.unfreeze()
     told = {name: {"ms": statistics.median(t), "least_ms": min(t)} for name, t in times.items()}
     if base in times:
         for name, t in times.items():

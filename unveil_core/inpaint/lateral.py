@@ -10,6 +10,7 @@ from unveil_core.inpaint.shade import luminance
 __all__ = ["lateral_profile"]
 
 Float32 = NDArray[np.float32]
+UPPER = 0.7
 FAR, CLOSE = 2.4, 0.08
 """In half windows: what is farther along the street than the first says less than what is closer aside than the second."""
 
@@ -34,10 +35,11 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
         part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
         # A few texels between two cars say less than many farther along.
         least = max(8, 2 * window // 3 // 4)
-        enough = usable[part].sum(axis=0) >= least
+        count = usable[part].sum(axis=0)
+        enough = count >= least
         if enough.any():
-            medians[k, enough] = np.nanmedian(everything[part][:, enough], axis=0)
-            levels[k, enough] = np.nanpercentile(all_luma[part][:, enough], 70, axis=0)
+            medians[k, enough] = _quantile(everything[part][:, enough], count[enough, None], 0.5)
+            levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], UPPER)
     known = np.isfinite(levels)
     if known.any():
         medians, levels = _completed(medians, levels, known, hop=hop, window=window)
@@ -49,6 +51,23 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
     median = medians[lower] * (1 - blend)[:, None, None] + medians[lower + 1] * blend[:, None, None]
     level = levels[lower] * (1 - blend)[:, None] + levels[lower + 1] * blend[:, None]
     return median, level
+
+
+def _quantile(values: Float32, count: NDArray[np.int64], share: float) -> NDArray[np.float64]:
+    """Linear quantile (B, ...) of what is no NaN in (A, B, ...), where ``count`` (B, ...) > 0 tells how much that is.
+
+    numpy has it, but takes one column after the other as soon as there is a NaN.
+    """
+    count = np.broadcast_to(count, values.shape[1:])
+    place = share * (count - 1)
+    below = np.floor(place).astype(np.int64)
+    ranked = np.sort(values, axis=0)  # NaNs come last
+    low, high = (
+        np.take_along_axis(ranked, np.minimum(b, count - 1)[None], axis=0)[0].astype(np.float64)
+        for b in (below, below + 1)
+    )
+    quantile: NDArray[np.float64] = low + (high - low) * (place - below)
+    return quantile
 
 
 def _completed(

@@ -7,6 +7,7 @@ axis, curves and slopes included, which makes what is hidden predictable.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,11 @@ class StreetPath:
     cell: float
     nearest: NDArray[np.int64]
 
+    @cached_property
+    def _travel(self) -> tuple[Array, Array]:
+        """Cosine and sine (S,) of the heading: there are far fewer nodes than points that ask for them."""
+        return np.cos(self.heading), np.sin(self.heading)
+
     def node_of(self, horizontal: Array) -> NDArray[np.int64]:
         """Index (N,) of the node nearest to points (N, 2): the cell's node, walked along the path to the point's foot."""
         grid = np.round((horizontal - self.corner) / self.cell).astype(np.int64)
@@ -51,9 +57,10 @@ class StreetPath:
             np.clip(grid[:, 0], 0, self.nearest.shape[0] - 1), np.clip(grid[:, 1], 0, self.nearest.shape[1] - 1)
         ]
         last = len(self.nodes) - 1
+        cos, sin = self._travel
         for _ in range(3):
             gap = horizontal - self.nodes[index]
-            along = gap[:, 0] * np.cos(self.heading[index]) + gap[:, 1] * np.sin(self.heading[index])
+            along = gap[:, 0] * cos[index] + gap[:, 1] * sin[index]
             index = np.clip(index + np.round(along / self.step).astype(np.int64), 0, last)
         return index
 
@@ -62,7 +69,7 @@ class StreetPath:
         local = points @ self.axes.T
         index = self.node_of(local[:, :2])
         gap = local[:, :2] - self.nodes[index]
-        cos, sin = np.cos(self.heading[index]), np.sin(self.heading[index])
+        cos, sin = (part[index] for part in self._travel)
         along, left = gap[:, 0] * cos + gap[:, 1] * sin, -gap[:, 0] * sin + gap[:, 1] * cos
         return np.stack([self.start + index * self.step + along, left, local[:, 2]], axis=1)
 
@@ -70,7 +77,7 @@ class StreetPath:
         """Inverse of :meth:`to_street`."""
         index = np.clip(np.round((street[:, 0] - self.start) / self.step).astype(int), 0, len(self.nodes) - 1)
         along = street[:, 0] - self.start - index * self.step
-        cos, sin = np.cos(self.heading[index]), np.sin(self.heading[index])
+        cos, sin = (part[index] for part in self._travel)
         east = self.nodes[index, 0] + along * cos - street[:, 1] * sin
         north = self.nodes[index, 1] + along * sin + street[:, 1] * cos
         return np.stack([east, north, street[:, 2]], axis=1) @ self.axes

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from unveil_core.optimize.adam import Adam
 from unveil_core.optimize.density import DensityControl, DensitySettings
 from unveil_core.optimize.losses import LossWeights, depth_prior, l1_dssim, normal_consistency, semantic_cross_entropy
 from unveil_core.optimize.parameters import LearningRates, TrainableSurfels
@@ -80,16 +81,13 @@ class Optimization:
         self.trainable = TrainableSurfels(surfels, rates, soft_labels=label_count if settings.soft_labels else 0)
         self.sky = sky
         self.texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
-        self._sky_moments = self._sky_optimizer()
+        self._sky_adam = Adam(self.texture, settings.sky_rate) if settings.sky_rate > 0 else None
         fixed = settings.density is None or moving is not None
         self.density = None if fixed else DensityControl(settings.density, len(surfels))  # type: ignore[arg-type]
         self._generator = np.random.default_rng(seed)
         self._order: list[int] = []
         self.loss = float("nan")
         """Exponential mean over the steps."""
-
-    def _sky_optimizer(self) -> torch.optim.Adam | None:
-        return torch.optim.Adam([self.texture], lr=self.settings.sky_rate) if self.settings.sky_rate > 0 else None
 
     def __len__(self) -> int:
         return len(self.trainable)
@@ -99,9 +97,7 @@ class Optimization:
         twin = copy(self)
         twin.trainable = self.trainable.copy()
         twin.texture = self.texture.detach().clone().requires_grad_(self.settings.sky_rate > 0)
-        twin._sky_moments = twin._sky_optimizer()
-        if twin._sky_moments is not None and self._sky_moments is not None:
-            twin._sky_moments.load_state_dict(deepcopy(self._sky_moments.state_dict()))
+        twin._sky_adam = None if self._sky_adam is None else self._sky_adam.copy(twin.texture)
         twin.density, twin._generator = deepcopy(self.density), deepcopy(self._generator)
         twin._order = list(self._order)
         return twin
@@ -126,9 +122,8 @@ class Optimization:
         if self.density is not None:
             _observe(self.density, out, current, view)
         self.trainable.step(self.moving, done=done)
-        if self._sky_moments is not None:
-            self._sky_moments.step()
-            self._sky_moments.zero_grad(set_to_none=True)
+        if self._sky_adam is not None:
+            self._sky_adam.step()
 
     def _render(self, current: Surfels, view: TrainingView, geometry: bool) -> Rendered:
         w, s = self.settings.weights, self.settings

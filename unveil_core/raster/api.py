@@ -198,7 +198,7 @@ def render(
     _check_surfels(surfels, backend)
     count, coefficients = _label_count(surfels, label_count), _coefficients(surfels, sh_degree)
     if backend == "reference":
-        planes = render_reference(surfels, camera, count, near=near, far=far, coefficients=coefficients)
+        planes = render_reference(surfels, camera, count, near=near, far=far, coefficients=coefficients, outputs=names)
         planes, visible, screen = {name: planes[name] for name in names}, planes["visible"], None
     else:
         planes, screen = rasterize(

@@ -7,7 +7,7 @@ check each other. Memory is pixels x surfels: keep scenes small.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import torch
@@ -25,6 +25,7 @@ from unveil_core.raster.spec import (
     LOG_SCALE_MAX,
     LOW_PASS,
     OFFSET_MAX,
+    PLANES,
     SCALE_MIN_PX,
     TRANSMITTANCE_MIN,
 )
@@ -93,13 +94,14 @@ def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
 
 def render_reference(
     surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None,
-    dtype: torch.dtype = torch.float64, whole: Camera | None = None,
+    dtype: torch.dtype = torch.float64, whole: Camera | None = None, outputs: Collection[str] = PLANES,
 ) -> dict[str, Tensor]:  # fmt: skip
-    """All planes.
+    """All planes, or some.
 
     Args:
         surfels: N surfels of any float type; gradients flow back to them.
         label_count: K.
+        outputs: names of planes; the others cost nothing.
         coefficients: how many of the spherical-harmonic coefficients are used; all by default.
         whole: the camera that this one is a part of, itself by default.
         dtype: float32 makes plain vectorized torch of it, as a thing to compare speeds with.
@@ -173,23 +175,28 @@ def render_reference(
     index = torch.where((light > 0.5) & (alpha > 0), torch.arange(len(z)), -1)
     last = index.max(dim=1).values if len(z) else torch.full((height * width,), -1)
     median = depth.gather(1, last.clamp_min(0)[:, None])[:, 0] if len(z) else torch.zeros(height * width, dtype=dtype)
-    per_label = torch.zeros(height * width, dtype=dtype)
-    for k in range(label_count):
-        own = alpha * one_hot[:, k]
-        per_label = per_label + _pair_distortion(own * before(own), mapped)
+
+    def per_label() -> Tensor:
+        total = torch.zeros(height * width, dtype=dtype)
+        for k in range(label_count):
+            own = alpha * one_hot[:, k]
+            total = total + _pair_distortion(own * before(own), mapped)
+        return total
+
     visible = torch.zeros(len(surfels), dtype=torch.bool)
     visible[order] = (alpha > 0).any(dim=0)
-    planes = {
-        "rgb": weight @ rgb[order],
-        "alpha": weight.sum(dim=1),
-        "semantics": weight @ one_hot,
-        "depth": (weight * depth).sum(dim=1),
-        "median_depth": torch.where(last >= 0, median, torch.zeros_like(median)),
-        "normal": weight @ normal[order],
-        "distortion": _pair_distortion(weight, mapped),
+    planes: dict[str, Callable[[], Tensor]] = {
+        "rgb": lambda: weight @ rgb[order],
+        "alpha": lambda: weight.sum(dim=1),
+        "semantics": lambda: weight @ one_hot,
+        "depth": lambda: (weight * depth).sum(dim=1),
+        "median_depth": lambda: torch.where(last >= 0, median, torch.zeros_like(median)),
+        "normal": lambda: weight @ normal[order],
+        "distortion": lambda: _pair_distortion(weight, mapped),
         "label_distortion": per_label,
     }
-    shaped = {k: p.reshape(height, width, *p.shape[1:]) for k, p in planes.items()}
+    made = {name: planes[name]() for name in outputs}
+    shaped = {name: plane.reshape(height, width, *plane.shape[1:]) for name, plane in made.items()}
     return {**shaped, "visible": visible, "undecided": undecided.any(dim=1).reshape(height, width)}
 
 

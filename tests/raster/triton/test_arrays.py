@@ -53,10 +53,10 @@ def assert_close(a: object, b: torch.Tensor, limit: float, name: str) -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_array_is_the_cpu_backends(group: str) -> None:
-    surfels, view = random_surfels(70, 4, degree=3), camera(50, 35, 42.0)
+    surfels, view = random_surfels(45, 4, degree=3), camera(34, 20, 28.0)
     a, b = passes(surfels, view, group)
     seen = a.visible.numpy()
-    assert 20 < seen.sum() < 70
+    assert 20 < seen.sum() < 45 and len(a.ids) > seen.sum() + 20
     np.testing.assert_array_equal(seen, b.visible.cpu().numpy())
     for k in range(rec.SIZE):
         # Float64 until it is rounded: two roundings may differ in the last digit.
@@ -90,7 +90,7 @@ def test_bounds_of_hard_cases_are_the_cpu_backends(name: str) -> None:
 
 
 def test_two_runs_give_the_same_bits() -> None:
-    surfels, view = random_surfels(40, 5), camera(40, 25, 34.0)
+    surfels, view = random_surfels(25, 5), camera(20, 18, 17.0)
     inputs = tuple(t.to(DEVICE) for t in inputs_of(surfels))
     settings = Settings("all", 5, surfels.sh.shape[1], 0.2, 100.0)
     results = []
