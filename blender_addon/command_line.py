@@ -12,12 +12,12 @@ import json
 import signal
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from . import results
 from .jobs import WINDOWS, unveil_command, worker_environment
 from .preferences import unveil_interpreter
 from .session import interrupts
@@ -77,11 +77,10 @@ def _load_and_save(workspace: Path, save: Path) -> int:
     drive = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
     context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
     try:
-        for module in ("drive_scene", "results"):
-            import_module(f".{module}", __package__).load(context, workspace)
+        results.load(context, workspace)
         save.parent.mkdir(parents=True, exist_ok=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(save), check_existing=False)
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         return _refuse(f"{save}: cannot be saved: {' '.join(str(error).split())}", 1)
     print(save)
     return 0

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from pathlib import Path
 
 import bpy
@@ -13,7 +11,8 @@ from bpy.props import EnumProperty
 from . import logs, selection, workspace_state
 from .job_operator import JobOperator, UserError, redraw
 from .job_state import JobState
-from .run_arguments import default_workspace, recorded, settings_arguments
+from .operators_import import loaded
+from .run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
 from .session import session
 
 __all__ = ["stage_states", "workspace_of"]
@@ -39,12 +38,6 @@ def workspace_of(scene: bpy.types.Scene) -> Path | None:
     return Path(bpy.path.abspath(name)).absolute() if name else None
 
 
-def load_results(context: bpy.types.Context, workspace: Path) -> None:
-    """Bring into the scene what the workspace holds."""
-    if importlib.util.find_spec(f"{__package__}.results") is not None:
-        importlib.import_module(".results", __package__).load(context, workspace)
-
-
 class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
     """Take what was chosen out of every frame and out of the scene; does only what is missing or changed"""
 
@@ -59,12 +52,17 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
         if not scene.unveil.workspace:
             scene.unveil.workspace = str(default_workspace(drive, bpy.data.filepath))
         settings = settings_arguments(scene.unveil, bpy.path.abspath)
-        return ["run", drive, "-o", str(workspace_of(scene)), *settings, *selection.arguments(scene)]
+        return [
+            "run",
+            drive,
+            "-o",
+            str(workspace_of(scene)),
+            *settings,
+            *selection_arguments(selection.arguments(scene)),
+        ]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        workspace = workspace_of(context.scene)
-        if workspace is not None:
-            load_results(context, workspace)
+        loaded(self, context, context.scene.unveil.workspace)
 
 
 class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
@@ -85,15 +83,14 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
             raise UserError("There is no workspace yet: import a drive, or name the folder of one")
         if self.stage in NEED_A_SELECTION and (problem := selection.problem(scene)):
             raise UserError(problem)
-        settings = [*settings_arguments(scene.unveil, bpy.path.abspath), *selection.arguments(scene)]
+        chosen = selection_arguments(selection.arguments(scene))
+        settings = [*settings_arguments(scene.unveil, bpy.path.abspath), *chosen]
         if self.stage == "import":
             return ["import", drive_of(scene), "-o", str(workspace), *settings]
         return [self.stage, str(workspace), *settings]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        workspace = workspace_of(context.scene)
-        if workspace is not None:
-            load_results(context, workspace)
+        loaded(self, context, context.scene.unveil.workspace)
 
 
 class UNVEIL_OT_cancel(bpy.types.Operator):
@@ -145,7 +142,7 @@ def stage_states(scene: bpy.types.Scene) -> workspace_state.WorkspaceState | Non
     root = workspace_of(scene)
     if root is None:
         return None
-    wanted = recorded(scene.unveil, selection.arguments(scene), bpy.path.abspath)
+    wanted = recorded(scene.unveil, selection_arguments(selection.arguments(scene)), bpy.path.abspath)
     try:
         stat = (root / "workspace.json").stat()
         key: object = (stat.st_mtime_ns, stat.st_size, session.busy, repr(wanted))

@@ -8,7 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["default_workspace", "recorded", "settings_arguments"]
+__all__ = ["default_workspace", "recorded", "selection_arguments", "settings_arguments"]
+
+NOTHING = {"--remove": "", "--instances": "", "--marked": "none"}
+"""The options of a choice, and how to say that it names none of that kind."""
 
 
 def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> list[str]:
@@ -30,6 +33,16 @@ def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> l
         "--reference-inpainter", _file(settings.reference_inpainter, absolute) or "none",
         "--max-side", str(settings.max_side) if settings.max_side else "auto",
     ]  # fmt: skip
+
+
+def selection_arguments(chosen: Sequence[str]) -> list[str]:
+    """A choice that says of each kind what goes, or that nothing does, so that nothing recorded before comes through.
+
+    Args:
+        chosen: options, as ``["--remove", "car"]``; empty for no choice, which stays empty: everything removable goes.
+    """
+    given = dict(zip(chosen[::2], chosen[1::2], strict=True))
+    return [word for name, none in NOTHING.items() for word in (name, given.get(name, none))] if given else []
 
 
 def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[str], str] = str) -> dict[str, object]:
@@ -59,7 +72,7 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         elif option == "--instances":
             found["instances"] = [int(part) for part in _names(value)]
         elif option == "--marked":
-            found["marked"] = value
+            found["marked"] = None if value == "none" else value
     return found
 
 

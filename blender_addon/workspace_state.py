@@ -86,7 +86,8 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     stages: dict[str, StageState] = {}
     for name in STAGES:
         entry = recorded.get(name, {})
-        state = _state(entry, wanted or {}, in_use)
+        made_with = _chosen(root, wanted or {}) if name == "choose" else {}
+        state = _state({**entry, "settings": {**(entry.get("settings") or {}), **made_with}}, wanted or {}, in_use)
         if state == "done" and not _follows(entry, recorded, stages):
             state = "stale"
         message = _why_failed(root, name) if state == "failed" else ""
@@ -110,6 +111,18 @@ def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bo
     if isinstance(made_with, dict) and any(wanted[k] != v for k, v in made_with.items() if k in wanted):
         return "stale"
     return "done"
+
+
+def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:
+    """What was chosen in the end, as settings: one choice can be put in several ways, and comes to the same."""
+    if not wanted.get("remove") and not wanted.get("instances"):
+        return {}  # everything that can be removed: that is one of the ways
+    try:
+        made = json.loads((root / "selection.json").read_text(encoding="utf-8"))
+        found = {"remove": made["removed"], "instances": made["instances"]}
+        return {k: wanted.get(k) if set(v) == set(wanted.get(k) or ()) else v for k, v in found.items()}  # type: ignore[call-overload]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
 
 
 def _follows(entry: Mapping[str, object], recorded: Mapping[str, dict], stages: Mapping[str, StageState]) -> bool:  # type: ignore[type-arg]

@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
 
         add("--remove", (), type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
         add("--instances", (), type=_ids, metavar="IDS", help="single objects, as 3,7")
-        add("--marked", None, metavar="FILE.json",
+        add("--marked", None, metavar="FILE.json|none", type=_file_or_none,
             help="objects nobody labelled: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}")  # fmt: skip
         add("--quality", "standard", choices=("draft", "standard", "high"))
         add("--device", "auto", choices=("auto", "cpu", "cuda"))

@@ -8,8 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from blender_addon.run_arguments import default_workspace, recorded, settings_arguments
+from blender_addon.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
 from unveil_core.cli import _parser, _settings
+from unveil_core.settings import RunSettings
 
 PLAIN = {
     "quality": "standard", "device": "auto", "seed": 0, "shadows": "auto", "sun_azimuth": 0.0, "sun_elevation": 0.5,
@@ -44,10 +45,29 @@ def test_the_command_records_what_the_add_on_compares_with(changed: dict[str, ob
     assert given["shadows"] in ("auto", "off", "135,40.5")
 
 
+@pytest.mark.parametrize(
+    ("chosen", "goes"),
+    [
+        (["--remove", "car,person"], (["car", "person"], [], None)),
+        (["--instances", "3,7"], ([], [3, 7], None)),
+        (["--remove", "car", "--marked", "/ws/marked.json"], (["car"], [], "/ws/marked.json")),
+    ],
+)
+def test_a_choice_replaces_the_one_before(chosen: list[str], goes: tuple[object, ...]) -> None:
+    """Also of the kinds that it does not name: a stage keeps what is recorded unless it is told."""
+    options = selection_arguments(chosen)
+    before = RunSettings(remove=("truck",), instances=(9,), marked="/old.json")
+    given = _settings(_parser().parse_args(["choose", "ws", *options]), before).to_json()
+    assert (given["remove"], given["instances"], given["marked"]) == goes
+    expected = recorded(SimpleNamespace(**PLAIN), options)
+    assert (expected["remove"], expected["instances"], expected["marked"]) == goes
+    assert selection_arguments([]) == []
+
+
 def test_nothing_recorded_before_comes_through() -> None:
     """Every setting that the panel has is said, whatever a workspace has recorded."""
-    options = settings_arguments(SimpleNamespace(**PLAIN))
-    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN)))
+    options = [*settings_arguments(SimpleNamespace(**PLAIN)), *selection_arguments(["--remove", "car"])]
+    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN), options[-6:]))
 
 
 def test_where_results_go_if_nobody_says() -> None:

@@ -62,6 +62,14 @@ def test_it_agrees_with_unveil_status(root: Path, changed: dict[str, object]) ->
     assert states(root, settings.to_json()) == stage_states(Workspace.open(root), settings)
 
 
+def test_a_choice_put_another_way_is_the_same_choice(root: Path) -> None:
+    """The workspace was made with no choice at all, which means the car."""
+    assert states(root, {"remove": ["car"], "instances": []})["choose"] == "done"
+    assert states(root, {"remove": [], "instances": [300]})["choose"] == "stale"
+    assert states(root, {"remove": ["car", "person"], "instances": []})["choose"] == "stale"
+    assert states(root, {"remove": [], "instances": []})["choose"] == "done"
+
+
 def test_running_failed_and_killed(root: Path) -> None:
     workspace = Workspace.open(root)
     workspace.update_stage("reconstruct", status="running")
