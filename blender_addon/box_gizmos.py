@@ -74,10 +74,12 @@ class UNVEIL_GT_boxes(bpy.types.Gizmo):
     """All boxes of the drive."""
 
     bl_idname = "UNVEIL_GT_boxes"
-    __slots__ = ("pointed",)
+    __slots__ = ("clicked", "pointed")
 
     def setup(self) -> None:
         self.pointed: int | None = None
+        # Properties of the operator that a click runs, which makes the undo step, too.
+        self.clicked = self.target_set_operator("unveil.toggle_object")
 
     def draw(self, context: bpy.types.Context) -> None:
         import gpu
@@ -99,19 +101,14 @@ class UNVEIL_GT_boxes(bpy.types.Gizmo):
 
     def test_select(self, context: bpy.types.Context, location: tuple[float, float]) -> int:
         found = box_at(context, (float(location[0]), float(location[1])))
-        if found != getattr(self, "pointed", None):
+        if found != self.pointed:
             self.pointed = found
             if context.area is not None:
                 context.area.tag_redraw()
-        return -1 if found is None else 0
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.pointed is not None:
-            # True: an undo step of its own, as for a click on the row
-            bpy.ops.unveil.toggle_object("EXEC_DEFAULT", True, number=self.pointed)
-            for area in context.screen.areas:
-                area.tag_redraw()
-        return {"FINISHED"}
+        if found is None:
+            return -1
+        self.clicked.number = found
+        return 0
 
 
 class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):

@@ -127,7 +127,9 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         settings.workspace = str(_absolute(place)) if self.directory else place
         if not loaded(self, context, settings.workspace):
             return {"CANCELLED"}
-        settings.drive = str((read_json(_absolute(place) / "workspace.json") or {}).get("drive", settings.drive))
+        drive = str((read_json(_absolute(place) / "workspace.json") or {}).get("drive", ""))
+        if Path(drive).is_absolute():
+            settings.drive = drive
         return {"FINISHED"}
 
 

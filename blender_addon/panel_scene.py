@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
@@ -10,7 +11,7 @@ import bpy
 from . import cameras, previews, selection, view
 from .panels import Section
 
-__all__: list[str] = []
+__all__ = ["measures"]
 
 
 class UNVEIL_PT_drive(Section, bpy.types.Panel):
@@ -88,7 +89,8 @@ class UNVEIL_UL_objects(bpy.types.UIList):
         self, context: Any, layout: Any, data: Any, item: Any, icon: int, active_data: Any, active_property: str,
         index: int = 0, flt_flag: int = 0,
     ) -> None:  # fmt: skip
-        row = layout.row(align=True)
+        columns = _columns(layout)
+        row = columns[0]
         if item.moves:
             row.label(text="", icon="ANIM")
         else:
@@ -99,18 +101,26 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             row.label(text=item.name, icon_value=picture)
         else:
             row.label(text=item.name, icon={"box": "CUBE", "mattes": "IMAGE_DATA"}.get(item.source, "QUESTION"))
-        end = row.row()
-        end.alignment = "RIGHT"
-        end.label(text=_measures(item))
+        for column, text in zip(columns[1:], measures(item), strict=True):
+            column.label(text=text)
 
 
-def _measures(item: selection.UnveilObject) -> str:
-    """Size, distance and frames in few characters."""
+def _columns(layout: bpy.types.UILayout) -> list[bpy.types.UILayout]:
+    """What an object is, its size, distance and frames, side by side."""
+    whole = layout.split(factor=0.57)
+    thing = whole.row(align=True)  # what is made first stands first
+    rest = whole.row()
+    return [thing, rest, rest, rest]
+
+
+def measures(item: selection.UnveilObject) -> tuple[str, str, str]:
+    """Longest side and distance in metres, and how many frames show an object; empty where it is not known."""
     box = selection.box_of(item)
-    size = "×".join(f"{v:.1f}" for v in box.size) + " m" if box is not None else ""
-    distance = f"{item.distance:.0f} m off" if item.distance >= 0 else ""
-    frames = f"{item.frames} fr." if item.frames else ""
-    return "  ".join(part for part in (size, distance, frames) if part)
+    return (
+        f"{max(box.size):.1f}" if box is not None else "",
+        f"{item.distance:.0f}" if item.distance >= 0 else "",
+        str(item.frames) if item.frames else "",
+    )
 
 
 class UNVEIL_PT_selection(Section, bpy.types.Panel):
@@ -131,6 +141,8 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
             row.operator("unveil.choose", text=text).which = which
         layout.template_list("UNVEIL_UL_classes", "", listed, "classes", listed, "active_class", rows=3, sort_lock=True)
         layout.prop(listed, "all_classes")
+        for column, text in zip(_columns(layout), ("Object", "Size", "Off", "Seen"), strict=True):
+            column.label(text=text)
         layout.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6)
         row = layout.row(align=True)
         row.operator("unveil.add_box", icon="CUBE")
@@ -139,7 +151,10 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         if 0 <= listed.active < len(listed.objects):
             self._active(layout, listed.objects[listed.active])
         problem = selection.problem(scene)
-        layout.label(text=problem or _summary(scene), icon="ERROR" if problem else "CHECKMARK")
+        lines = textwrap.wrap(problem or _summary(scene), 40)
+        column = layout.column(align=True)
+        for i, line in enumerate(lines):
+            column.label(text=line, icon="BLANK1" if i else "ERROR" if problem else "CHECKMARK")
 
     def _active(self, layout: bpy.types.UILayout, thing: selection.UnveilObject) -> None:
         """More of the object whose row is active."""
@@ -150,11 +165,15 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
             row.template_icon(icon_value=picture, scale=4.0)
         column = row.column()
         column.label(text=thing.name)
-        column.label(text=_measures(thing) or "not seen yet")
+        measured = selection.box_of(thing)
+        if measured is not None:
+            column.label(text="×".join(f"{v:.1f}" for v in measured.size) + " m")
+        if thing.distance >= 0:
+            column.label(text=f"{thing.distance:.1f} m from the drive")
         if thing.moves:
             column.label(text="moves: goes from every frame")
         elif thing.first_frame:
-            column.label(text=f"frames {thing.first_frame} to {thing.last_frame}")
+            column.label(text=f"{thing.frames} frames, {thing.first_frame} to {thing.last_frame}")
         row = box.row(align=True)
         row.operator(
             "unveil.toggle_object", text="Leave it in" if thing.chosen else "Take it out"

@@ -57,7 +57,7 @@ def run(
         named_frames(open_drive(drive).frames, settings.keyframes)
     space = Workspace.create(workspace)
     try:
-        run_stages(space, stages, settings, Path(drive), reporter=reporter)
+        run_stages(space, stages, settings, Path(drive).absolute(), reporter=reporter)
     except UnveilError:
         if fresh and not space.drive_dir.exists():
             shutil.rmtree(space.root, ignore_errors=True)

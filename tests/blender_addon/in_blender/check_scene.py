@@ -395,5 +395,5 @@ def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path
     assert gizmos.lines_of(bpy.context, 5)[0][1] == gizmos.POINTED
     scene.unveil_selection.show_boxes = False
     assert gizmos.lines_of(bpy.context, 5) == []
-    text = panels._measures(scene.unveil_selection.objects[0])
-    assert text.endswith("8 fr.") and " m off" in text
+    size, distance, frames = panels.measures(scene.unveil_selection.objects[0])
+    assert 2 < float(size) < 6 and float(distance) > 0 and frames == "8"
