@@ -9,11 +9,11 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cameras, drive_scene, results, view
+from . import cameras, drive_scene, results, selection, view
 from .drive_files import read_json
 from .job_operator import JobOperator, UserError
 from .job_state import JobState
-from .run_arguments import default_workspace, settings_arguments
+from .run_arguments import default_workspace, selection_arguments, settings_arguments
 
 __all__ = ["loaded"]
 
@@ -62,7 +62,11 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         if not settings.workspace:
             settings.workspace = str(default_workspace(drive, bpy.data.filepath))
         place = _absolute(settings.workspace)
-        return ["import", str(drive), "-o", str(place), *settings_arguments(settings, bpy.path.abspath)]
+        options = [
+            *settings_arguments(settings, bpy.path.abspath),
+            *selection_arguments(selection.arguments(context.scene)),
+        ]
+        return ["import", str(drive), "-o", str(place), *options]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
         loaded(self, context, context.scene.unveil.workspace)

@@ -244,9 +244,11 @@ def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Pat
     offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
     assert np.allclose(entry["centre"], np.array((7.25, -2.55, -0.9)) + offset, atol=1e-5)
     assert np.allclose(entry["size"], (3.8, 2.0, 1.6), atol=1e-5) and abs(entry["yaw"] - 0.1) < 1e-5
-    # What the command makes of it comes back into the list.
-    outside("-m", "unveil_core", "objects", str(ws), *arguments)
-    bpy.ops.unveil.load_workspace()
+    # Importing again keeps it, chosen or not, and what the command finds in it comes back into the list.
+    scene.unveil_selection.objects["skip 1001"].chosen = False
+    assert bpy.ops.unveil.import_drive() == {"FINISHED"}
+    assert not scene.unveil_selection.objects["skip 1001"].chosen
+    bpy.ops.unveil.toggle_object(number=1001)
     skip = scene.unveil_selection.objects["skip 1001"]
     assert skip.frames > 3 and skip.points > 30 and skip.chosen and skip.marker == marker
     # Another file finds the wire cube in the workspace; deleting it forgets the object.
