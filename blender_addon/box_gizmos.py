@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d
-from mathutils import Vector
 
 from . import selection, view
-from .boxes import EDGES, pick
+from .boxes import EDGES, corners_of, pick
 
 __all__ = ["box_at", "lines_of"]
 
@@ -25,49 +23,57 @@ STAYS, GOES, MOVES, POINTED = (
 WIDTH_PX, ACTIVE_PX = 1.5, 3.0
 
 
-def _shown(context: bpy.types.Context) -> list[selection.UnveilObject]:
-    """Objects whose boxes are drawn; wire cubes draw themselves and are moved by the artist's own clicks."""
+def _shown(context: bpy.types.Context) -> np.ndarray | None:
+    """Indices of the objects whose boxes are drawn, None where none is; wire cubes are Blender's to draw and to select."""
     scene = context.scene
     if not scene.unveil_selection.show_boxes or not selection.current(scene) or view.shown_drive(scene) is None:
-        return []
-    return [o for o in scene.unveil_selection.objects if o.boxed and o.source != "box"]
+        return None
+    shown = np.flatnonzero(_column(scene, "boxed", bool))
+    return shown if len(shown) else None
+
+
+def _column(scene: bpy.types.Scene, name: str, kind: type, width: int = 1) -> np.ndarray:
+    """(N,) or (N, width) of a property of all listed objects: at every move of the pointer there is no time for more."""
+    objects = scene.unveil_selection.objects
+    values = np.zeros(len(objects) * width, {bool: np.bool_, int: np.int32, float: np.float32}[kind])
+    objects.foreach_get(name, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+def _corners(scene: bpy.types.Scene, shown: np.ndarray) -> np.ndarray:
+    """(N, 8, 3)."""
+    columns = _column(scene, "centre", float, 3), _column(scene, "size", float, 3), _column(scene, "yaw", float)
+    return corners_of(*(c[shown].astype(np.float64) for c in columns))
 
 
 def box_at(context: bpy.types.Context, pointer: tuple[float, float]) -> int | None:
     """The id of the object whose box lies under the pointer (pixels of the region), None where there is none."""
-    region, perspective = context.region, context.region_data
-    matrix = perspective.view_matrix
-    things = _shown(context)
-    outlines: list[np.ndarray | None] = []
-    depths = []
-    for thing in things:
-        box = selection.box_of(thing)
-        assert box is not None
-        corners = [location_3d_to_region_2d(region, perspective, c) for c in box.corners]
-        before = all(c is not None for c in corners)
-        outlines.append(np.array([tuple(c) for c in corners]) if before else None)
-        depths.append(-(matrix @ Vector(box.centre)).z)
-    found = pick(pointer, outlines, depths)
-    return None if found is None else things[found].number
+    shown = _shown(context)
+    if shown is None:
+        return None
+    perspective = np.array(context.region_data.perspective_matrix, np.float64)
+    size = context.region.width, context.region.height
+    found = pick(pointer, _corners(context.scene, shown), perspective, size)
+    return None if found is None else int(_column(context.scene, "number", int)[shown[found]])
 
 
-def lines_of(context: bpy.types.Context, pointed: int | None) -> list[tuple[list[tuple], tuple, float]]:
-    """What is drawn: (ends of edges, colour, width in pixels) for each box, the one pointed at last."""
-    scene = context.scene
-    listed = scene.unveil_selection
-    active = listed.objects[listed.active].number if 0 <= listed.active < len(listed.objects) else None
+def lines_of(context: bpy.types.Context, pointed: int | None) -> list[tuple[np.ndarray, tuple, float]]:
+    """What is drawn: (ends of edges (M, 3), colour, width in pixels) of all boxes that look alike, the one pointed at last."""
+    scene, shown = context.scene, _shown(context)
+    if shown is None:
+        return []
+    ends = _corners(scene, shown)[:, np.array(EDGES).ravel()].astype(np.float32)
+    number, chosen, moves = (
+        _column(scene, n, k)[shown] for n, k in (("number", int), ("chosen", bool), ("moves", bool))
+    )
+    is_pointed = number == (-1 if pointed is None else pointed)
+    is_active = (shown == scene.unveil_selection.active) & ~is_pointed
     found = []
-    for thing in _shown(context):
-        box = selection.box_of(thing)
-        assert box is not None
-        corners = [tuple(float(v) for v in c) for c in box.corners]
-        ends = [corners[i] for edge in EDGES for i in edge]
-        color = MOVES if thing.moves else GOES if thing.chosen else STAYS
-        width = ACTIVE_PX if thing.number == active else WIDTH_PX
-        if thing.number == pointed:
-            color, width = POINTED, ACTIVE_PX
-        found.append((ends, color, width))
-    return sorted(found, key=lambda line: line[1] == POINTED)
+    for color, own in ((STAYS, ~chosen & ~moves), (GOES, chosen & ~moves), (MOVES, moves)):
+        for width, part in ((WIDTH_PX, own & ~is_active & ~is_pointed), (ACTIVE_PX, own & is_active)):
+            found.append((ends[part].reshape(-1, 3), color, width))
+    found.append((ends[is_pointed].reshape(-1, 3), POINTED, ACTIVE_PX))
+    return [line for line in found if len(line[0])]
 
 
 class UNVEIL_GT_boxes(bpy.types.Gizmo):
@@ -122,7 +128,7 @@ class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.mode == "OBJECT" and bool(_shown(context))
+        return context.mode == "OBJECT" and _shown(context) is not None
 
     def setup(self, context: bpy.types.Context) -> None:
         gizmo = self.gizmos.new(UNVEIL_GT_boxes.bl_idname)

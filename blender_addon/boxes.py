@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["EDGES", "SceneBox", "box_around", "pick"]
+__all__ = ["EDGES", "SceneBox", "box_around", "corners_of", "pick"]
 
 SIGNS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=np.float64) / 2
 EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1)
@@ -27,9 +26,7 @@ class SceneBox:
     @property
     def corners(self) -> np.ndarray:
         """(8, 3)."""
-        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
-        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        return (SIGNS * np.asarray(self.size)) @ turn + np.asarray(self.centre)
+        return corners_of(np.array([self.centre]), np.array([self.size]), np.array([self.yaw]))[0]
 
 
 def box_around(corners: np.ndarray, yaw: float) -> SceneBox:
@@ -43,16 +40,32 @@ def box_around(corners: np.ndarray, yaw: float) -> SceneBox:
     return SceneBox((x, y, z), (length, width, height), yaw)
 
 
-def pick(pointer: tuple[float, float], outlines: Sequence[np.ndarray | None], depths: Sequence[float]) -> int | None:
-    """Which box lies under the pointer, the nearest of those that do.
+def corners_of(centres: np.ndarray, sizes: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+    """(N, 8, 3) corners of boxes given by (N, 3), (N, 3) and (N,)."""
+    local = SIGNS[None] * sizes[:, None]
+    cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    return np.stack([x * cos - y * sin, x * sin + y * cos, z], axis=2) + centres[:, None]
+
+
+def pick(
+    pointer: tuple[float, float], corners: np.ndarray, perspective: np.ndarray, size: tuple[int, int]
+) -> int | None:
+    """Which box lies under the pointer, the one of the nearest middle where several do; None where none does.
 
     Args:
-        pointer: (x, y) pixels.
-        outlines: (8, 2) corners of each box in pixels, None for what is not before the viewer.
-        depths: of the boxes' centres.
+        pointer: (x, y) pixels from the lower left.
+        corners: (N, 8, 3) of the boxes.
+        perspective: (4, 4) to clip coordinates; size: (width, height) of the view, pixels.
     """
-    under = [i for i, o in enumerate(outlines) if o is not None and _inside(np.asarray(pointer, np.float64), o)]
-    return min(under, key=lambda i: depths[i], default=None)
+    clip = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2) @ perspective.T
+    depth = clip[..., 3]
+    before = (depth > 1e-6).all(axis=1)  # a box that reaches behind the viewer has no outline
+    outline = (clip[..., :2] / np.where(before[:, None], depth, 1.0)[..., None] + 1) / 2 * np.asarray(size)
+    point = np.asarray(pointer, np.float64)
+    around = before & (outline.min(axis=1) <= point).all(axis=1) & (outline.max(axis=1) >= point).all(axis=1)
+    under = [int(i) for i in np.flatnonzero(around) if _inside(point, outline[i])]
+    return min(under, key=lambda i: depth[i].mean(), default=None)
 
 
 def _inside(point: np.ndarray, corners: np.ndarray) -> bool:

@@ -92,6 +92,7 @@ def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -
     )
     if not mesh.materials:
         mesh.materials.append(meshes.color_material(mark, "Points"))
+    thing.hide_select = True  # they are everywhere, and a click means something else
     thing["unveil_points"], thing["unveil_points_shown"] = len(ply.vertices), len(chosen)
     meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
 

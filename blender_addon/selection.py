@@ -35,7 +35,9 @@ class UnveilObject(bpy.types.PropertyGroup):
     source: StringProperty(description="images, clusters, box or mattes")
     chosen: BoolProperty(name="Remove", description="Take this object out of the street")
     moves: BoolProperty(description="It moves during the drive, and goes in any case")
-    boxed: BoolProperty()
+    boxed: BoolProperty(
+        description="Whether its place is known; of no meaning for a wire cube, which is a place itself"
+    )
     centre: FloatVectorProperty(size=3)
     size: FloatVectorProperty(size=3)
     yaw: FloatProperty()
@@ -247,8 +249,8 @@ def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
     thing.distance = -1.0 if entry["distance_m"] is None else float(entry["distance_m"])
     thing.thumbnail = str(drive.workspace / entry["thumbnail"]) if entry["thumbnail"] else ""
     box = entry["box"]
-    thing.boxed = box is not None
-    if box is not None:
+    thing.boxed = box is not None and thing.source != "box"
+    if thing.boxed:
         thing.centre = drive.to_scene(np.asarray(box["centre"], np.float64))
         thing.size = np.asarray(box["size"]) / drive.units_per_metre
         thing.yaw = float(box["yaw"]) - math.pi / 2  # the files count from east, the scene's x is north

@@ -21,7 +21,6 @@ from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.points import write_points
 from unveil_core.files import write_json_atomic
-from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import Mesh, write_ply
 from unveil_core.pipeline import run
 from unveil_core.semantics import classes
@@ -197,15 +196,29 @@ def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:
 
 
 def test_the_nearest_box_under_the_pointer_is_picked() -> None:
-    camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, np.eye(4))
-    near, far = SceneBox((0, 0, 10), (2, 2, 2), 0.4), SceneBox((1.2, 0, 20), (4, 4, 4), 0.0)
-    outlines = [camera.project(b.corners)[0] for b in (near, far)]
-    depths = [10.0, 20.0]
-    middle = tuple(camera.project(np.array([near.centre]))[0][0])
-    assert pick(middle, outlines, depths) == 0 and pick(middle, [None, outlines[1]], depths) == 1
-    right = tuple(camera.project(np.array([[3.0, 0, 20]]))[0][0])
-    assert pick(right, outlines, depths) == 1
-    assert pick((5.0, 5.0), outlines, depths) is None and pick(middle, [], []) is None
+    """Seen along -z, as Blender's views are, with z up in the picture's y."""
+    focal, width, height = 500.0, 640, 480
+    perspective = np.array(
+        [[2 * focal / width, 0, 0, 0], [0, 2 * focal / height, 0, 0], [0, 0, -1, -0.2], [0, 0, -1, 0]], np.float64
+    )
+    boxes = (
+        SceneBox((0, 0, -10), (2, 2, 2), 0.4), SceneBox((1.2, 0, -20), (4, 4, 4), 0.0), SceneBox((0, 0, 0), (3, 3, 3), 0.0),
+    )  # fmt: skip
+    corners = np.stack([b.corners for b in boxes])
+
+    def pixel(x: float, y: float, z: float) -> tuple[float, float]:
+        return width / 2 + focal * x / -z, height / 2 + focal * y / -z
+
+    def picked(*place: float) -> int | None:
+        return pick(pixel(*place), corners, perspective, (width, height))
+
+    # Where the first and the second overlap the nearer one is meant; the third, around the viewer, has no outline.
+    assert picked(0, 0, -10) == 0 and picked(3.0, 0, -20) == 1 and picked(3.7, 1.9, -20) is None
+    # Within the rectangle around the turned box, -73 to 73 pixels, but beside its outline; only that box is asked about.
+    beside = (width / 2 - 70, height / 2 - 70)
+    assert pick(beside, corners[:1], perspective, (width, height)) is None
+    assert pick((width / 2 - 60, height / 2), corners[:1], perspective, (width, height)) == 0
+    assert pick((5.0, 5.0), corners[:0], perspective, (width, height)) is None
 
 
 def test_a_box_around_its_own_corners_is_itself() -> None:

@@ -386,7 +386,11 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
 
 def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path) -> None:
     """What a window draws, without one: lines and colours of the boxes, and the texts of the rows."""
+    from types import SimpleNamespace
+
     import bpy
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
     gizmos, panels = addon.module("box_gizmos"), addon.module("panel_scene")
@@ -395,7 +399,20 @@ def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path
     bpy.ops.unveil.toggle_object(number=5)
     assert gizmos.lines_of(bpy.context, None)[0][1] == gizmos.STAYS
     assert gizmos.lines_of(bpy.context, 5)[0][1] == gizmos.POINTED
+    assert gizmos.UNVEIL_GGT_boxes.poll(bpy.context)
+    # The view through the camera, in a region of twice the picture's size: the pointer is on the car, then beside it.
+    depsgraph, camera = bpy.context.evaluated_depsgraph_get(), scene.camera
+    width, height = 256, 160
+    matrix = camera.calc_matrix_camera(depsgraph, x=width, y=height) @ camera.matrix_world.inverted()
+    view = SimpleNamespace(
+        scene=scene,
+        region=SimpleNamespace(width=width, height=height),
+        region_data=SimpleNamespace(perspective_matrix=matrix),
+    )
+    middle = world_to_camera_view(scene, camera, Vector(scene.unveil_selection.objects[0].centre))
+    assert gizmos.box_at(view, (middle.x * width, middle.y * height)) == 5
+    assert gizmos.box_at(view, (3, 150)) is None
     scene.unveil_selection.show_boxes = False
-    assert gizmos.lines_of(bpy.context, 5) == []
+    assert gizmos.lines_of(bpy.context, 5) == [] and not gizmos.UNVEIL_GGT_boxes.poll(bpy.context)
     size, distance, frames = panels.measures(scene.unveil_selection.objects[0])
     assert 2 < float(size) < 6 and float(distance) > 0 and frames == "8"
