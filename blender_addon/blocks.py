@@ -13,7 +13,8 @@ from typing import Any
 import bpy
 
 __all__ = [
-    "child_collection", "drive_collection", "drive_of", "ensure", "ensure_object", "find", "mark", "remove", "workspace_of",
+    "child_collection", "drive_collection", "drive_of", "ensure", "ensure_file", "ensure_object", "find", "mark", "remove",
+    "same_place", "workspace_of",
 ]  # fmt: skip
 
 DRIVE, ROLE, WORKSPACE = "unveil_drive", "unveil_role", "unveil_workspace"
@@ -48,14 +49,26 @@ def ensure_object(data: Any, drive: str, role: str, name: str, collection: bpy.t
     return thing
 
 
+def ensure_file(blocks: Any, drive: str, role: str, path: str, name: str) -> Any:
+    """The picture or clip of that role, of this file."""
+    block = find(blocks, drive, role)
+    if block is None:
+        block = blocks.load(path)
+        block.name = name
+        mark(block, drive, role)
+    elif not same_place(bpy.path.abspath(block.filepath), path):
+        block.filepath = path
+    return block
+
+
 def remove(blocks: Any, block: Any) -> None:
     """Take a data block away, where there is one."""
     if block is not None:
         blocks.remove(block)
 
 
-def same_folder(a: str, b: str) -> bool:
-    """Whether two paths lead to one folder."""
+def same_place(a: str, b: str) -> bool:
+    """Whether two paths lead to one file or folder."""
     return os.path.normcase(os.path.realpath(a)) == os.path.normcase(os.path.realpath(b))
 
 
@@ -78,7 +91,7 @@ def drive_collection(
     """
     drives = [c for c in scene.collection.children_recursive if c.get(ROLE) == "drive"]
     for collection in drives:
-        if same_folder(workspace_of(collection), workspace):
+        if same_place(workspace_of(collection), workspace):
             return collection
     if not name:
         return None

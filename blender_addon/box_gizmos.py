@@ -138,12 +138,4 @@ class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
 
 CLASSES = (UNVEIL_GT_boxes, UNVEIL_GGT_boxes)
 
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

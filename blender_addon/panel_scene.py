@@ -220,12 +220,4 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
 
 CLASSES = (UNVEIL_PT_drive, UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection, UNVEIL_PT_results)
 
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

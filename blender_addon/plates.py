@@ -29,14 +29,7 @@ def set_plate(camera: bpy.types.Object, drive: str, kind: str, pictures: Picture
     """Put a sequence behind a track's camera, hidden; brought up to date where it is there already."""
     track = camera["unveil_track"]
     role = f"plate:{kind}:{track}"
-    path = str(pictures.files[0])
-    image = blocks.find(bpy.data.images, drive, role)
-    if image is None:
-        image = bpy.data.images.load(path)
-        image.name = f"{track} {kind}"
-        blocks.mark(image, drive, role)
-    elif not blocks.same_folder(bpy.path.abspath(image.filepath), path):
-        image.filepath = path
+    image = blocks.ensure_file(bpy.data.images, drive, role, str(pictures.files[0]), f"{track} {kind}")
     image.source = "SEQUENCE" if len(pictures) > 1 else "FILE"
     image.reload()  # the files may have been written anew
     backgrounds = camera.data.background_images

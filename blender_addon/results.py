@@ -95,14 +95,8 @@ def _in_color(files: list[Path], folder: Path) -> list[Path]:
 
 def _clip(mark: str, kind: str, track: str, pictures: sequences.PictureSequence) -> None:
     """A movie clip of a sequence; it stays in the file though nothing uses it."""
-    path, role = str(pictures.files[0]), f"clip:{kind}:{track}"
-    clip = blocks.find(bpy.data.movieclips, mark, role)
-    if clip is None:
-        clip = bpy.data.movieclips.load(path)
-        clip.name = f"{track} {kind}"
-        blocks.mark(clip, mark, role)
-    elif not blocks.same_folder(bpy.path.abspath(clip.filepath), path):
-        clip.filepath = path
+    role = f"clip:{kind}:{track}"
+    clip = blocks.ensure_file(bpy.data.movieclips, mark, role, str(pictures.files[0]), f"{track} {kind}")
     clip.use_fake_user, clip.frame_start, clip.frame_offset = True, 0, 0
 
 
@@ -151,11 +145,8 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
         if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:
             bpy.data.images.remove(image)
     for role, (name, file, _) in wanted.items():
-        image = blocks.find(bpy.data.images, mark, role)
-        if image is None:
-            image = bpy.data.images.load(str(file))
-            image.name, image.use_fake_user = name, True
-            blocks.mark(image, mark, role)
+        image = blocks.ensure_file(bpy.data.images, mark, role, str(file), name)
+        image.use_fake_user = True
         image.reload()
     # Markers cannot carry custom properties: where one is already, none is added.
     taken = {m.frame for m in scene.timeline_markers}
