@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Run section: settings, the Unveil button, progress, and each stage with its state."""
+"""The Unveil button with what a job tells, and the Run section: settings, and each stage with its state."""
 
 from __future__ import annotations
 
@@ -16,11 +16,54 @@ from .panels import Section
 from .session import session
 from .workspace_state import STAGES, StageState
 
-__all__ = ["UNVEIL_PT_run"]
+__all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
 
 ICONS = {
     "to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR",
 }  # fmt: skip
+
+
+class UNVEIL_PT_work(Section, bpy.types.Panel):
+    """The button, and what the job tells: above everything else, so that it is always in sight."""
+
+    bl_idname = "UNVEIL_PT_work"
+    bl_label = "Unveil"
+    bl_order = 0
+    bl_options = {"HIDE_HEADER"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        if session.busy:
+            self._progress(context)
+        else:
+            row = self.layout.row()
+            row.scale_y = 1.6
+            row.operator("unveil.run", icon="PLAY")
+        self._outcome(context)
+
+    def _progress(self, context: bpy.types.Context) -> None:
+        state, job = session.last, session.job
+        if state is None or job is None:
+            return
+        box = self.layout.box()
+        box.label(text=session.title)
+        box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
+        for line in _wrapped(context, progress_text(state)):
+            box.label(text=line)
+        row = box.row()
+        row.enabled = not job.cancelling
+        row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel  (Esc)", icon="CANCEL")
+
+    def _outcome(self, context: bpy.types.Context) -> None:
+        state = session.last
+        if state is not None and not state.running and state.error:
+            box = self.layout.box()
+            box.alert = True
+            for i, line in enumerate(_wrapped(context, state.error)):
+                box.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
+        elif state is not None and state.status == "cancelled":
+            self.layout.label(text="Cancelled; start again to go on", icon="INFO")
+        if (state is not None or logs.log_text() is not None) and not session.busy:
+            self.layout.operator("unveil.show_log", icon="TEXT")
 
 
 class UNVEIL_PT_run(Section, bpy.types.Panel):
@@ -50,39 +93,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
                 "movers", "device", "seed", "max_side", "keyframes", "order", "inpainter", "reference_inpainter",
             ):  # fmt: skip
                 column.prop(settings, name)
-        if session.busy:
-            self._progress(context)
-        else:
-            row = layout.row()
-            row.scale_y = 1.6
-            row.operator("unveil.run", icon="PLAY")
-        self._outcome(context)
         self._stages(context)
-
-    def _progress(self, context: bpy.types.Context) -> None:
-        state, job = session.last, session.job
-        if state is None or job is None:
-            return
-        box = self.layout.box()
-        box.label(text=session.title)
-        box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
-        for line in _wrapped(context, progress_text(state)):
-            box.label(text=line)
-        row = box.row()
-        row.enabled = not job.cancelling
-        row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel  (Esc)", icon="CANCEL")
-
-    def _outcome(self, context: bpy.types.Context) -> None:
-        state = session.last
-        if state is not None and not state.running and state.error:
-            box = self.layout.box()
-            box.alert = True
-            for i, line in enumerate(_wrapped(context, state.error)):
-                box.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
-        elif state is not None and state.status == "cancelled":
-            self.layout.label(text="Cancelled; start again to go on", icon="INFO")
-        if (state is not None or logs.log_text() is not None) and not session.busy:
-            self.layout.operator("unveil.show_log", icon="TEXT")
 
     def _stages(self, context: bpy.types.Context) -> None:
         found = stage_states(context.scene)
@@ -126,9 +137,5 @@ def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
     return textwrap.wrap(text, characters, break_on_hyphens=False) or [""]
 
 
-def register() -> None:
-    bpy.utils.register_class(UNVEIL_PT_run)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(UNVEIL_PT_run)
+CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

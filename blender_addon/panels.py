@@ -22,7 +22,7 @@ class UNVEIL_PT_main(bpy.types.Panel):
 
 
 class Section:
-    """What the panels of the sections share. ``bl_order``: drive 1, what goes 2, run 3, results 4."""
+    """What the panels of the sections share. ``bl_order``: the button 0, drive 1, what goes 2, run 3, results 4."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"

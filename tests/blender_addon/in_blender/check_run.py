@@ -161,14 +161,25 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
     panel_run = addon.module("panel_run")
     session = addon.module("session").session
     job_state = addon.module("job_state")
-    said = drawn(panel_run.UNVEIL_PT_run)
-    assert "unveil.run" in said and "there is no workspace yet" in said
+    assert "unveil.run" in drawn(panel_run.UNVEIL_PT_work)
+    assert "there is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )
     try:
-        assert "cut short" in " ".join(drawn(panel_run.UNVEIL_PT_run))
+        assert "cut short" in " ".join(drawn(panel_run.UNVEIL_PT_work))
     finally:
+        session.last = None
+    python = os.environ["UNVEIL_PYTHON"]
+    session.begin("a sleep", lambda: addon.module("jobs").Job([python, "-c", "import time; time.sleep(60)"]))
+    try:
+        session.last.read('{"stage": "mesh", "done": 3, "total": 8, "message": "fusing", "loss": 0.25}')
+        said = drawn(panel_run.UNVEIL_PT_work)
+        assert (
+            "unveil.cancel" in said and "unveil.run" not in said and "mesh  3/8  fusing  loss 0.2500" in " ".join(said)
+        )
+    finally:
+        session.end()
         session.last = None
 
 
@@ -197,6 +208,7 @@ def drawn(panel) -> list[str]:  # type: ignore[no-untyped-def]
     said: list[str] = []
     stand_in = types.SimpleNamespace(layout=Recorder(said))
     for name in ("_progress", "_outcome", "_stages", "_stage"):
-        setattr(stand_in, name, types.MethodType(getattr(panel, name), stand_in))
+        if hasattr(panel, name):
+            setattr(stand_in, name, types.MethodType(getattr(panel, name), stand_in))
     panel.draw(stand_in, bpy.context)
     return said
