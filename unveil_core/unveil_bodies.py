@@ -17,7 +17,13 @@ from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.drive_plan import plan_drive, plan_json
 from unveil_core.inpaint.exemplar import FillSettings
-from unveil_core.inpaint.ground_layer import GroundLayer, build_ground_layer, fit_drive_ground, ground_usable
+from unveil_core.inpaint.ground_layer import (
+    GROUND_CLASSES,
+    GroundLayer,
+    build_ground_layer,
+    fit_drive_ground,
+    ground_usable,
+)
 from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
@@ -38,6 +44,7 @@ from unveil_core.surfels.picture import picture_of
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import load_sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.unseen import empty_street
 from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
 
 SOLID_CLASSES = ("building", "wall")
@@ -94,8 +101,10 @@ def remove_body(context: StageContext) -> None:
     kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
     told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
     ground = drive_ground(drive, scene, left)
+    on_ground = [k for k, name in enumerate(scene.labels.names) if name in GROUND_CLASSES]
+    empty = empty_street(drive, surfels, gone, ground, on_ground)
     moving = read_moving(workspace.root)
-    views, empties = [], []
+    views = []
     for done, frame in enumerate(drive.frames):
         planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
@@ -104,14 +113,11 @@ def remove_body(context: StageContext) -> None:
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, share[..., 2])
-        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own))
-        empties.append(render_numpy(left, frame.camera, near=limits.near, far=limits.far))
+        told_ground = np.isin(frame_labels(frame, scene), on_ground)
+        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, told_ground))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
-    for done, (frame, view, empty) in enumerate(zip(drive.frames, views, empties, strict=True)):
-        ground_depth = np.full(view.hidden.shape, np.inf)
-        if ground is not None:
-            ground_depth[view.hidden] = ground.intersect(frame.camera, frame.camera.rays()[view.hidden])[0]
-        unseen = never_seen(frame.camera, view.hidden, empty["alpha"], empty["depth"], ground_depth, views)
+    for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
+        unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
         # Antialiased borders carry the object's colour one or two pixels beyond its label.
         removed = grow(view.hidden, max(2, round(frame.camera.width / 400)))
         save_mask(removed, frame_file(context.output("masks/removed"), frame))

@@ -14,8 +14,8 @@ import OpenEXR
 from build_street import PERSON, SKY, heading, place, removable
 from mathutils import Matrix, Vector
 from mathutils.bvhtree import BVHTree
+from visibility import FOV, HEIGHT, WIDTH, Crowd, intrinsics, looked_up, never_seen, rays
 
-WIDTH, HEIGHT, FOV = 384, 256, math.radians(70)
 FINEST_CELL = 0.15
 STEP, CAMERA_HEIGHT, PITCH = 1.15, 1.6, math.radians(4.0)
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
@@ -118,8 +118,8 @@ def instance_table(scene) -> np.ndarray:  # type: ignore[no-untyped-def]
     return np.array([table[i][1] for i in range(len(table))])
 
 
-def scan(scene, poses) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
-    """A spinning 64-beam LiDAR on the roof, one turn a frame: points (P, 3) and the frame each was taken at."""
+def surfaces(scene) -> BVHTree:  # type: ignore[no-untyped-def]
+    """All surfaces that are rendered just now, to cast rays at."""
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     vertices, polygons = [], []
@@ -131,7 +131,12 @@ def scan(scene, poses) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-unty
         matrix = obj.matrix_world
         vertices += [matrix @ v.co for v in mesh.vertices]
         polygons += [tuple(base + i for i in p.vertices) for p in mesh.polygons]
-    tree = BVHTree.FromPolygons(vertices, polygons)
+    return BVHTree.FromPolygons(vertices, polygons)
+
+
+def scan(scene, poses) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
+    """A spinning 64-beam LiDAR on the roof, one turn a frame: points (P, 3) and the frame each was taken at."""
+    tree = surfaces(scene)
     rng = np.random.default_rng(3)
     elevation = np.radians(np.concatenate([np.linspace(-24, -4, 34), np.linspace(-3.5, 15, 30)]))
     azimuth = np.radians(np.arange(0, 360, 0.45))
@@ -150,50 +155,15 @@ def scan(scene, poses) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-unty
     return np.array(points), np.array(frames)
 
 
-def project(pose: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (N, 2) and depth (N,) of world points for an OpenGL camera-to-world pose."""
-    focal = WIDTH / 2 / math.tan(FOV / 2)
-    local = (points - pose[:3, 3]) @ pose[:3, :3]
-    depth = -local[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = np.stack([local[:, 0] / depth * focal + WIDTH / 2, -local[:, 1] / depth * focal + HEIGHT / 2], axis=1)
-    return pixels, depth
-
-
-def looked_up(pose: np.ndarray, points: np.ndarray, depth_image: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which points the view really sees, with their rows and columns (0 where not)."""
-    pixels, depth = project(pose, points)
-    inside = (depth > 0.3) & (pixels >= 0).all(axis=1) & (pixels[:, 0] < WIDTH) & (pixels[:, 1] < HEIGHT)
-    column = np.where(inside, pixels[:, 0], 0).astype(int)
-    row = np.where(inside, pixels[:, 1], 0).astype(int)
-    seen = inside & (np.abs(depth_image[row, column] - depth) < tolerance + 0.01 * depth)
-    return seen, row, column
-
-
-def rays(pose: np.ndarray) -> np.ndarray:
-    """(H, W, 3) world directions with unit depth."""
-    focal = WIDTH / 2 / math.tan(FOV / 2)
-    x = (np.arange(WIDTH) + 0.5 - WIDTH / 2) / focal
-    y = -(np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / focal
-    local = np.stack(np.broadcast_arrays(x[None, :], y[:, None], np.full((1, 1), -1.0)), axis=-1)
-    return local @ pose[:3, :3].T
-
-
-def never_seen(pose: np.ndarray, region: np.ndarray, depth: np.ndarray, poses, full_depth) -> np.ndarray:  # type: ignore[no-untyped-def]
-    """(H, W) pixels of a region of an empty view whose surface no frame of the crowded drive shows."""
-    unseen = region & np.isfinite(depth)
-    rows, columns = np.nonzero(unseen)
-    places = pose[:3, 3] + rays(pose)[rows, columns] * depth[rows, columns, None]
-    for other, image in zip(poses, full_depth, strict=True):
-        seen, _, _ = looked_up(other, places, image, 0.03)
-        unseen[rows[seen], columns[seen]] = False
-    return unseen
-
-
-def intrinsics() -> dict[str, float]:
-    """Of every camera, as transforms.json names them."""
-    focal = WIDTH / 2 / math.tan(FOV / 2)
-    return {"w": WIDTH, "h": HEIGHT, "fl_x": focal, "fl_y": focal, "cx": WIDTH / 2, "cy": HEIGHT / 2}
+def normals(pose: np.ndarray, region: np.ndarray, tree: BVHTree) -> np.ndarray:
+    """(H, W, 3) of the surfaces that a view shows in a region (H, W), 0 elsewhere."""
+    found = np.zeros((*region.shape, 3))
+    rows, columns = np.nonzero(region)
+    for row, column, direction in zip(rows, columns, rays(pose)[rows, columns], strict=True):
+        normal = tree.ray_cast(Vector(pose[:3, 3]), Vector(direction))[1]
+        if normal is not None:
+            found[row, column] = normal
+    return found
 
 
 def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type: ignore[no-untyped-def]
@@ -219,6 +189,8 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
                 if not hidden:
                     index.append(ids)
                 print(f"{'empty' if hidden else 'crowded'} {frame + 1}/{count}", flush=True)
+    bare = surfaces(scene)
+    crowd = Crowd(poses, full_depth, [instances[i] > 0 for i in index])
     rows_of_frames = []
     for i in range(count):
         stem = f"{i:04d}"
@@ -230,14 +202,14 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
         depth = empty_depth[i][1::2, 1::2]
         steps = np.where(np.isfinite(depth) & (depth < 255), np.round(depth * 256), 0).astype(np.uint16)
         cv2.imwrite(str(folder / f"truth/depth/{stem}.png"), steps, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-        removed = instances[index[i]] > 0
+        removed = crowd.removed[i]
         cv2.imwrite(str(folder / f"truth/removed/{stem}.png"), removed.astype(np.uint8) * 255)
         luma = [cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8) for p in (full[i], empty[i])]
         border = cv2.dilate(removed.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         shadow = (luma[1] - luma[0] > 10) & ~border
         shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         cv2.imwrite(str(folder / f"truth/shadow/{stem}.png"), shadow * 255)
-        unseen = never_seen(poses[i], removed, empty_depth[i], poses, full_depth)
+        unseen = never_seen(poses[i], removed, empty_depth[i], normals(poses[i], removed, bare), crowd)
         cv2.imwrite(str(folder / f"truth/unseen/{stem}.png"), unseen.astype(np.uint8) * 255)
         matrix = poses[i].copy()
         matrix[:3, 3] += offset
@@ -254,6 +226,32 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
         "frames": rows_of_frames,
     }  # fmt: skip
     (folder / "transforms.json").write_text(json.dumps(document, indent=1))
+
+
+def read_crowd(scene, poses, folder: Path) -> Crowd:  # type: ignore[no-untyped-def]
+    """Render what the frames of the drive show of the scene as it is."""
+    instances = instance_table(scene)
+    passes = [render_passes(scene, poses, frame, folder) for frame in range(len(poses))]
+    return Crowd(poses, [depth for _, depth in passes], [instances[index] > 0 for index, _ in passes])
+
+
+def write_unseen(scene, poses, folder: Path) -> int:  # type: ignore[no-untyped-def]
+    """Write truth/unseen/ of the recorded frames anew, without rendering pictures; returns how many pixels it has."""
+    objects = removable(scene)
+    pixels = 0
+    with tempfile.TemporaryDirectory() as scratch:
+        crowd = read_crowd(scene, poses, Path(scratch))
+        for obj in objects:
+            obj.hide_render = True
+        bare = surfaces(scene)
+        for frame, pose in enumerate(poses):
+            _, depth = render_passes(scene, poses, frame, Path(scratch))
+            unseen = never_seen(pose, crowd.removed[frame], depth, normals(pose, crowd.removed[frame], bare), crowd)
+            cv2.imwrite(str(folder / f"truth/unseen/{frame:04d}.png"), unseen.astype(np.uint8) * 255)
+            pixels += int(unseen.sum())
+    for obj in objects:
+        obj.hide_render = False
+    return pixels
 
 
 def write_points(points, poses, pictures, depths, path: Path, offset: np.ndarray) -> None:  # type: ignore[no-untyped-def]

@@ -20,6 +20,7 @@ def command(description: str | None, build, offset: np.ndarray, *, samples: int,
     parser.add_argument("--samples", type=int, default=samples)
     parser.add_argument("--only", type=int, nargs="*", help="render just these frames, as PNG, and stop")
     parser.add_argument("--free", action="store_true", help="render just truth/free/, views beside and above the path, and stop")
+    parser.add_argument("--unseen", action="store_true", help="find what no frame shows anew, for recorded and free views, and stop")
     parser.add_argument("-o", "--output", type=Path, default=folder)
     arguments = parser.parse_args(sys.argv[1:])
     scene = build()
@@ -28,6 +29,10 @@ def command(description: str | None, build, offset: np.ndarray, *, samples: int,
     if arguments.only:
         for frame in arguments.only:
             capture.render_color(scene, cameras, frame, arguments.output / f"preview_{frame:04d}.png")
+        return
+    if arguments.unseen:
+        print(json.dumps({"unseen_pixels": capture.write_unseen(scene, cameras, arguments.output)}))
+        print(json.dumps(write_free_views(scene, cameras, arguments.output, offset, pictures=False)))
         return
     if arguments.free:
         print(json.dumps(write_free_views(scene, cameras, arguments.output, offset)))

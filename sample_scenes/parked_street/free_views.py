@@ -14,6 +14,7 @@ import capture
 import cv2
 import numpy as np
 from build_street import removable
+from visibility import intrinsics, never_seen
 
 BESIDE_M, ABOVE_M = 1.5, 1.0
 EVERY = 4
@@ -34,9 +35,11 @@ def free_poses(poses: list[np.ndarray]) -> dict[str, np.ndarray]:
     return found
 
 
-def write_free_views(scene, poses: list[np.ndarray], folder: Path, offset: np.ndarray) -> dict[str, object]:  # type: ignore[no-untyped-def]
+def write_free_views(scene, poses: list[np.ndarray], folder: Path, offset: np.ndarray, *, pictures: bool = True) -> dict[str, object]:  # type: ignore[no-untyped-def]
     """Write truth/free/: images/ of the empty street, removed/ and unseen/ (masks as the recorded frames' have), transforms.json.
 
+    Args:
+        pictures: whether to render images/, which takes nearly all of the time.
     Returns:
         the number of views, and the distance of what stands nearest to one of them, metres.
     """
@@ -59,20 +62,22 @@ def write_free_views(scene, poses: list[np.ndarray], folder: Path, offset: np.nd
         if nearest < MARGIN_M:
             raise SystemExit(f"a free camera stands {nearest:.2f} m before something: choose other shifts")
         # What the crowded drive shows of a place is asked of all of its frames, as for truth/unseen.
-        full_depth = [capture.render_passes(scene, poses, frame, Path(scratch))[1] for frame in range(len(poses))]
+        crowd = capture.read_crowd(scene, poses, Path(scratch))
         for obj in objects:
             obj.hide_render = True
+        bare = capture.surfaces(scene)
         for i, (stem, pose) in enumerate(views.items()):
-            picture = capture.render_color(scene, free, i, Path(scratch) / "color.png")
+            if pictures:
+                picture = capture.render_color(scene, free, i, Path(scratch) / "color.png")
+                cv2.imwrite(str(target / f"images/{stem}.jpg"), picture, capture.JPEG)
             _, depth = capture.render_passes(scene, free, i, Path(scratch))
-            unseen = capture.never_seen(pose, removed[i], depth, poses, full_depth)
-            cv2.imwrite(str(target / f"images/{stem}.jpg"), picture, capture.JPEG)
+            unseen = never_seen(pose, removed[i], depth, capture.normals(pose, removed[i], bare), crowd)
             for name, mask in (("removed", removed[i]), ("unseen", unseen)):
                 cv2.imwrite(str(target / f"{name}/{stem}.png"), mask.astype(np.uint8) * 255)
             matrix = pose.copy()
             matrix[:3, 3] += offset
             rows.append({"file_path": f"images/{stem}.jpg", "camera": stem.split("_")[1], "transform_matrix": matrix.tolist()})
             print(f"free {stem} {i + 1}/{len(free)}", flush=True)
-    document = {"camera_model": "PINHOLE", **capture.intrinsics(), "frames": rows}
+    document = {"camera_model": "PINHOLE", **intrinsics(), "frames": rows}
     (target / "transforms.json").write_text(json.dumps(document, indent=1))
     return {"views": len(free), "nearest_m": round(nearest, 2)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.remove.observed import never_seen, places_seen, seen_view, sky_seen
+from unveil_core.remove.observed import depth_behind, never_seen, places_seen, seen_view, sky_seen
 
 HEIGHT, WIDTH, WALL = 40, 60, 10.0
 
@@ -35,9 +35,10 @@ def test_a_wall_is_seen_from_beside_the_object() -> None:
     alpha_left = np.zeros((HEIGHT, WIDTH), np.float32)
     alpha_left[HEIGHT // 2 :] = 1
     none = np.full((HEIGHT, WIDTH), np.inf)
-    mask = never_seen(camera(0), hidden, alpha_left, alpha_left * np.float32(WALL), none, views)
+    behind = depth_behind((alpha_left, alpha_left * np.float32(WALL)), none)
+    mask = never_seen(camera(0), hidden, behind, views)
     assert not mask.any()
-    alone = never_seen(camera(0), hidden, alpha_left, alpha_left * np.float32(WALL), none, views[:1])
+    alone = never_seen(camera(0), hidden, behind, views[:1])
     assert np.array_equal(alone, hidden)
 
 
@@ -65,7 +66,56 @@ def test_the_ground_counts_where_nothing_is_left() -> None:
     nothing = np.zeros((HEIGHT, WIDTH), np.float32)
     ground = np.full((HEIGHT, WIDTH), np.inf)
     ground[25:] = 6.0
-    assert not never_seen(camera(0), hidden, nothing, nothing, ground, views).any()
+    assert not never_seen(camera(0), hidden, depth_behind((nothing, nothing), ground), views).any()
     # Without the ground it would be sky, which nobody sees down there.
     no_ground = np.full((HEIGHT, WIDTH), np.inf)
-    assert np.array_equal(never_seen(camera(0), hidden, nothing, nothing, no_ground, views), hidden)
+    assert np.array_equal(never_seen(camera(0), hidden, depth_behind((nothing, nothing), no_ground), views), hidden)
+
+
+def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and alpha of level ground ``height`` below the camera."""
+    rays = camera(x).rays()
+    with np.errstate(divide="ignore"):
+        depth = np.where(rays[..., 1] > 0, height / rays[..., 1], 0)
+    return depth.astype(np.float32), (depth > 0).astype(np.float32)
+
+
+def test_ground_seen_at_a_grazing_angle_does_not_hide_itself() -> None:
+    view = seen_view(camera(0), *floor_view(0), np.zeros((HEIGHT, WIDTH), bool))
+    rng = np.random.default_rng(0)
+    # Anywhere in their pixels: up to metres from what the pixels' centres show.
+    depth = rng.uniform(4, 40, 3000)
+    places = np.stack([rng.uniform(-0.5, 0.5, 3000) * depth, np.full(3000, 1.6), depth], axis=1)
+    assert places_seen(places, [view]).all()
+    # Below the ground by a tenth of the camera's height and more, nothing is seen.
+    assert not places_seen(places[depth < 8] * (1, 1.4, 1), [view]).any()
+
+
+def test_the_reach_of_a_pixel_stops_at_edges_of_depth() -> None:
+    hidden = np.zeros((HEIGHT, WIDTH), bool)
+    depth, alpha = np.full((HEIGHT, WIDTH), 20, np.float32), np.ones((HEIGHT, WIDTH), np.float32)
+    depth[:, 28:32] = 5
+    view = seen_view(camera(0), depth, alpha, hidden)
+    column = np.arange(WIDTH)
+    places = np.stack([(column + 0.5 - WIDTH / 2) / 40 * 7, np.zeros(WIDTH), np.full(WIDTH, 7.0)], axis=1)
+    post = (column >= 28) & (column < 32)
+    assert np.array_equal(places_seen(places, [view]), ~post)
+
+
+def test_ground_by_label_hides_only_across_a_crest() -> None:
+    hidden, everywhere = np.zeros((HEIGHT, WIDTH), bool), np.ones((HEIGHT, WIDTH), bool)
+    depth, alpha = np.full((HEIGHT, WIDTH), 10, np.float32), np.ones((HEIGHT, WIDTH), np.float32)
+    places = np.array([[0.0, 0.0, 10.5], [0.0, 0.0, 14.0], [0.0, 0.0, 25.0]])
+    assert places_seen(places, [seen_view(camera(0), depth, alpha, hidden)]).tolist() == [True, False, False]
+    assert places_seen(places, [seen_view(camera(0), depth, alpha, hidden, everywhere)]).tolist() == [True, True, False]
+
+
+def test_what_stands_or_the_terrain_lies_behind() -> None:
+    ones = np.ones(5, np.float32)
+    left = (np.array([1, 1, 1, 1, 0], np.float32), 30 * ones)  # through holes of the ground the scene shows what is far
+    standing = (np.array([0, 1, 1, 0, 0], np.float32), np.array([0, 6, 20, 0, 0], np.float32))
+    terrain = np.array([9, 9, 9, np.inf, np.inf])
+    chart = np.array([12, 12, 12, 12, np.inf])
+    # Terrain; what stands before it; terrain before what stands; no terrain: the chart; nothing: the sky.
+    assert depth_behind(left, chart, standing, terrain).tolist() == [9, 6, 9, 12, np.inf]
+    assert depth_behind(left, chart).tolist() == [12, 12, 12, 12, np.inf]

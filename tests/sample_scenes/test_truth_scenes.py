@@ -146,3 +146,40 @@ def test_the_script_builds_the_scene(scene: str, script: str, everything: int) -
     assert out.returncode == 0, out.stderr[-500:]
     objects, people, built = (int(v) for v in out.stdout.split()[-3:])
     assert (objects, people) == (CARS[scene] + PEOPLE[scene], PEOPLE[scene]) and built > everything
+
+
+def test_what_no_frame_shows_is_holes_not_specks(folder: Path) -> None:
+    masks = [cv2.imread(str(p), 0) for p in sorted((folder / "truth/unseen").glob("*.png"))]
+    areas = np.concatenate([cv2.connectedComponentsWithStats(mask, connectivity=8)[2][1:, cv2.CC_STAT_AREA] for mask in masks])
+    assert areas[areas < 5].sum() < 0.03 * areas.sum()
+
+
+def test_a_place_is_shown_by_the_pixel_that_shows_its_surface() -> None:
+    visibility = _visibility()
+    pose = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 1.6], [0, 0, 0, 1]])  # looks along y, z is up
+    down = visibility.rays(pose)[..., 2] < -1e-3
+    depth = np.where(down, -1.6 / np.minimum(visibility.rays(pose)[..., 2], -1e-3), np.inf)
+    normal = np.zeros((*depth.shape, 3)) + (0, 0, 1)
+    # The drive stands between the view's pixels: no place falls on the centre of one.
+    other = pose.copy()
+    other[:3, 3] += (0.31, 0.17, 0.0)
+    asked = down & (depth < 30)
+    asked[:, :40] = asked[:, -40:] = asked[-20:] = False
+    free = np.zeros_like(asked)
+    crowd = visibility.Crowd([other], [depth], [free])
+    assert not visibility.never_seen(pose, asked, depth, normal, crowd).any()
+    # A place half a metre under the ground is not shown, nor one where an object stands at the ground's own depth.
+    sunk = np.where(down, depth * 1.3, np.inf)
+    assert visibility.never_seen(pose, asked, sunk, normal, crowd).sum() > 0.95 * asked.sum()
+    taken = visibility.Crowd([other], [depth], [~free])
+    assert np.array_equal(visibility.never_seen(pose, asked, depth, normal, taken), asked)
+
+
+def _visibility():  # type: ignore[no-untyped-def]
+    path = SCENES / "parked_street/visibility.py"
+    spec = importlib.util.spec_from_file_location("visibility", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
