@@ -86,4 +86,5 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
         ground, TEXEL, -1.0, -7.0, np.where(hidden[..., None], 0, seen).astype(np.float32), empty.label,
         np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8), empty.gain, empty.replaced,
     )  # fmt: skip
-    return chart, truth, footprint, concatenate([box_surfels(CROWN), box_surfels(HOUSE)]), box_surfels(CAR)
+    kept = concatenate([box_surfels(box, spacing=0.2) for box in (CROWN, HOUSE)])
+    return chart, truth, footprint, kept, box_surfels(CAR, spacing=0.2)

@@ -37,7 +37,7 @@ def in_shadow(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
 
 @pytest.fixture(scope="module")
 def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-    cameras = [c.resized(288, 192) for c in drive_on_circle(RADIUS, 0.0)]
+    cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
     path = fit_path(cameras, UP, unit=1.0)
     ground = fit_ground(path, street_points(RADIUS, 0.0), unit=1.0)
     images, labels, usable = [], [], []

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -51,6 +53,12 @@ def found_in(drive: Drive) -> FoundMovers:
     return found
 
 
+@pytest.fixture(scope="module")
+def found(drives: dict[str, Drive]) -> Callable[[str, str], FoundMovers]:
+    """What moves on a street of which neither ids nor boxes are known, or ids, or boxes; looked for once."""
+    return cache(lambda name, kind: found_in(without(drives[name], ids=kind == "ids", boxes=kind == "boxes")))
+
+
 def share(found: list[np.ndarray], wanted: list[np.ndarray]) -> float:
     """Of the wanted pixels that are found."""
     hit = sum(int((f & w).sum()) for f, w in zip(found, wanted, strict=True))
@@ -59,33 +67,36 @@ def share(found: list[np.ndarray], wanted: list[np.ndarray]) -> float:
 
 @pytest.mark.parametrize("name", STREETS)
 @pytest.mark.parametrize("kind", ["neither", "ids", "boxes"])
-def test_the_mover_is_found_and_the_parked_car_is_not(drives: dict[str, Drive], name: str, kind: str) -> None:
-    drive = without(drives[name], ids=kind == "ids", boxes=kind == "boxes")
-    found = found_in(drive)
-    assert [m.class_name for m in found.movers] == ["person" if name == "walker" else "car"]
-    mover = found.movers[0]
+def test_the_mover_is_found_and_the_parked_car_is_not(
+    drives: dict[str, Drive], found: Callable[[str, str], FoundMovers], name: str, kind: str
+) -> None:
+    movers = found(name, kind)
+    assert [m.class_name for m in movers.movers] == ["person" if name == "walker" else "car"]
+    mover = movers.movers[0]
     assert mover.source == (0 if kind == "neither" else MOVER_ID) and (mover.evidence == "boxes") == (kind == "boxes")
-    pixels = [n > 0 for n in found.numbers]
-    assert [f.name for f, p in zip(drive.frames, pixels, strict=True) if p.any()] == [n for _, n in mover.frames]
+    pixels = [n > 0 for n in movers.numbers]
+    assert [f.name for f, p in zip(drives[name].frames, pixels, strict=True) if p.any()] == [n for _, n in mover.frames]
     assert share(pixels, shown(drives[name], MOVER_ID)) > (0.85 if kind == "neither" else 0.99)
     assert share(pixels, shown(drives[name], PARKED_ID)) < 0.005
 
 
 @pytest.mark.parametrize(("name", "least"), [("oncoming", 0.8), ("ahead", 0.8), ("walker", 0.5)])
-def test_points_on_the_mover_are_known(drives: dict[str, Drive], name: str, least: float) -> None:
+def test_points_on_the_mover_are_known(
+    drives: dict[str, Drive], found: Callable[[str, str], FoundMovers], name: str, least: float
+) -> None:
     on_mover = np.load(drives[name].root / "on_mover.npy")
-    for ids in (False, True):
-        found = found_in(without(drives[name], ids=ids)).on_mover
-        assert found[on_mover].mean() > least
-        assert found[~on_mover].mean() < 0.001
-    boxed = found_in(without(drives[name], boxes=True)).on_mover
+    for kind in ("neither", "ids"):
+        known = found(name, kind).on_mover
+        assert known[on_mover].mean() > least
+        assert known[~on_mover].mean() < 0.001
+    boxed = found(name, "boxes").on_mover
     # What a point less than 0.15 m over the ground belongs to, a box cannot say.
     assert boxed[on_mover].mean() > 0.85 and boxed[~on_mover].mean() < 0.001
 
 
-def test_a_mover_s_shadow_is_its_own(drives: dict[str, Drive]) -> None:
+def test_a_mover_s_shadow_is_its_own(drives: dict[str, Drive], found: Callable[[str, str], FoundMovers]) -> None:
     drive = drives["oncoming"]
-    found = found_in(without(drive))
+    shadows = found("oncoming", "neither").shadows
     darkened = []
     for i, frame in enumerate(drive.frames):
         image = cv2.imread(str(frame.image_path)).astype(float).mean(axis=2)
@@ -94,10 +105,10 @@ def test_a_mover_s_shadow_is_its_own(drives: dict[str, Drive]) -> None:
     # From the second frame on others show the place lit. The parked car's shadow is dark in all frames and stays.
     columns = np.arange(darkened[0].shape[1]) < 88
     own = [d & columns for d in darkened]
-    assert share(list(found.shadows[1:9]), own[1:9]) > 0.9
+    assert share(list(shadows[1:9]), own[1:9]) > 0.9
     lit = [~cv2.dilate(d.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool) for d in darkened]
-    wrong = sum(int((s & k).sum()) for s, k in zip(found.shadows, lit, strict=True))
-    assert wrong < 0.05 * sum(int(s.sum()) for s in found.shadows)
+    wrong = sum(int((s & k).sum()) for s, k in zip(shadows, lit, strict=True))
+    assert wrong < 0.05 * sum(int(s.sum()) for s in shadows)
 
 
 def test_where_everything_stands_nothing_is_found(tmp_path: Path) -> None:
