@@ -113,8 +113,9 @@ def remove_body(context: StageContext) -> None:
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, share[..., 2])
-        told_ground = np.isin(frame_labels(frame, scene), on_ground)
-        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, told_ground))
+        label = frame_labels(frame, scene)
+        by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
+        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
     for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
         unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)

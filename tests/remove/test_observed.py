@@ -81,7 +81,8 @@ def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_ground_seen_at_a_grazing_angle_does_not_hide_itself() -> None:
-    view = seen_view(camera(0), *floor_view(0), np.zeros((HEIGHT, WIDTH), bool))
+    nowhere = np.zeros((HEIGHT, WIDTH), bool)
+    view = seen_view(camera(0), *floor_view(0), nowhere, (~nowhere, nowhere))
     rng = np.random.default_rng(0)
     # Anywhere in their pixels: up to metres from what the pixels' centres show.
     depth = rng.uniform(4, 40, 3000)
@@ -106,8 +107,14 @@ def test_ground_by_label_hides_only_across_a_crest() -> None:
     hidden, everywhere = np.zeros((HEIGHT, WIDTH), bool), np.ones((HEIGHT, WIDTH), bool)
     depth, alpha = np.full((HEIGHT, WIDTH), 10, np.float32), np.ones((HEIGHT, WIDTH), np.float32)
     places = np.array([[0.0, 0.0, 10.5], [0.0, 0.0, 14.0], [0.0, 0.0, 25.0]])
-    assert places_seen(places, [seen_view(camera(0), depth, alpha, hidden)]).tolist() == [True, False, False]
-    assert places_seen(places, [seen_view(camera(0), depth, alpha, hidden, everywhere)]).tolist() == [True, True, False]
+
+    def shown(told: tuple[np.ndarray, np.ndarray] | None) -> list[bool]:
+        return list(places_seen(places, [seen_view(camera(0), depth, alpha, hidden, told)]))
+
+    assert shown((everywhere, everywhere)) == [True, True, False]
+    assert shown((everywhere, ~everywhere)) == [True, False, False]
+    # Where a frame's labels are void they tell no more than none at all.
+    assert shown(None) == shown((~everywhere, everywhere))
 
 
 def test_what_stands_or_the_terrain_lies_behind() -> None:

@@ -19,10 +19,10 @@ __all__ = ["SeenView", "depth_behind", "never_seen", "places_seen", "seen_view",
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-AGREEMENT, GROUND_AGREEMENT = 0.1, 0.5
+AGREEMENT, GROUND_AGREEMENT, UNTOLD_AGREEMENT = 0.1, 0.5, 0.25
 """Share of its depth by which what a frame shows may be nearer than a place and still not be called in front of it: depth is
 known so well. Ground stands in front of a place only across a crest, so where the frame's label says ground more is allowed:
-seen at a grazing angle its rendered depth is far worse."""
+seen at a grazing angle its rendered depth is far worse. Where no label tells, it is something between."""
 SKY_ALPHA, SURFACE = 0.3, 0.5
 """A pixel of the full scene with less alpha shows sky, one of the empty scene with more shows a surface."""
 
@@ -45,16 +45,20 @@ class SeenView:
 
 
 def seen_view(
-    camera: Camera, depth: NDArray[np.float32], alpha: NDArray[np.float32], hidden: Mask, ground: Mask | None = None
-) -> SeenView:
+    camera: Camera, depth: NDArray[np.float32], alpha: NDArray[np.float32], hidden: Mask,
+    told: tuple[Mask, Mask] | None = None,
+) -> SeenView:  # fmt: skip
     """What a frame shows, from the full scene's planes (H, W): depth weighted by alpha, and alpha.
 
     Args:
-        ground: (H, W), pixels that the frame's labels call ground; None where it has no labels.
+        told: (H, W) each, pixels whose labels are known, and those that they call ground; None where no labels tell.
     """
     sky = alpha <= SKY_ALPHA
     limit = _pixel_reach(np.where(sky, np.inf, depth / np.maximum(alpha, SKY_ALPHA)))
-    agreement = AGREEMENT if ground is None else np.where(ground, GROUND_AGREEMENT, AGREEMENT)
+    agreement = np.full(depth.shape, UNTOLD_AGREEMENT)
+    if told is not None:
+        known, ground = told
+        agreement[known] = np.where(ground, GROUND_AGREEMENT, AGREEMENT)[known]
     return SeenView(camera, (limit / (1 - agreement)).astype(np.float32), sky, hidden)
 
 
