@@ -27,7 +27,9 @@ from unveil_core.inpaint.ground_layer import (
 from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
-from unveil_core.inpaint.street import Ground
+from unveil_core.inpaint.straighten import find_drift
+from unveil_core.inpaint.street import Ground, StreetPath, straighten_path
+from unveil_core.inpaint.street_chart import OBSERVED, read_chart
 from unveil_core.inpaint.time_reversal import paint_along
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.moving import read_moving
@@ -130,11 +132,17 @@ def remove_body(context: StageContext) -> None:
 # --------------------------------------------------------------------------------------------------------------- inpaint
 
 
-def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels) -> Ground | None:
-    """The ground under the drive's longest track, from the scene without what is removed; None where it has none."""
+def drive_ground(
+    drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None
+) -> Ground | None:
+    """The ground under the drive's longest track, from the scene without what is removed; None where it has none.
+
+    Args:
+        path: of the street; by default the way that the cameras took.
+    """
     track = max(tracks(drive), key=len)
     cameras = [drive.frames[i].camera for i in track]
-    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit)
+    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit, path=path)
 
 
 def drive_ground_layer(
@@ -143,20 +151,29 @@ def drive_ground_layer(
 ) -> GroundLayer | None:  # fmt: skip
     """The ground of the empty street, or None where the scene has none."""
     limits = scene_range(drive)
-    ground = drive_ground(drive, scene, surfels.select(torch.from_numpy(~gone)))
+    left = surfels.select(torch.from_numpy(~gone))
+    ground = drive_ground(drive, scene, left)
     if ground is None:
         return None
     labels = [frame_labels(f, scene) for f in drive.frames]
-    usable = []
-    for i, frame in enumerate(drive.frames):
-        camera = frame.camera
-        depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
-        full = render_numpy(surfels, camera, near=limits.near, far=limits.far)
-        usable.append(
-            ground_usable(
-                labels[i], scene.labels, grow(removed[i], 1), depth.reshape(camera.height, camera.width), full["depth"]
-            )
-        )
+    depths = [render_numpy(surfels, f.camera, near=limits.near, far=limits.far)["depth"] for f in drive.frames]
+    cameras = [f.camera for f in drive.frames]
+
+    def usable_for(ground: Ground) -> list[NDArray[np.bool_]]:
+        usable = []
+        for i, camera in enumerate(cameras):
+            depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
+            shape = (camera.height, camera.width)
+            usable.append(ground_usable(labels[i], scene.labels, grow(removed[i], 1), depth.reshape(shape), depths[i]))
+        return usable
+
+    # The car does not keep its distance from the kerb: the street's own lines tell where it goes.
+    rough = read_chart(ground, cameras, images, labels, usable_for(ground), unit=limits.unit)
+    drift = find_drift(rough.color, rough.source == OBSERVED, texels_per_m=limits.unit / rough.texel)
+    s, _ = rough.coordinates()
+    path = straighten_path(ground.path, s, drift.texels * rough.texel, unit=limits.unit)
+    ground = drive_ground(drive, scene, left, path) or ground
+    usable = usable_for(ground)
     means = surfels.means.double().numpy()
     of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]

@@ -30,6 +30,8 @@ SURE = 0.6
 PERIODS_M = (2.0, 15.0)
 """Distances at which lines may repeat, metres."""
 LEAST_EVENTS = 3
+HIDDEN = 0.3
+"""What a line that is supposed where nobody could see it takes from the belief in a distance; a line that is seen adds one."""
 FARTHEST = 2.5
 """How many distances beyond the lines that were seen others are taken to follow."""
 
@@ -45,36 +47,62 @@ class _Strips:
     width: int
 
 
-def continue_crossings(detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Mask]:
+def continue_crossings(detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Float32]:
     """Continue lines across the street into what nobody saw.
 
     Args:
         detail: (A, B, 3) of a straightened chart, what differs from the lateral offset's median.
         known: (A, B) where it was seen; wanted: (A, B) where it is asked for.
     Returns:
-        detail (A, B, 3) of the continued lines, and where they lie (A, B), within ``wanted``.
+        detail (A, B, 3) of the continued lines, and how much of it is line (A, B), 0 to 1, within ``wanted``.
     """
-    result, where = np.zeros_like(detail), np.zeros_like(wanted)
+    result, share = np.zeros_like(detail), np.zeros(wanted.shape, dtype=np.float32)
     strips = _strips(detail.mean(axis=2), known, texels_per_m)
     if not strips.marked.any():
-        return result, where
+        return result, share
     goes_on = _goes_on(strips, round(ACROSS_M / BIN_M))
     marked = _followed(strips, goes_on)
     marked |= _repeated(strips, marked, goes_on, texels_per_m)
     added = marked & ~strips.known
+    half = round(LONGEST_M / 2 * texels_per_m)
+    sections = {k: _section(detail, known, strips, int(k), half) for k in np.flatnonzero(strips.marked.any(axis=0))}
+    of_line = np.array([k for k, section in sections.items() if section is not None])
+    if not len(of_line):
+        return result, share
     for strip in np.flatnonzero(added.any(axis=0)):
+        section = sections[of_line[np.abs(of_line - strip).argmin()]]
+        assert section is not None
+        line = section.mean(axis=1)
+        solid = np.clip(line / line.max(), 0, 1)
         columns = slice(strip * strips.width, (strip + 1) * strips.width)
-        seen = strips.marked[:, strip, None] & known[:, columns]
-        source = detail[:, columns][seen]
-        if not len(source):
-            near = np.flatnonzero(strips.marked.any(axis=0))
-            other = int(near[np.abs(near - strip).argmin()])
-            part = slice(other * strips.width, (other + 1) * strips.width)
-            source = detail[:, part][strips.marked[:, other, None] & known[:, part]]
-        place = added[:, strip, None] & wanted[:, columns]
-        result[:, columns][place] = np.median(source, axis=0)
-        where[:, columns] |= place
-    return result, where
+        for middle in _events(np.repeat(added[:, strip, None], 2, axis=1))[0]:
+            first = round(middle) - half
+            rows = slice(max(0, first), min(len(detail), first + len(section)))
+            own = slice(rows.start - first, rows.stop - first)
+            place = wanted[rows, columns] * solid[own, None]
+            better = place > share[rows, columns]
+            share[rows, columns] = np.where(better, place, share[rows, columns])
+            result[rows, columns] = np.where(better[..., None], section[own, None], result[rows, columns])
+    return result, share
+
+
+def _section(detail: Float32, known: Mask, strips: _Strips, strip: int, half: int) -> Float32 | None:
+    """(2 half + 1, 3) what the lines that were seen at a strip look like along the street, about their middles; None where
+    none was seen whole."""
+    columns = slice(strip * strips.width, (strip + 1) * strips.width)
+    seen = []
+    for middle in np.round(_events(np.repeat(strips.marked[:, strip, None], 2, axis=1))[0]).astype(int):
+        rows = slice(middle - half, middle + half + 1)
+        if rows.start < 0 or rows.stop > len(detail):
+            continue
+        many = known[rows, columns].sum(axis=1)
+        if many.min() >= 0.5 * strips.width:
+            part = np.where(known[rows, columns, None], detail[rows, columns], 0)
+            seen.append(part.sum(axis=1) / many[:, None])
+    if not seen:
+        return None
+    section = np.median(seen, axis=0).astype(np.float32)
+    return section if float(section.mean(axis=1).max()) > 0 else None
 
 
 def _strips(luma: Float32, known: Mask, texels_per_m: float) -> _Strips:
@@ -124,13 +152,14 @@ def _followed(strips: _Strips, goes_on: NDArray[np.float64]) -> Mask:
 def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texels_per_m: float) -> Mask:
     """Marks (A, S) that stand where lines at regular distances would stand and nobody saw."""
     result = np.zeros_like(marked)
-    kinds = [_Kind(members, *_events(marked[:, members])) for members in _groups(strips, goes_on)]
+    kinds = [_kind(strips, marked, members) for members in _groups(strips, goes_on)]
     unseen = [~strips.known[:, k.members].all(axis=1) for k in kinds]
     periods = [_period(k.at, gap, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
     for kind, gap, (period, phase) in zip(kinds, unseen, periods, strict=True):
         # Both sides of a street are divided alike; one that hides more of its lines may seem divided more coarsely.
         for other, _ in periods:
-            fit = _fit(kind.at, gap, other) if other > 0 and (period == 0 or other < 0.9 * period) else None
+            finer = other > 0 and (period == 0 or _times(period, other) >= 2)
+            fit = _fit(kind.at, gap, other) if finer else None
             if fit is not None and len(kind.at) >= 2:
                 period, phase = fit[:2]
         if period <= 0:
@@ -150,6 +179,12 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
             if hit or seen.mean() < 0.25:
                 result[rows, kind.members[0] : kind.members[-1] + 1] = True
     return result
+
+
+def _times(long: float, short: float) -> int:
+    """How many times one distance goes into another, 0 if it does not."""
+    times = round(long / short)
+    return times if abs(long - times * short) < 0.04 * long else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +216,22 @@ def _groups(strips: _Strips, goes_on: NDArray[np.float64]) -> list[NDArray[np.in
         if len(group) >= 3:
             groups.append(np.arange(min(group), max(group) + 1))
     return groups
+
+
+def _kind(strips: _Strips, marked: Mask, members: NDArray[np.int64]) -> _Kind:
+    """The lines at some strips, and the strips beside these over which all of them go on that can be seen there."""
+    at, thickness = _events(marked[:, members])
+    rows = np.clip(np.round(at).astype(int), 0, len(marked) - 1)
+    count = marked.shape[1]
+    for step in (-1, 1):
+        strip = int(members[0 if step < 0 else -1]) + step
+        while 0 <= strip < count:
+            seen = rows[strips.known[rows, strip]]
+            if not len(seen) or strips.marked[seen, strip].mean() <= SURE:
+                break
+            members = np.sort(np.append(members, strip))
+            strip += step
+    return _Kind(members, at, thickness)
 
 
 def _events(marked: Mask) -> tuple[NDArray[np.float64], int]:
@@ -216,13 +267,13 @@ def _fit(events: NDArray[np.float64], unseen: Mask, period: float) -> tuple[floa
         off = np.abs(turn - np.round(turn)) * period
         hits = int((off < slack).sum())
         places = np.arange(phase - period * np.round((phase - events.min()) / period), events.max() + slack, period)
-        missed = sum(
-            1
-            for p in places
-            if np.abs(events - p).min() >= slack and not unseen[min(len(unseen) - 1, max(0, round(p)))]
-        )
-        score = hits - 2.0 * missed - (len(events) - hits) - 0.1 * float(off[off < slack].mean())
+        empty = [p for p in places if np.abs(events - p).min() >= slack]
+        hidden = sum(1 for p in empty if unseen[min(len(unseen) - 1, max(0, round(p)))])
+        missed = len(empty) - hidden
+        # Of two distances that explain the same lines the one that supposes fewer others is meant.
+        score = hits - 2.0 * missed - HIDDEN * hidden - (len(events) - hits) - 0.1 * float(off[off < slack].mean())
         regular = hits >= min(LEAST_EVENTS, len(events)) and hits >= 0.7 * len(events) and missed <= hits / 4
+        regular &= hits > hidden
         if regular and (best is None or score > best[2]):
             best = (period, float(phase), score)
     return best

@@ -187,7 +187,7 @@ def _invented(
         texture, known, wanted, patch=max(6, int(settings.patch_m * per_m)), search=int(settings.search_m * per_m)
     )
     lines, on_line = continue_crossings(*drift.straightened(detail, even), wanted, texels_per_m=per_m)
-    return drift.bent(np.where(on_line[..., None], lines, invented))
+    return drift.bent(lines + (1 - on_line[..., None]) * invented)
 
 
 def _to_the_sides(picture: Float32, amid: NDArray[np.bool_]) -> Float32:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.lighting import light_of_scene
-from unveil_core.inpaint.street import Ground, fit_ground, fit_path
+from unveil_core.inpaint.street import Ground, StreetPath, fit_ground, fit_path
 from unveil_core.inpaint.street_chart import StreetChart, blur_levels, read_chart, sample_chart
 from unveil_core.inpaint.sun import Sun
 from unveil_core.progress import Progress, no_progress
@@ -117,18 +117,20 @@ class GroundLayer:
 
 
 def fit_drive_ground(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *, unit: float
-) -> Ground | None:
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *, unit: float,
+    path: StreetPath | None = None,
+) -> Ground | None:  # fmt: skip
     """The ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
 
     Args:
         surfels: the full scene.
         cameras: of the first track, in order of travel.
         unit: world units per metre.
+        path: the street's, where more is known of it than the way that the cameras took.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
-    path = fit_path(list(cameras), up, unit=unit)
+    path = fit_path(list(cameras), up, unit=unit) if path is None else path
     means = surfels.means.double().numpy()
     opaque = surfels.opacity_logits.numpy() > -1.0
     wanted = [k for k, n in enumerate(labels.names) if n in GROUND_CLASSES]

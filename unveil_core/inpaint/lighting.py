@@ -14,7 +14,7 @@ from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.crowns import complete_crowns
 from unveil_core.inpaint.houses import solid_columns
 from unveil_core.inpaint.lateral import lateral_profile
-from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance
+from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance, read_shade
 from unveil_core.inpaint.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.sun import Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -31,6 +31,10 @@ AHEAD_M = 10.0
 """How far beyond the ends of the drive its shadows tell where the sun stands, metres."""
 CHINK_M = 0.25
 """Half width of gaps in a shadow that are none, metres."""
+BORDER_M, CLOSER_M = 5.0, 0.12
+"""Half length of the stretch that tells what is dark when the sun is looked for again, and its texels, metres."""
+AGAIN = ((6.0, 2.0), (1.5, 0.75))
+"""How far around the sun that was found it is looked for again, and in which steps, degrees."""
 STANDS_M = 0.25
 """What is lower than this over the ground casts no shadow to speak of, metres."""
 
@@ -63,6 +67,7 @@ def light_of_scene(
     """
     kept, gone = (_standing(chart, surfels, STANDS_M * unit) for surfels in (kept, gone))
     trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
+    seen_casters = concatenate([kept, gone])
     kept = concatenate([kept, complete_crowns(trees, chart.ground, unit=unit)])
     if given is not None:
         sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
@@ -70,6 +75,9 @@ def light_of_scene(
         sun = _look_for_sun(chart, footprint, cameras, concatenate([kept, gone]), unit)
     if sun is None:
         return None
+    if given is None:
+        # Only by what was seen itself: the far side of a crown is a guess, good enough to come near.
+        sun = _looked_again(chart, footprint, cameras, seen_casters, sun, unit)
     kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, unit)])
     shape = chart.source.shape
     s, l = chart.coordinates()  # noqa: E741
@@ -99,15 +107,7 @@ def _look_for_sun(
 ) -> Sun | None:  # fmt: skip
     step = max(1, round(COARSE_M * unit / chart.texel))
     per_m = unit / chart.texel
-    observed = chart.source == OBSERVED
-    if footprint is not None:
-        # Beside an object it is dark wherever the sun stands.
-        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * per_m)).astype(bool)
-    if cameras:
-        # Far ahead a pixel is a stretch of street, and a little height a great distance.
-        way = chart.ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
-        s, reach = chart.coordinates()[0], AHEAD_M * unit
-        observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
+    observed = _telling(chart, footprint, cameras, unit)
     _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
     fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
     darkness = np.clip(fall, 0, DARKEST_FALL)
@@ -121,3 +121,59 @@ def _look_for_sun(
     means = casters.means.detach().double().numpy()
     known = weight[cells] > 0.5
     return find_sun(mean[cells].astype(np.float32), known, s, l, chart.ground, means, unit=unit)
+
+
+def _telling(
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], unit: float
+) -> NDArray[np.bool_]:
+    """(A, B) texels whose light tells where the sun stands."""
+    observed = chart.source == OBSERVED
+    if footprint is not None:
+        # Beside an object it is dark wherever the sun stands.
+        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * unit / chart.texel)).astype(bool)
+    if cameras:
+        # Far ahead a pixel is a stretch of street, and a little height a great distance.
+        way = chart.ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
+        s, reach = chart.coordinates()[0], AHEAD_M * unit
+        observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
+    return observed
+
+
+def _looked_again(
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], casters: Surfels, sun: Sun, unit: float
+) -> Sun:  # fmt: skip
+    """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
+
+    A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
+    """
+    per_m = unit / chart.texel
+    observed = _telling(chart, footprint, cameras, unit)
+    rows, columns = np.nonzero(observed)
+    if not len(rows):
+        return sun
+
+    def cast(at: tuple[NDArray[np.int64], NDArray[np.int64]], towards: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return cast_shadows(chart.world(*at), casters, towards, cell=0.06 * unit, bias=0.15 * unit)
+
+    def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
+        return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
+
+    expected = np.zeros_like(observed)
+    expected[rows, columns] = cast((rows, columns), sun.towards)
+    # What is dark must not depend on where the sun was thought to be.
+    dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
+    step = max(1, round(CLOSER_M * per_m))
+    some = (rows % step == 0) & (columns % step == 0)
+    places = rows[some], columns[some]
+    is_dark = dark[places]
+    if is_dark.sum() < 100:
+        return sun
+    best = (-1.0, sun.azimuth, sun.elevation)
+    for reach, degrees in AGAIN:
+        _, a0, e0 = best
+        around = np.arange(-reach, reach + 0.01, degrees)
+        for a, e in ((a0 + da, float(np.clip(e0 + de, 8.0, 80.0))) for da in around for de in around):
+            shaded = cast(places, sun_towards(a, e, chart.ground.path.axes[2]))
+            best = max(best, (float((shaded & is_dark).sum() / max(1, (shaded | is_dark).sum())), a, e))
+    _, azimuth, elevation = best
+    return Sun(sun_towards(azimuth, elevation, chart.ground.path.axes[2]), sun.score, azimuth % 360, elevation)

@@ -83,7 +83,9 @@ def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float]
     return value / (weight if picture.ndim == 2 else weight[..., None])
 
 
-def read_shade(color: Float32, seen: Mask, expected: Mask, profile: Profile, *, texels_per_m: float) -> Shade:
+def read_shade(
+    color: Float32, seen: Mask, expected: Mask, profile: Profile, *, texels_per_m: float, belief: float = 0.2
+) -> Shade:
     """Tell shadow from sun in what was seen.
 
     Starting from the shadows that the scene casts: they give the ratio at the offsets that have both, the ratio gives the
@@ -93,6 +95,7 @@ def read_shade(color: Float32, seen: Mask, expected: Mask, profile: Profile, *, 
         color: (A, B, 3) of the chart; seen: (A, B).
         expected: (A, B) texels that the scene casts shadow on.
         profile: see :data:`Profile`.
+        belief: how far that moves the border between light and dark, as a share of the fall between them.
     """
     smooth = masked_blur(color, seen, 0.06 * texels_per_m)
     log = np.log(np.maximum(luminance(smooth), 0.01))
@@ -103,8 +106,8 @@ def read_shade(color: Float32, seen: Mask, expected: Mask, profile: Profile, *, 
         ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(0.15 * texels_per_m)))
         lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
         fall = float(np.log(luminance(ratio)))
-        # Half way down is the border; what the scene says moves it by a quarter.
-        threshold = np.where(expected, 0.3 * fall, 0.7 * fall)
+        # Half way down is the border, but for what the scene says.
+        threshold = np.where(expected, 0.5 - belief, 0.5 + belief) * fall
         dark = seen & (log - np.log(np.maximum(luminance(lit), 0.01)) < threshold)
         # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
         kernel = disc(0.12 * texels_per_m)

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.sky import up_frame
 
-__all__ = ["Ground", "StreetPath", "fit_ground", "fit_path"]
+__all__ = ["Ground", "StreetPath", "fit_ground", "fit_path", "straighten_path"]
 
 Array = NDArray[np.float64]
 
@@ -127,12 +127,38 @@ def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: floa
     ahead = nodes[-1] + np.cumsum(np.stack([np.cos(after), np.sin(after)], 1) * step, axis=0)
     behind = nodes[0] - np.cumsum(np.stack([np.cos(before), np.sin(before)], 1)[::-1] * step, axis=0)[::-1]
     nodes = np.concatenate([behind, nodes, ahead])
+    return _path(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, unit=unit)
+
+
+def _path(axes: Array, nodes: Array, heading: Array, start: float, step: float, *, unit: float) -> StreetPath:
+    """The path with its look-up, see :class:`StreetPath`."""
     cell, margin = 1.0 * unit, 30.0 * unit
     corner = nodes.min(axis=0) - margin
     extent = np.ceil((nodes.max(axis=0) + margin - corner) / cell).astype(int) + 1
     centres = np.stack(np.meshgrid(*(np.arange(n) * cell for n in extent), indexing="ij"), axis=-1) + corner
     nearest = cKDTree(nodes).query(centres.reshape(-1, 2))[1].reshape(extent)
-    return StreetPath(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, corner, cell, nearest)
+    return StreetPath(axes, nodes, heading, start, step, corner, cell, nearest)
+
+
+def straighten_path(path: StreetPath, s: Array, aside: Array, *, unit: float) -> StreetPath:
+    """The path moved sideways, so that it keeps its distance from the kerb even where the car did not.
+
+    Args:
+        s: (M,) arc lengths, increasing; aside: (M,) how far to the left the path is to lie there, world units; it stays so
+            beyond both ends.
+        unit: world units per metre.
+    Returns:
+        a path whose arc length starts where the other's does.
+    """
+    at = path.start + path.step * np.arange(len(path.nodes))
+    # A heading must not follow each texel by which something was found beside its place.
+    offset = gaussian_filter1d(np.interp(at, s, aside), 1.0 * unit / path.step, mode="nearest")
+    nodes = path.nodes + offset[:, None] * np.stack([-np.sin(path.heading), np.cos(path.heading)], axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
+    even = np.arange(0.0, travelled[-1], path.step)
+    nodes = np.stack([np.interp(even, travelled, nodes[:, k]) for k in (0, 1)], axis=1)
+    slope = np.gradient(nodes, path.step, axis=0)
+    return _path(path.axes, nodes, np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])), path.start, path.step, unit=unit)
 
 
 @dataclass(frozen=True, eq=False)
