@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.crowns import complete_crowns
-from unveil_core.inpaint.houses import solid_columns
+from unveil_core.inpaint.houses import flush_with_fronts, solid_columns
 from unveil_core.inpaint.lateral import lateral_profile
 from unveil_core.inpaint.shade import CONTACT_M, Light, disc, luminance, read_shade
 from unveil_core.inpaint.street_chart import OBSERVED, StreetChart
@@ -35,6 +36,8 @@ BORDER_M, CLOSER_M = 5.0, 0.12
 """Half length of the stretch that tells what is dark when the sun is looked for again, and its texels, metres."""
 AGAIN = ((6.0, 2.0), (1.5, 0.75))
 """How far around the sun that was found it is looked for again, and in which steps, degrees."""
+LARGEST_M, TREE_M = 0.25, 1.0
+"""What is larger blurs an outline, and how far from a tree's shadow the ground says nothing of other things, metres."""
 STANDS_M = 0.25
 """What is lower than this over the ground casts no shadow to speak of, metres."""
 
@@ -68,7 +71,8 @@ def light_of_scene(
     kept, gone = (_standing(chart, surfels, STANDS_M * unit) for surfels in (kept, gone))
     trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
     seen_casters = concatenate([kept, gone])
-    kept = concatenate([kept, complete_crowns(trees, chart.ground, unit=unit)])
+    crowns = complete_crowns(trees, chart.ground, unit=unit)
+    kept = concatenate([kept, crowns])
     if given is not None:
         sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
     else:
@@ -77,8 +81,23 @@ def light_of_scene(
         return None
     if given is None:
         # Only by what was seen itself: the far side of a crown is a guess, good enough to come near.
-        sun = _looked_again(chart, footprint, cameras, seen_casters, sun, unit)
-    kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, unit)])
+        sun = _looked_again(
+            *_light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M, unit), seen_casters, sun, unit),
+            seen_casters, concatenate([trees, crowns]), plants, sun, chart.ground.path.axes[2], unit,
+        )  # fmt: skip
+    # Between two cars there is little else than what lies beside them.
+    places, is_dark = _light_seen(
+        chart, _telling(chart, footprint, cameras, CONTACT_M / 4, unit), seen_casters, sun, unit
+    )
+    kept = kept.select(torch.from_numpy(flush_with_fronts(chart, kept, solid, unit)))
+    known = _cast(places, concatenate([kept, gone]), sun.towards, unit)
+
+    def judge(added: Surfels) -> float | None:
+        more = _cast(places, added, sun.towards, unit) & ~known
+        # Of what only the added would darken, is more dark or light? Nothing added scores 0.
+        return float(np.where(is_dark[more], 1.0, -1.0).sum()) if len(places) else None
+
+    kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, unit, judge)])
     shape = chart.source.shape
     s, l = chart.coordinates()  # noqa: E741
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(l, shape[0])).reshape(shape)
@@ -107,7 +126,7 @@ def _look_for_sun(
 ) -> Sun | None:  # fmt: skip
     step = max(1, round(COARSE_M * unit / chart.texel))
     per_m = unit / chart.texel
-    observed = _telling(chart, footprint, cameras, unit)
+    observed = _telling(chart, footprint, cameras, CONTACT_M, unit)
     _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
     fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
     darkness = np.clip(fall, 0, DARKEST_FALL)
@@ -124,13 +143,13 @@ def _look_for_sun(
 
 
 def _telling(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], unit: float
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], contact_m: float, unit: float
 ) -> NDArray[np.bool_]:
     """(A, B) texels whose light tells where the sun stands."""
     observed = chart.source == OBSERVED
     if footprint is not None:
         # Beside an object it is dark wherever the sun stands.
-        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M * unit / chart.texel)).astype(bool)
+        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(contact_m * unit / chart.texel)).astype(bool)
     if cameras:
         # Far ahead a pixel is a stretch of street, and a little height a great distance.
         way = chart.ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
@@ -139,41 +158,63 @@ def _telling(
     return observed
 
 
-def _looked_again(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], casters: Surfels, sun: Sun, unit: float
-) -> Sun:  # fmt: skip
-    """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
+def _cast(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64], unit: float) -> NDArray[np.bool_]:
+    return cast_shadows(points, casters, towards, cell=0.06 * unit, bias=0.15 * unit)
 
-    A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
-    """
+
+def _light_seen(
+    chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels, sun: Sun, unit: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """World points (P, 3) of the ground that was ``observed`` (A, B), and whether it is dark there (P,)."""
     per_m = unit / chart.texel
-    observed = _telling(chart, footprint, cameras, unit)
     rows, columns = np.nonzero(observed)
-    if not len(rows):
-        return sun
-
-    def cast(at: tuple[NDArray[np.int64], NDArray[np.int64]], towards: NDArray[np.float64]) -> NDArray[np.bool_]:
-        return cast_shadows(chart.world(*at), casters, towards, cell=0.06 * unit, bias=0.15 * unit)
 
     def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
         return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
 
     expected = np.zeros_like(observed)
-    expected[rows, columns] = cast((rows, columns), sun.towards)
+    expected[rows, columns] = _cast(chart.world(rows, columns), casters, sun.towards, unit)
     # What is dark must not depend on where the sun was thought to be.
     dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
     step = max(1, round(CLOSER_M * per_m))
     some = (rows % step == 0) & (columns % step == 0)
-    places = rows[some], columns[some]
-    is_dark = dark[places]
+    return chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
+
+
+def _looked_again(
+    places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, trees: Surfels, plants: Sequence[int],
+    sun: Sun, up: NDArray[np.float64], unit: float,
+) -> Sun:  # fmt: skip
+    """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
+
+    A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
+    Trees count half: only one side of a crown is seen, and the overlap is taken once with them and once without, away from them.
+    """
     if is_dark.sum() < 100:
         return sun
+    # Large surfels reach beyond the outline of what they are part of.
+    casters = casters.select(casters.log_scales.detach().exp().amax(dim=1) < LARGEST_M * unit)
+    hard = casters.select(torch.from_numpy(~np.isin(casters.labels.numpy(), list(plants))))
+    under = _cast(places, trees, sun.towards, unit)
+    away = np.ones(len(places), dtype=bool)
+    if under.any():
+        away = cKDTree(places[under]).query(places, distance_upper_bound=TREE_M * unit)[0] > TREE_M * unit
+    parts = [(places, is_dark, casters)]
+    if is_dark[away].sum() >= 100:
+        parts.append((places[away], is_dark[away], hard))
+
+    def overlap(azimuth: float, elevation: float) -> float:
+        total = 0.0
+        for at, dark, part in parts:
+            shaded = _cast(at, part, sun_towards(azimuth, elevation, up), unit)
+            total += float((shaded & dark).sum()) / max(1, int((shaded | dark).sum()))
+        return total
+
     best = (-1.0, sun.azimuth, sun.elevation)
     for reach, degrees in AGAIN:
         _, a0, e0 = best
         around = np.arange(-reach, reach + 0.01, degrees)
-        for a, e in ((a0 + da, float(np.clip(e0 + de, 8.0, 80.0))) for da in around for de in around):
-            shaded = cast(places, sun_towards(a, e, chart.ground.path.axes[2]))
-            best = max(best, (float((shaded & is_dark).sum() / max(1, (shaded | is_dark).sum())), a, e))
+        tried = [(a0 + da, float(np.clip(e0 + de, 8.0, 80.0))) for da in around for de in around]
+        best = max(best, max((overlap(a, e), a, e) for a, e in tried))
     _, azimuth, elevation = best
-    return Sun(sun_towards(azimuth, elevation, chart.ground.path.axes[2]), sun.score, azimuth % 360, elevation)
+    return Sun(sun_towards(azimuth, elevation, up), sun.score, azimuth % 360, elevation)
