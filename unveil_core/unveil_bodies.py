@@ -132,9 +132,7 @@ def remove_body(context: StageContext) -> None:
 # --------------------------------------------------------------------------------------------------------------- inpaint
 
 
-def drive_ground(
-    drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None
-) -> Ground | None:
+def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None) -> Ground | None:
     """The ground under the drive's longest track, from the scene without what is removed; None where it has none.
 
     Args:

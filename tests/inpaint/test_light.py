@@ -12,11 +12,12 @@ from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
-from unveil_core.inpaint.houses import as_high_as_beside, of_something_long
+from unveil_core.inpaint.houses import as_high_as_beside, flush_with_fronts, of_something_long, solid_columns
 from unveil_core.inpaint.lighting import light_of_scene
 from unveil_core.inpaint.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.sun import Sun, sun_towards
+from unveil_core.surfels.surfels import Surfels, concatenate
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -183,3 +184,33 @@ def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None
     assert near.sum() > 10 and np.allclose(top[near], 7.0, atol=0.1)
     assert np.allclose(top[seen == 7.0], 7.0)
     assert np.array_equal(as_high_as_beside(chart, at, seen, [], 1.0), seen)
+
+
+def test_what_floats_before_a_front_is_not_of_the_house() -> None:
+    chart, *_ = lit_street(SUNS[0])
+    house = box_surfels(HOUSE, spacing=0.2)
+    stray = box_surfels(np.array([[18.0, -7.5, 5.0], [18.6, -7.0, 5.6]]), spacing=0.2)
+    both = concatenate([house, stray])
+    kept = flush_with_fronts(chart, both, [0], 1.0)
+    assert kept[: len(house)].all() and not kept[len(house) :].any()
+    assert flush_with_fronts(chart, both, [3], 1.0).all(), "only of what is solid"
+
+
+def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
+    """Of the houses that may follow, the one that darkens what is dark and leaves light what is light."""
+    chart, *_ = lit_street(SUNS[0])
+    house = box_surfels(HOUSE, spacing=0.2)
+    top_seen = []
+
+    def judge(added: Surfels) -> float:
+        means = added.means.double().numpy()
+        before = means[means[:, 0] < HOUSE[0, 0] - 3.5, 2]
+        top_seen.append(float(before.max()) if len(before) else 0.0)
+        return -abs(top_seen[-1] - 10.0)  # as if the ground told of ten metres
+
+    columns = solid_columns(chart, house, [0], [], 1.0, judge)
+    means = columns.means.double().numpy()
+    assert abs(means[means[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - 10.0) < 0.7
+    assert len(set(np.round(top_seen, 1))) > 5, "several heights were tried"
+    plain = solid_columns(chart, house, [0], [], 1.0).means.double().numpy()
+    assert abs(plain[plain[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - HOUSE[1, 2]) < 0.7, "as high as the others"

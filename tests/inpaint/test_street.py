@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.street import fit_ground, fit_path
+from unveil_core.inpaint.street import fit_ground, fit_path, straighten_path
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -116,3 +116,19 @@ def test_rays_meet_the_ground_where_they_should() -> None:
     assert np.abs(points[:, 2] - ground.height_at(street[hit, 0], street[hit, 1])).max() < 0.09
     upward = rays[:, 2] > 0.05
     assert not np.isfinite(depth[upward]).any()
+
+
+@pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
+def test_a_path_is_moved_onto_a_line_beside_it(radius: float) -> None:
+    """The car weaves about the street's middle; once its path is moved by what it was off, the middle lies at offset 0."""
+    cameras = drive_on_circle(radius, 0.0)
+    path = fit_path(cameras, UP, unit=1.0)
+    s = np.arange(0.0, 25.0, 0.04)
+    middle = np.concatenate([true_street(radius, s, 0.3 * np.sin(s / 3.5) - 0.5), np.zeros((len(s), 1))], axis=1)
+    aside = path.to_street(middle)
+    moved = straighten_path(path, aside[:, 0], aside[:, 1], unit=1.0)
+    amid = (s > 3) & (s < 22)
+    assert np.abs(path.to_street(middle)[amid, 1]).max() > 0.5
+    assert np.abs(moved.to_street(middle)[amid, 1]).max() < 0.05
+    # Half way between two nodes either may be meant.
+    assert np.abs(moved.to_world(moved.to_street(middle)) - middle).max() < 1e-3

@@ -158,7 +158,9 @@ def _telling(
     return observed
 
 
-def _cast(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64], unit: float) -> NDArray[np.bool_]:
+def _cast(
+    points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64], unit: float
+) -> NDArray[np.bool_]:
     return cast_shadows(points, casters, towards, cell=0.06 * unit, bias=0.15 * unit)
 
 
