@@ -97,11 +97,15 @@ def relighting_gain(
     full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
     # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
     # street is.
-    own = np.maximum(luminance(masked_blur(color, seen, 0.03 * per_m)), 0.02)
-    share = (luminance(target) / own - 1) / np.maximum(luminance(ratio) - 1, 0.02)
-    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)[..., None]
     ring = disc(PENUMBRA_M * per_m)
-    border = (cv2.dilate(shadow.astype(np.uint8), ring) > 0) & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
+    around = cv2.dilate(shadow.astype(np.uint8), ring) > 0
+    # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
+    level = luminance(target)
+    beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)
+    own = np.maximum(luminance(masked_blur(color, seen, 0.03 * per_m)), 0.02)
+    share = (level * (1 + np.clip(beside, -0.2, 0.2)) / own - 1) / np.maximum(luminance(ratio) - 1, 0.02)
+    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)[..., None]
+    border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
     return gain
