@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# How many processes share the tests.
+WORKERS ?= 2
 export OMP_WAIT_POLICY := PASSIVE
 
 .PHONY: demo test test-blender extension lint clean
@@ -10,7 +12,7 @@ demo: $(VENV)/.installed
 	$(BIN)/unveil demo
 
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # The add-on's tests under the two long-term Blenders before 5.0, whose bpy `make test` has.
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed

@@ -3,6 +3,13 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Two processes that compile two forms of one kernel at once may file one under the other's name (numba numbers its files
+    # without a lock), so each keeps its own.
+    kernels = Path(__file__).parents[1] / ".pytest_cache/kernels" / os.environ["PYTEST_XDIST_WORKER"]
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(kernels))
 
 import torch
 
