@@ -21,6 +21,8 @@ Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 RADIUS = 3
 """Patches are 7x7."""
+LEAST_SPREAD = np.float32(4.0)
+"""Squared levels: matches that differ by less are as good as exact."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,14 @@ def patch_fill(
         share = depth / max(1, len(levels) - 1)
         rounds = round(settings.rounds_fine + share * (settings.rounds_coarse - settings.rounds_fine))
         cost = np.empty(hole.shape, np.float32)
-        certainty = _certainty(hole)
+        certainty, places = _certainty(hole), np.argwhere(sources)
         for turn in range(rounds):
-            _match(picture, sources, targets, match, cost, settings.searches, turn + 100 * depth)
-            picture = _vote(picture, hole, targets, match, cost, certainty, turn + 1 == rounds)
+            _match(picture, sources, places, targets, match, cost, settings.searches, turn + 100 * depth)
+            # A third of the patches decide; the final vote is sharper still, so that texture is not averaged away.
+            spread = max(
+                np.float32(np.percentile(cost[targets].astype(float), 25 if turn + 1 == rounds else 50)), LEAST_SPREAD
+            )
+            picture = _vote(picture, hole, targets, match, cost, certainty, spread)
     filled = np.clip(np.round(picture), 0, 255).astype(np.uint8)
     return np.where(mask[..., None], filled, image)
 
@@ -168,10 +174,9 @@ def _try(picture, sources, match, cost, y, x, v, u):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _match(picture, sources, targets, match, cost, searches, turn):  # type: ignore[no-untyped-def]
+def _match(picture, sources, places, targets, match, cost, searches, turn):  # type: ignore[no-untyped-def]
     """Improve the nearest known patch of every target patch in place; ``cost`` gets the mean squared differences."""
     rows, columns = targets.shape
-    places = np.argwhere(sources)
     for y in range(rows):
         for x in range(columns):
             if not targets[y, x]:
@@ -208,18 +213,9 @@ def _match(picture, sources, targets, match, cost, searches, turn):  # type: ign
 
 
 @njit(cache=True)
-def _vote(picture, hole, targets, match, cost, certainty, last):  # type: ignore[no-untyped-def]
+def _vote(picture, hole, targets, match, cost, certainty, spread):  # type: ignore[no-untyped-def]
     """Every hole pixel becomes the weighted mean of what the patches over it would put there."""
     rows, columns = hole.shape
-    values = np.empty(targets.sum(), np.float32)
-    n = 0
-    for y in range(rows):
-        for x in range(columns):
-            if targets[y, x]:
-                values[n] = cost[y, x]
-                n += 1
-    # A third of the patches decide; the final vote is sharper still, so that texture is not averaged away.
-    spread = max(np.float32(np.percentile(values, 25 if last else 50)), np.float32(4.0))
     result = picture.copy()
     for y in range(rows):
         for x in range(columns):
