@@ -23,13 +23,12 @@ from unveil_core.inpaint.ground_layer import (
     build_ground_layer,
     fit_drive_ground,
     ground_usable,
+    path_by_lines,
 )
 from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
-from unveil_core.inpaint.straighten import find_drift
-from unveil_core.inpaint.street import Ground, StreetPath, straighten_path
-from unveil_core.inpaint.street_chart import OBSERVED, read_chart
+from unveil_core.inpaint.street import Ground, StreetPath
 from unveil_core.inpaint.time_reversal import paint_along
 from unveil_core.inpaint.transfer import render_numpy, seed_ground
 from unveil_core.moving import read_moving
@@ -165,11 +164,7 @@ def drive_ground_layer(
             usable.append(ground_usable(labels[i], scene.labels, grow(removed[i], 1), depth.reshape(shape), depths[i]))
         return usable
 
-    # The car does not keep its distance from the kerb: the street's own lines tell where it goes.
-    rough = read_chart(ground, cameras, images, labels, usable_for(ground), unit=limits.unit)
-    drift = find_drift(rough.color, rough.source == OBSERVED, texels_per_m=limits.unit / rough.texel)
-    s, _ = rough.coordinates()
-    path = straighten_path(ground.path, s, drift.texels * rough.texel, unit=limits.unit)
+    path = path_by_lines(ground, cameras, images, labels, usable_for(ground), unit=limits.unit)
     ground = drive_ground(drive, scene, left, path) or ground
     usable = usable_for(ground)
     means = surfels.means.double().numpy()

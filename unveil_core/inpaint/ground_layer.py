@@ -13,14 +13,23 @@ from numpy.typing import NDArray
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.lighting import light_of_scene
-from unveil_core.inpaint.street import Ground, StreetPath, fit_ground, fit_path
-from unveil_core.inpaint.street_chart import StreetChart, blur_levels, read_chart, sample_chart
+from unveil_core.inpaint.straighten import find_drift
+from unveil_core.inpaint.street import Ground, StreetPath, fit_ground, fit_path, straighten_path
+from unveil_core.inpaint.street_chart import OBSERVED, StreetChart, blur_levels, read_chart, sample_chart
 from unveil_core.inpaint.sun import Sun
 from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["GROUND_CLASSES", "GroundLayer", "GroundPixels", "build_ground_layer", "fit_drive_ground", "ground_usable"]
+__all__ = [
+    "GROUND_CLASSES",
+    "GroundLayer",
+    "GroundPixels",
+    "build_ground_layer",
+    "fit_drive_ground",
+    "ground_usable",
+    "path_by_lines",
+]
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
 SIDE_CLASSES = ("building", "wall", "fence")
@@ -155,6 +164,21 @@ def fit_drive_ground(
     sides = [k for k, n in enumerate(labels.names) if n in SIDE_CLASSES]
     walls = means[np.isin(surfels.labels.numpy(), sides) & opaque] if sides else None
     return fit_ground(path, means[chosen], unit=unit, walls=walls)
+
+
+def path_by_lines(
+    ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
+    usable: Sequence[NDArray[np.bool_]], *, unit: float,
+) -> StreetPath:  # fmt: skip
+    """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
+
+    Args:
+        images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.street_chart.read_chart`.
+        unit: world units per metre.
+    """
+    chart = read_chart(ground, cameras, images, labels, usable, unit=unit)
+    drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=unit / chart.texel)
+    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel, unit=unit)
 
 
 def ground_usable(
