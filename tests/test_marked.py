@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,6 +18,8 @@ from unveil_core.files import read_label_image
 from unveil_core.pipeline import run
 from unveil_core.settings import RunSettings
 from unveil_core.workspace import Workspace
+
+FEW_STEPS = RunSettings(quality="draft", iterations=150, splats=12_000)
 
 
 def without_labels(path: Path) -> Path:
@@ -72,7 +75,7 @@ def marked_street(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Works
     folder = tmp_path_factory.mktemp("marked")
     street = without_labels(make_small_street(folder / "street"))
     (folder / "marked.json").write_text(json.dumps([box()]))
-    settings = RunSettings(quality="draft", marked=str(folder / "marked.json"), instances=(1001,))
+    settings = replace(FEW_STEPS, marked=str(folder / "marked.json"), instances=(1001,))
     return street, run(street, folder / "ws", settings, until="reoptimize")
 
 
@@ -102,7 +105,7 @@ def test_another_choice_does_not_make_the_scene_anew(marked_street: tuple[Path, 
         cv2.imwrite(str(workspace.root.parent / f"mattes/{i:02d}.png"), cv2.resize(white, (64, 40)))
     path = workspace.root.parent / "marked.json"
     path.write_text(json.dumps([box(), {"id": 1002, "class": "van", "mattes": "mattes"}]))
-    settings = RunSettings(quality="draft", marked=str(path), instances=(1002,))
+    settings = replace(FEW_STEPS, marked=str(path), instances=(1002,))
     before = [e["stage"] for e in workspace.events() if e["message"] == "started"]
     run(street, workspace.root, settings, until="remove")
     started = [e["stage"] for e in workspace.events() if e["message"] == "started"][len(before) :]
