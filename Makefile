@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 export OMP_WAIT_POLICY := PASSIVE
 
-.PHONY: demo test test-blender extension lint clean
+.PHONY: demo test test-blender test-window extension lint clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -18,6 +18,12 @@ test: $(VENV)/.installed-test
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.2/bin/python
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.5/bin/python
+
+# The artist's way through the add-on in a real window, and what must not cost work: see tests/blender_addon/window/.
+BLENDER ?= blender
+test-window: extension
+	$(BIN)/python tests/blender_addon/window/click_path.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/window
+	$(BIN)/python tests/blender_addon/window/no_lost_work.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/no_lost_work
 
 # The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.
 # Blender's own tool builds and checks it.

@@ -95,7 +95,6 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             row.label(text="", icon="ANIM")
         else:
             row.prop(item, "chosen", text="")
-        row.label(text="", icon_value=previews.chip(item.class_name))
         picture = previews.thumbnail(item.thumbnail) if item.thumbnail else 0
         if picture:
             row.label(text=item.name, icon_value=picture)
@@ -107,7 +106,7 @@ class UNVEIL_UL_objects(bpy.types.UIList):
 
 def _columns(layout: bpy.types.UILayout) -> list[bpy.types.UILayout]:
     """What an object is, its size, distance and frames, side by side."""
-    whole = layout.split(factor=0.57)
+    whole = layout.split(factor=0.52)
     thing = whole.row(align=True)  # what is made first stands first
     rest = whole.row()
     return [thing, rest, rest, rest]
