@@ -32,6 +32,7 @@ class JobOperator:
     """Mix in before ``bpy.types.Operator``; give ``bl_label``, :meth:`arguments` and, where wanted, :meth:`finished`."""
 
     _timer: Any = None
+    _told: Any = None
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -136,9 +137,15 @@ class JobOperator:
         return {"CANCELLED"}
 
     def _show(self, context: bpy.types.Context) -> None:
-        if session.last is not None:
-            context.workspace.status_text_set(f"Unveil: {progress_text(session.last)}   [Esc] cancels")
-        redraw(context)
+        state, job = session.last, session.job
+        if state is None or job is None:
+            return
+        text = f"Unveil: {progress_text(state)}   [Esc] cancels"
+        told = (text, round(state.fraction, 2), len(state.ended), job.cancelling)
+        if told != self._told:  # drawing costs the worker's cores time where there is no graphics card
+            self._told = told
+            context.workspace.status_text_set(text)
+            redraw(context)
 
     def _leave(self, context: bpy.types.Context) -> None:
         if self._timer is not None:
