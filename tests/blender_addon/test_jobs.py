@@ -88,7 +88,7 @@ def test_cancel_ends_a_stubborn_group_within_two_seconds() -> None:
 
 def test_a_worker_that_heeds_is_not_killed() -> None:
     job = script(
-        "import sys, time\nprint('ready')\ntry: time.sleep(60)\nexcept KeyboardInterrupt: print('tidying'); sys.exit(130)"
+        "import sys, time\ntry: print('ready'); time.sleep(60)\nexcept KeyboardInterrupt: print('tidying'); sys.exit(130)"
     )
     assert first_line(job) == "ready"
     job.cancel()
