@@ -10,7 +10,6 @@ It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wron
 
 from __future__ import annotations
 
-import _thread
 import argparse
 import json
 import os
@@ -78,7 +77,12 @@ def _can_make(python: str) -> bool:
 # ----------------------------------------------------------------------------------------------------------------- the program
 
 
-_children: list[subprocess.Popen[str]] = []
+PATIENCE_S = 5.0
+"""What a command has to end once it was told to."""
+
+_commands: list[subprocess.Popen[str]] = []
+_stop = threading.Event()
+"""Set when this is to end. No signal interrupts anything, so what was begun is put away in peace."""
 
 
 def tell(done: int, total: int, message: str, level: str = "info") -> None:
@@ -89,10 +93,14 @@ def tell(done: int, total: int, message: str, level: str = "info") -> None:
 
 def _run(step: int, steps: int, command: list[str], what: str) -> None:
     """Run a command and tell what it says; pip's own progress counts within the step."""
+    if _stop.is_set():
+        raise KeyboardInterrupt
     tell(step * 100, steps * 100, what)
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
     assert process.stdout is not None
-    _children.append(process)
+    _commands.append(process)
+    if _stop.is_set():  # set while it started: whoever did so has perhaps not seen it
+        _end_commands()
     last, label, told = "", what, 0.0
     try:
         for line in process.stdout:
@@ -111,12 +119,15 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
                 label = line[:80]
                 tell(step * 100, steps * 100, label)
-        if process.wait():
-            raise RuntimeError(last or f"{command[0]} ended with exit code {process.returncode}")
-    except BaseException:
-        process.kill()
+    except BaseException:  # nobody listens any more, say
+        _end_commands()
         process.wait()
         raise
+    code = process.wait()
+    if _stop.is_set():
+        raise KeyboardInterrupt
+    if code:
+        raise RuntimeError(last or f"{command[0]} ended with exit code {code}")
 
 
 def make(folder: Path, wanted: str, torch_index: str) -> None:
@@ -146,16 +157,41 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
     tell(1, 1, "done")
 
 
+def _end_commands() -> None:
+    """The command that runs, and what it has started itself."""
+    if os.name != "nt":
+        os.killpg(0, signal.SIGTERM)  # this process heeds it, see _stop_now(); the others end
+        return
+    for command in _commands:
+        if command.poll() is None:
+            subprocess.run(["taskkill", "/F", "/T", "/PID", str(command.pid)], capture_output=True, check=False)
+
+
+def _stop_now(*_: object) -> None:
+    if not _stop.is_set():
+        _stop.set()
+        _end_commands()
+
+
 def _end_with_stdin() -> None:
     """Whoever started this has ended: so does this."""
     while os.read(0, 4096):  # not sys.stdin, whose lock would be held when Python shuts down
         pass
-    for process in _children:
-        process.kill()
-    if os.name == "nt":
-        _thread.interrupt_main()
-    else:
-        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)  # wakes it where it waits, too
+    _stop_now()
+    time.sleep(PATIENCE_S)
+    if os.name != "nt":
+        os.killpg(0, signal.SIGKILL)
+    os._exit(130)
+
+
+def _watch() -> None:
+    """From now on this ends when it is told to, or when its standard input does, together with what it has started."""
+    for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # the last is that of Windows
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), _stop_now)
+    if os.name != "nt" and os.getpgrp() != os.getpid():
+        os.setpgid(0, 0)  # its commands are in this group, and nobody else is
+    threading.Thread(target=_end_with_stdin, daemon=True).start()
 
 
 def main(arguments: list[str]) -> int:
@@ -165,7 +201,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("requirement")
     parser.add_argument("--torch-index", default="")
     given = parser.parse_args(arguments)
-    threading.Thread(target=_end_with_stdin, daemon=True).start()
+    _watch()
     code = 1
     try:
         make(given.folder, given.requirement, given.torch_index)

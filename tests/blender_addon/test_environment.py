@@ -30,6 +30,14 @@ def job(folder: Path, wanted: str) -> Job:
     return Job([sys.executable, "-I", "-u", PROGRAM, str(folder), wanted])
 
 
+def any_of_group(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 def test_an_environment_that_works_with_progress(tmp_path: Path) -> None:
     folder = tmp_path / "environment"
     state = job(folder, str(tiny_wheel(tmp_path))).wait(90)
@@ -68,17 +76,20 @@ def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
     assert not folder.exists()
 
 
-def test_it_ends_with_who_started_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sign", ["", "pyvenv.cfg", "lib/python3.*/site-packages/pip"])
+def test_it_ends_with_who_started_it(sign: str, tmp_path: Path) -> None:
+    """At once, when it has hardly begun, and while a command of a command works."""
     folder = tmp_path / "environment"
     process = subprocess.Popen(
         [sys.executable, "-I", "-u", PROGRAM, str(folder), str(tiny_wheel(tmp_path))],
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
     )  # fmt: skip
     assert process.stdin is not None
-    assert until(folder.exists, 20)
+    assert until(lambda: not sign or any(folder.glob(sign)), 60)
     process.stdin.close()
     assert until(lambda: process.poll() is not None, 10) and not alive(process.pid)
     assert process.returncode == 130 and not folder.exists()
+    assert until(lambda: not any_of_group(process.pid), 2)  # who was ended may lie there until somebody looks
 
 
 def test_what_is_installed(tmp_path: Path) -> None:
