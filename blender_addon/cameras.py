@@ -25,7 +25,7 @@ def track_camera(
         collection: where it belongs; drive: the mark of its data blocks.
         track: its name; frames: at least one.
     """
-    camera = blocks.ensure(bpy.data.cameras, drive, f"camera:{track}", lambda: bpy.data.cameras.new(track))
+    camera = blocks.ensure(bpy.data.cameras, drive, f"camera:{track}", lambda: _new_camera(track))
     thing = blocks.ensure_object(camera, drive, f"camera:{track}", track, collection)
     thing["unveil_track"] = track
     thing["unveil_size"] = [frames[0].width, frames[0].height]
@@ -55,6 +55,13 @@ def track_camera(
     if changing or camera.animation_data is not None:
         _animate(camera, drive, f"lens:{track}", changing)
     return thing
+
+
+def _new_camera(name: str) -> bpy.types.Camera:
+    """What is outside the picture is dark: points that are everywhere would draw the eye away from it."""
+    camera = bpy.data.cameras.new(name)
+    camera.passepartout_alpha = 0.92
+    return camera
 
 
 def _animate(block: Any, drive: str, role: str, channels: dict[str, np.ndarray]) -> None:

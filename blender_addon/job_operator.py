@@ -18,8 +18,9 @@ from .job_state import JobState, duration
 from .jobs import Job, unveil_job
 from .preferences import unveil_interpreter
 from .session import session
+from .workspace_state import STAGES
 
-__all__ = ["JobOperator", "UserError", "progress_text"]
+__all__ = ["JobOperator", "UserError", "progress_lines", "stage_line"]
 
 TICK_S = 0.1
 
@@ -157,11 +158,22 @@ class JobOperator:
 
 def progress_text(state: JobState) -> str:
     """One line: stage, count, message, loss, time left."""
+    return "  ".join(p for p in (stage_line(state), *progress_lines(state)) if p)
+
+
+def stage_line(state: JobState) -> str:
+    """The bar counts one stage: which of how many that is, and its name."""
+    name = STAGES.get(state.stage, state.stage) or "starting"
+    return f"Stage {state.place[0]} of {state.place[1]}: {name}" if state.place else name
+
+
+def progress_lines(state: JobState) -> tuple[str, str]:
+    """Count and message; loss and time left. Either may be empty."""
     count = f"{state.done}/{state.total}" if state.total > 1 else ""
     loss = f"loss {state.metrics['loss']:.4f}" if "loss" in state.metrics else ""
     left = state.seconds_left()
     remaining = f"{duration(left)} left" if left is not None else ""
-    return "  ".join(p for p in (state.stage or "starting", count, state.message, loss, remaining) if p)
+    return "  ".join(p for p in (count, state.message) if p), "  ".join(p for p in (loss, remaining) if p)
 
 
 def redraw(context: bpy.types.Context) -> None:

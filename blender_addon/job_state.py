@@ -15,9 +15,9 @@ LOG_LINES = 5000
 NOT_SHOWN = frozenset(("t", "stage", "done", "total", "message", "level", "traceback", "seconds"))
 HINTS = {
     0: "",
-    1: "it failed; the log tells where",
-    2: "bad input; the log tells which",
-    130: "cancelled; run it again to go on",
+    1: "It failed; the log tells where",
+    2: "Bad input; the log tells which",
+    130: "Cancelled; run it again to go on",
 }
 """What an exit code of ``unveil`` means, for jobs that said no more themselves."""
 
@@ -35,6 +35,7 @@ def duration(seconds: float) -> str:
 @dataclass
 class JobState:
     """Attributes:
+    planned: stages that it goes through, in order; empty where that is not known.
     status: "running", "done", "failed", "bad input" or "cancelled".
     stage, done, total, message: of the latest event.
     metrics: numbers of the latest event that had some, as loss.
@@ -53,6 +54,7 @@ class JobState:
     ended: dict[str, str] = field(default_factory=dict)
     error: str = ""
     exit_code: int | None = None
+    planned: tuple[str, ...] = ()
     log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG_LINES))
     stage_started: float = field(default_factory=time.monotonic)
     first_done: int = 0
@@ -66,6 +68,13 @@ class JobState:
     def fraction(self) -> float:
         """Of the stage, 0 to 1; 0 where it does not tell."""
         return min(max(self.done / self.total, 0.0), 1.0) if self.total > 0 else 0.0
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """Which of how many stages runs, from 1; None where there is but one, or none has begun."""
+        if len(self.planned) < 2 or self.stage not in self.planned:
+            return None
+        return self.planned.index(self.stage) + 1, len(self.planned)
 
     def seconds_left(self, now: float | None = None) -> float | None:
         """Of the stage, by its pace so far; None as long as that says nothing."""
@@ -134,7 +143,7 @@ class JobState:
 
 def _killed(exit_code: int) -> str:
     if exit_code in (-9, 137):
-        return "the worker was killed, perhaps because memory ran out; run it again to go on"
+        return "The worker was killed, perhaps because memory ran out; run it again to go on"
     if exit_code < 0:
-        return f"the worker was ended by signal {-exit_code}; run it again to go on"
-    return f"the worker ended with exit code {exit_code}; the log tells more"
+        return f"The worker was ended by signal {-exit_code}; run it again to go on"
+    return f"The worker ended with exit code {exit_code}; the log tells more"

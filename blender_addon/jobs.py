@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .job_state import JobState
+from .workspace_state import stages_of
 
 __all__ = ["Job", "end_all", "unveil_command", "unveil_job", "worker_environment"]
 
@@ -191,4 +192,6 @@ def unveil_job(python: str | Path, arguments: Sequence[str]) -> Job:
     Raises:
         OSError: the interpreter cannot be started.
     """
-    return Job(unveil_command(python, [*arguments, "--json"]))
+    job = Job(unveil_command(python, [*arguments, "--json"]))
+    job.state.planned = stages_of(arguments[0])
+    return job

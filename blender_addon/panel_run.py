@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from . import logs
-from .job_operator import progress_text
+from .job_operator import progress_lines, stage_line
 from .job_state import duration
 from .operators_run import stage_states
 from .panels import Section
@@ -45,10 +45,12 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if state is None or job is None:
             return
         box = self.layout.box()
-        box.label(text=session.title)
+        said = stage_line(state)
+        box.label(text=said if state.place or said == session.title else f"{session.title}: {said}")
         box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
-        for line in _wrapped(context, progress_text(state)):
-            box.label(text=line)
+        column = box.column(align=True)
+        for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
+            column.label(text=line)
         row = box.row()
         row.enabled = not job.cancelling
         row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel  (Esc)", icon="CANCEL")
@@ -87,7 +89,9 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         if settings.shadows == "given":
             column.prop(settings, "sun_azimuth")
             column.prop(settings, "sun_elevation")
-        column.prop(settings, "show_more", toggle=True, icon="PREFERENCES")
+        more = column.row()
+        more.use_property_split = False
+        more.prop(settings, "show_more", toggle=True, icon="PREFERENCES")
         if settings.show_more:
             for name in (
                 "movers", "device", "seed", "max_side", "keyframes", "order", "inpainter", "reference_inpainter",
@@ -111,9 +115,10 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
 
     def _stage(self, layout: Any, name: str, stage: StageState) -> None:
         row = layout.row(align=True)
-        row.label(text=STAGES[name], icon=ICONS[stage.state])
         told = duration(stage.seconds) if stage.seconds is not None else stage.state
-        row.label(text=told)
+        columns = row.split(factor=0.62)
+        columns.label(text=STAGES[name], icon=ICONS[stage.state])
+        columns.label(text=told)
         button = row.row(align=True)
         button.enabled = not session.busy
         button.operator("unveil.stage", text="", icon="PLAY").stage = name

@@ -140,7 +140,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
             row.operator("unveil.choose", text=text).which = which
         layout.template_list("UNVEIL_UL_classes", "", listed, "classes", listed, "active_class", rows=3, sort_lock=True)
         layout.prop(listed, "all_classes")
-        for column, text in zip(_columns(layout), ("Object", "Size", "Off", "Seen"), strict=True):
+        for column, text in zip(_columns(layout), ("Object", "Size", "Away", "Seen"), strict=True):
             column.label(text=text)
         layout.template_list("UNVEIL_UL_objects", "", listed, "objects", listed, "active", rows=6)
         row = layout.row(align=True)

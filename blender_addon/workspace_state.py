@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-__all__ = ["STAGES", "StageState", "WorkspaceState", "read"]
+__all__ = ["STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
 
 STAGES = {
     "import": "Import",
@@ -29,6 +29,15 @@ STAGES = {
     "report": "Report",
 }
 """Names for people by verb, in the order of their dependence."""
+
+
+def stages_of(verb: str) -> tuple[str, ...]:
+    """The stages that a verb of ``unveil`` goes through, in order; none if it is no verb that works on a workspace."""
+    if verb == "run":
+        return tuple(STAGES)
+    if verb == "import":
+        return ("import", "objects")
+    return (verb,) if verb in STAGES else ()
 
 
 @dataclass(frozen=True)

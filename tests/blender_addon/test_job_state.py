@@ -8,6 +8,7 @@ import time
 import pytest
 
 from blender_addon.job_state import JobState, duration
+from blender_addon.workspace_state import stages_of
 
 
 def event(**values: object) -> str:
@@ -58,12 +59,12 @@ def test_time_left_follows_the_pace_of_the_present_part() -> None:
         (0, "unveil: error: of no consequence", "done", ""),
         (1, "unveil: failed: ws: the disk is full (…)", "failed", "ws: the disk is full (…)"),
         (2, "unveil: error: x: there is no such drive", "bad input", "x: there is no such drive"),
-        (2, "", "bad input", "bad input; the log tells which"),
-        (1, "", "failed", "it failed; the log tells where"),
+        (2, "", "bad input", "Bad input; the log tells which"),
+        (1, "", "failed", "It failed; the log tells where"),
         (130, "unveil: cancelled", "cancelled", ""),
-        (-9, "", "failed", "the worker was killed, perhaps because memory ran out; run it again to go on"),
-        (-11, "", "failed", "the worker was ended by signal 11; run it again to go on"),
-        (3221225477, "", "failed", "the worker ended with exit code 3221225477; the log tells more"),
+        (-9, "", "failed", "The worker was killed, perhaps because memory ran out; run it again to go on"),
+        (-11, "", "failed", "The worker was ended by signal 11; run it again to go on"),
+        (3221225477, "", "failed", "The worker ended with exit code 3221225477; the log tells more"),
     ],
 )
 def test_exit_codes(exit_code: int, line: str, status: str, error: str) -> None:
@@ -84,3 +85,13 @@ def test_the_log_is_bounded() -> None:
 @pytest.mark.parametrize(("seconds", "text"), [(7.6, "8 s"), (125, "2 min 05 s"), (4200, "1 h 10 min")])
 def test_durations(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_which_of_how_many_stages_runs() -> None:
+    state = JobState(planned=stages_of("run"))
+    assert state.place is None  # none has begun
+    state.read(event(done=20, total=80))
+    assert state.place == (5, 11)
+    state.planned = stages_of("reconstruct")
+    assert state.place is None  # there is but one
+    assert stages_of("import") == ("import", "objects") and stages_of("status") == ()

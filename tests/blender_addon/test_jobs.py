@@ -111,7 +111,7 @@ def test_a_killed_worker_is_told() -> None:
     first_line(job)
     os.kill(job.pid, signal.SIGKILL)
     state = job.wait(5)
-    assert state.status == "failed" and state.error.startswith("the worker was killed")
+    assert state.status == "failed" and state.error.startswith("The worker was killed")
 
 
 def test_end_all_ends_all() -> None:

@@ -104,7 +104,7 @@ def test_cancel_and_kill_leave_a_workspace_that_goes_on(addon, empty, street) ->
     found = states(addon, empty)
     assert found["import"] == "done" and found["reconstruct"] in ("to do", "stale")
     thread = meanwhile(addon, lambda job: os.kill(job.pid, signal.SIGKILL), reconstructing)
-    with pytest.raises(RuntimeError, match="the worker was killed"):
+    with pytest.raises(RuntimeError, match="The worker was killed"):
         bpy.ops.unveil.run()
     thread.join()
     assert states(addon, empty)["reconstruct"] == "to do"  # and nobody works there

@@ -25,7 +25,7 @@ from tests.blender_addon.window.click_path import HELPERS, group_of, open_sideba
 from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
 
 STATES = "{n: s.state for n, s in module('operators_run').stage_states(bpy.context.scene).stages.items()}"
-ENDED_S = 3
+ENDED_S = 5
 """Within which a worker must have ended after its Blender was killed."""
 
 
@@ -55,6 +55,9 @@ def ended(window: BlenderWindow, status: str) -> list[object]:
     window.until("not session().busy", 300)
     told = window.ask("told()")
     assert told[0] == status, told
+    left, _, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
+    for part in range(2, 10):  # a report of an error stays until the pointer has wandered off
+        window.move(right - (right - left) * part / 12, bottom - 60)
     return list(told)
 
 
@@ -68,6 +71,7 @@ def worker_killed(window: BlenderWindow, drive: Path, blend: Path) -> None:
         f"    bpy.ops.unveil.import_drive('INVOKE_DEFAULT', filepath={str(drive)!r})"
     )
     ended(window, "done")
+    window.picture("0_imported")
     window.tell("bpy.ops.unveil.choose(which='VEHICLES'); bpy.ops.wm.save_mainfile()")
     pid = unveil(window)
     until_reconstructing(window)
