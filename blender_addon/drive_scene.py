@@ -12,7 +12,7 @@ from . import blocks, cameras, classes, meshes, plates, selection, sequences, sp
 from .drive_files import ImportedDrive, read_drive, read_json
 from .ply_file import read_ply
 
-__all__ = ["MOST_POINTS", "load", "show_cameras_view", "tracks_of"]
+__all__ = ["MOST_POINTS", "load", "looks_through_camera", "show_cameras_view", "tracks_of"]
 
 MOST_POINTS = 150_000
 """More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
@@ -124,14 +124,39 @@ def _first_look(context: bpy.types.Context, tracks: list[bpy.types.Object]) -> N
     scene.view_settings.view_transform = "Standard"
     for space in _viewports(context):
         space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
+        space.shading.show_object_outline = False  # drawn along every edge of a mesh that has holes
         space.clip_end = max(space.clip_end, 2000.0)
     show_cameras_view(context)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                _fill(area, *tracks[0]["unveil_size"])
+
+
+def _fill(area: bpy.types.Area, width: int, height: int) -> None:
+    """Zoom a camera's view until a picture of that size fills what the sidebar leaves free."""
+    whole = next(r for r in area.regions if r.type == "WINDOW")
+    sidebar = next((r.width for r in area.regions if r.type == "UI"), 0)
+    overlaps = bpy.context.preferences.system.use_region_overlap
+    covered = sidebar if overlaps and area.spaces.active.show_region_ui else 0
+    fraction = min(0.92 * (whole.width - covered) / whole.width, 0.8 * whole.height * width / height / whole.width)
+    if fraction <= 0.1:  # no room for a picture
+        return
+    view = area.spaces.active.region_3d
+    view.view_camera_zoom = 50 * (2 * fraction**0.5 - 2**0.5)  # Blender's measure: 0 is half of the width
+    view.view_camera_offset = (covered / (4 * whole.width * fraction), 0.0)
 
 
 def show_cameras_view(context: bpy.types.Context) -> None:
     """Look through the scene's camera in every 3D view."""
     for space in _viewports(context):
         space.region_3d.view_perspective = "CAMERA"
+
+
+def looks_through_camera(context: bpy.types.Context) -> bool:
+    """Whether every 3D view does, and there is one."""
+    seen = [space.region_3d.view_perspective for space in _viewports(context)]
+    return bool(seen) and all(perspective == "CAMERA" for perspective in seen)
 
 
 def _viewports(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:

@@ -34,6 +34,7 @@ class JobOperator:
 
     _timer: Any = None
     _told: Any = None
+    _modal = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -82,6 +83,7 @@ class JobOperator:
         manager = context.window_manager
         self._timer = manager.event_timer_add(TICK_S, window=context.window)
         manager.modal_handler_add(self)
+        self._modal = True
         self._show(context)
         return {"RUNNING_MODAL"}
 
@@ -134,7 +136,8 @@ class JobOperator:
         if state.status == "cancelled":
             self.report({"WARNING"}, f"{self.title()}: cancelled; start it again to go on")  # type: ignore[attr-defined]
         else:
-            self.report({"ERROR"}, state.error)  # type: ignore[attr-defined]
+            # An error pops up under the pointer, which is on the panel that says it in red: there a line below will do.
+            self.report({"WARNING" if self._modal and _panel_in_sight(context) else "ERROR"}, state.error)  # type: ignore[attr-defined]
         return {"CANCELLED"}
 
     def _show(self, context: bpy.types.Context) -> None:
@@ -174,6 +177,13 @@ def progress_lines(state: JobState) -> tuple[str, str]:
     left = state.seconds_left()
     remaining = f"{duration(left)} left" if left is not None else ""
     return "  ".join(p for p in (count, state.message) if p), "  ".join(p for p in (loss, remaining) if p)
+
+
+def _panel_in_sight(context: bpy.types.Context) -> bool:
+    """Whether one of the sidebars shows the add-on's tab."""
+    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "VIEW_3D"]
+    sidebars = [r for a in areas if a.spaces.active.show_region_ui for r in a.regions if r.type == "UI" and r.width > 1]
+    return any(getattr(r, "active_panel_category", "") == "Unveil" for r in sidebars)
 
 
 def redraw(context: bpy.types.Context) -> None:

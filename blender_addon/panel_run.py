@@ -14,6 +14,7 @@ from .job_state import duration
 from .operators_run import stage_states
 from .panels import Section
 from .session import session
+from .view import shown_drive
 from .workspace_state import STAGES, StageState
 
 __all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
@@ -38,6 +39,10 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             row = self.layout.row()
             row.scale_y = 1.6
             row.operator("unveil.run", icon="PLAY")
+            if _has_results(context):
+                row = self.layout.row(align=True)
+                row.scale_y = 1.2
+                row.prop(context.scene.unveil_view, "state", expand=True)
         self._outcome(context)
 
     def _progress(self, context: bpy.types.Context) -> None:
@@ -122,6 +127,11 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         button = row.row(align=True)
         button.enabled = not session.busy
         button.operator("unveil.stage", text="", icon="PLAY").stage = name
+
+
+def _has_results(context: bpy.types.Context) -> bool:
+    collection = shown_drive(context.scene)
+    return collection is not None and bool(collection.get("unveil_clean") or collection.get("unveil_results"))
 
 
 def _live(stage: StageState) -> StageState:

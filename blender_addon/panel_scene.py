@@ -206,10 +206,6 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, shown = self.layout, context.scene.unveil_view
-        row = layout.row(align=True)
-        row.scale_y = 1.3
-        row.prop(shown, "state", expand=True)
-        layout.operator("unveil.before_after", icon="UV_SYNC_SELECT")
         layout.row(align=True).prop(shown, "shown")
         column = layout.column()
         column.use_property_split, column.use_property_decorate = True, False

@@ -48,7 +48,9 @@ def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
         found += _splats(collection, mark, drive, state)
     if "mesh:empty" in found and not collection.get("unveil_results"):
         collection["unveil_results"] = True
-        scene.unveil_view.state, scene.unveil_view.shown = "AFTER", {"MESH"}
+        # A mesh would cover the clean frames, which are sharper: whoever looks through the camera sees those first.
+        covers = "clean" in found and drive_scene.looks_through_camera(context)
+        scene.unveil_view.state, scene.unveil_view.shown = "AFTER", set() if covers else {"MESH"}
     if "clean" in found and not collection.get("unveil_clean"):
         collection["unveil_clean"] = True
         scene.unveil_view.background = "clean"

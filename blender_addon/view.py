@@ -14,6 +14,13 @@ ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
 STATES = {"BEFORE": "full", "AFTER": "empty"}
 
 
+def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
+    """Photographs and clean frames are the background's before and after; another background was chosen, and stays."""
+    if self.background in ("original", "clean"):
+        self.background = "clean" if self.state == "AFTER" else "original"
+    apply(self.id_data)
+
+
 def _changed(self: UnveilView, context: bpy.types.Context) -> None:
     apply(self.id_data)
 
@@ -24,11 +31,11 @@ class UnveilView(bpy.types.PropertyGroup):
     state: EnumProperty(
         name="State",
         items=(
-            ("BEFORE", "Before", "The street as it was photographed"),
-            ("AFTER", "After", "The empty street"),
+            ("BEFORE", "Before", "Photographs and mesh of the street as it was"),
+            ("AFTER", "After", "Clean frames and mesh of the empty street"),
         ),
         default="BEFORE",
-        update=_changed,
+        update=_state_changed,
     )
     shown: EnumProperty(
         name="Show",

@@ -322,13 +322,21 @@ def test_before_and_after_at_one_click(addon, scene, made: Path) -> None:
         return shown.image.name
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
+    assert visible() == set() and background() == "camera clean"  # through the camera a mesh would cover the frames
+    scene.unveil_view.shown = {"MESH"}
     assert visible() == {"Mesh after"} and background() == "camera clean"
     bpy.ops.unveil.before_after()
     assert visible() == {"Mesh before"} and background() == "camera original"
     bpy.ops.unveil.before_after()
     assert visible() == {"Mesh after"} and background() == "camera clean"
+    scene.unveil_view.state = "BEFORE"  # by the panel: the background goes along
+    assert visible() == {"Mesh before"} and background() == "camera original"
+    scene.unveil_view.state = "AFTER"
+    assert visible() == {"Mesh after"} and background() == "camera clean"
     scene.unveil_view.shown, scene.unveil_view.background = {"POINTS", "SPLATS"}, "regions"
     assert visible() == {"Points", "Gaussians after"} and background() == "camera regions"
+    scene.unveil_view.state = "BEFORE"
+    assert background() == "camera regions"  # another background was chosen
     scene.unveil_view.background = "none"
     assert not [b for b in scene.camera.data.background_images if b.show_background_image]
 

@@ -96,19 +96,22 @@ def open_sidebar(window: BlenderWindow) -> None:
 
 
 def import_drive(window: BlenderWindow, drive: Path) -> None:
-    """File > Import > Street drive, by the menu's own search, and the file dialog."""
+    """File > Import > Street drive, and the drive's file in the dialog."""
     window.click(45, 12)
-    window.press("space")
-    window.type("street drive")
-    time.sleep(0.5)
+    window.press("i")
+    window.press("Up")  # from the first entry to the last, which is ours
     window.picture("03_file_import")
     window.press("Return")
     window.until("area_of('FILE_BROWSER') is not None and area_of('FILE_BROWSER')[1].spaces.active.params is not None")
-    window.tell(
-        "params = area_of('FILE_BROWSER')[1].spaces.active.params;"
-        f"params.directory = {str(drive.parent)!r}.encode(); params.filename = {drive.name!r}"
-    )
+    params = "area_of('FILE_BROWSER')[1].spaces.active.params"
+    window.tell(f"{params}.directory = {str(drive.parent)!r}.encode()")
     time.sleep(1)
+    left, top, right, bottom = window.ask("rectangle('FILE_BROWSER', 'WINDOW')")
+    for y in range(int(top) + 10, int(bottom), 20):  # down the list, until the file is the one that was clicked
+        window.click(left + 0.2 * (right - left), y)
+        if window.ask(f"{params}.filename") == drive.name:
+            break
+    assert window.ask(f"{params}.filename") == drive.name
     window.picture("04_file_dialog")
     left, top, right, bottom = window.ask("rectangle('FILE_BROWSER', 'EXECUTE')")
     window.click(left + 0.92 * (right - left), (top + bottom) / 2)
@@ -216,10 +219,14 @@ def results(window: BlenderWindow, numbers: list[int]) -> None:
     time.sleep(1.5)
     window.picture("12_after")
     assert window.ask("bpy.context.scene.unveil_view.state") == "AFTER"
-    window.press_button(r"unveil.before_after\(")
-    assert window.ask("bpy.context.scene.unveil_view.state") == "BEFORE"
+    window.press_button("unveil_view.state", across=0.25)
+    assert window.ask("[bpy.context.scene.unveil_view.state, bpy.context.scene.unveil_view.background]") == [
+        "BEFORE",
+        "original",
+    ]
     window.picture("13_before")
-    window.press_button(r"unveil.before_after\(")
+    window.press_button("unveil_view.state", across=0.75)
+    assert window.ask("bpy.context.scene.unveil_view.background") == "clean"
     window.tell("bpy.context.scene.unveil_view.shown = {'MESH'}")
     window.tell("area_of('VIEW_3D')[1].spaces.active.region_3d.view_perspective = 'PERSP'")
     window.picture("14_mesh_from_elsewhere")

@@ -55,9 +55,6 @@ def ended(window: BlenderWindow, status: str) -> list[object]:
     window.until("not session().busy", 300)
     told = window.ask("told()")
     assert told[0] == status, told
-    left, _, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
-    for part in range(2, 10):  # a report of an error stays until the pointer has wandered off
-        window.move(right - (right - left) * part / 12, bottom - 60)
     return list(told)
 
 
