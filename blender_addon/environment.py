@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import re
 import shutil
@@ -101,7 +102,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     _commands.append(process)
     if _stop.is_set():  # set while it started: whoever did so has perhaps not seen it
         _end_commands()
-    last, label, told = "", what, 0.0
+    last, label, told, before = "", what, 0.0, 0
     try:
         for line in process.stdout:
             line = line.strip()
@@ -110,15 +111,16 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
                 done, total = (int(g) for g in progress.groups())
                 if total and (done == total or time.monotonic() - told > 0.2):
                     told = time.monotonic()
-                    share = int(90 * done / total)
+                    share = _share(before + done)
                     tell(step * 100 + share, steps * 100, f"{label} ({done / 1e6:.0f} of {total / 1e6:.0f} MB)")
+                before += total if done == total else 0
                 continue
             if line:
                 print(line, flush=True)
                 last = line if not line.startswith("[notice]") else last
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
-                label = line[:80]
-                tell(step * 100, steps * 100, label)
+                label = _label(line)
+                tell(step * 100 + _share(before), steps * 100, label)
     except BaseException:  # nobody listens any more, say
         _end_commands()
         process.wait()
@@ -128,6 +130,23 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
         raise KeyboardInterrupt
     if code:
         raise RuntimeError(last or f"{command[0]} ended with exit code {code}")
+
+
+def _share(loaded: int) -> int:
+    """Per cent of a step after so many bytes: nobody knows how many are to come, so it only ever grows."""
+    return int(90 * (1 - math.exp(-loaded / 3e8)))
+
+
+def _label(line: str) -> str:
+    """What pip does, short enough for a panel: ``Downloading torch 2.13.0``."""
+    verb, _, rest = line.partition(" ")
+    if verb == "Installing":
+        count = rest.count(",") + 1
+        return f"Installing {count} package{'s' if count > 1 else ''}"
+    file = re.split(r"[\\/]", rest.split(" (")[0])[-1]
+    if file.endswith((".whl", ".metadata")):
+        file = " ".join(file.split("-")[:2])
+    return f"{verb} {file}"[:60]
 
 
 def make(folder: Path, wanted: str, torch_index: str) -> None:
@@ -141,6 +160,9 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
         RuntimeError: a step failed, with the last line that it said.
     """
     shutil.rmtree(folder, ignore_errors=True)
+    temporary = folder / "temporary"  # pip's downloads: a pip that is killed leaves them, gigabytes maybe
+    temporary.mkdir(parents=True)
+    os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary)))
     python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
     pip = [python, "-I", "-m", "pip", "--no-input", "--disable-pip-version-check"]
     _run(0, 5, [sys.executable, "-I", "-m", "venv", str(folder)], "making the environment")
@@ -153,6 +175,7 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
         _run(2, 5, [*pip_install, "--index-url", torch_index, "torch>=2.4"], "installing torch")
     _run(3, 5, [*pip_install, wanted], "installing unveil")
     _run(4, 5, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
+    shutil.rmtree(temporary, ignore_errors=True)
     (folder / READY).write_text("")
     tell(1, 1, "done")
 

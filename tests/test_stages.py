@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.drives.tiny_drive import make_tiny_drive
 from tests.inpaint.networks import blur, from_reference, mean_fill
 from unveil_core.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
 from unveil_core.settings import RunSettings
@@ -242,3 +243,15 @@ def test_settings_are_checked_and_round_trip() -> None:
 
 def test_cancelled_is_no_user_error() -> None:
     assert not issubclass(Cancelled, UnveilError)
+
+
+def test_systems_that_do_not_tell_of_memory_run_it_all_the_same(tmp_path: Path) -> None:
+    """Windows has neither of these modules."""
+    program = (
+        "import sys; sys.modules['resource'] = sys.modules['grp'] = sys.modules['pwd'] = None\n"
+        "from unveil_core.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    subprocess.run([sys.executable, "-c", program, "import", str(drive), "-o", str(root)], check=True)
+    stage = Workspace.open(root).state()["stages"]["import"]
+    assert stage["status"] == "done" and stage["peak_memory_mb"] is None

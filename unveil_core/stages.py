@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import resource
 import shutil
 import signal
 import threading
@@ -26,6 +25,7 @@ from unveil_core.errors import Cancelled, DiskFullError, UnveilError, WorkspaceE
 from unveil_core.files import disk_is_full, write_json_atomic
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
+from unveil_core.memory import peak_memory_mb
 from unveil_core.onnx_files import files_of
 from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
@@ -189,11 +189,12 @@ def recover(workspace: Workspace) -> None:
 
 @contextmanager
 def _signals(flag: threading.Event) -> Iterator[None]:
-    """SIGINT and SIGTERM raise the flag; the next progress call ends the work."""
+    """SIGINT and SIGTERM (and Ctrl+Break on Windows) raise the flag; the next progress call ends the work."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    previous = {s: signal.signal(s, lambda *_: flag.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    heeded = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, n)]
+    previous = {s: signal.signal(s, lambda *_: flag.set()) for s in heeded}
     try:
         yield
     finally:
@@ -224,12 +225,6 @@ def _room_on(root: Path) -> Iterator[None]:
         if disk_is_full(error, root):
             raise DiskFullError(root) from error
         raise
-
-
-def peak_memory_mb() -> float:
-    """Largest resident size of this process so far, MB."""
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(used / (1e6 if platform.system() == "Darwin" else 1024), 1)
 
 
 def run_stages(

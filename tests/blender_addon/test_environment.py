@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -49,6 +50,8 @@ def test_an_environment_that_works_with_progress(tmp_path: Path) -> None:
     )
     assert said.stdout == "0.1.0\n"
     assert any("installing unveil" in line for line in state.log)
+    assert any(line.endswith("Processing unveil_core 0.1.0") for line in state.log)
+    assert not (folder / "temporary").exists()
     assert not environment.remove_unfinished(folder) and python.exists()
 
 
@@ -74,6 +77,19 @@ def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
     assert running.end().status == "cancelled"
     environment.remove_unfinished(folder)  # as the operator does: a program that had to be killed could not
     assert not folder.exists()
+
+
+def test_pip_leaves_nothing_where_it_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it downloads and unpacks lies in the environment's folder, which goes."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    folder = tmp_path / "environment"
+    running = job(folder, str(tiny_wheel(tmp_path)))
+    assert until(lambda: running.drain().running and any(folder.glob("temporary/pip-*")), 60)
+    os.killpg(running.pid, signal.SIGKILL)
+    assert running.wait(5).status == "failed" and environment.remove_unfinished(folder)
+    assert not list(temporary.iterdir())
 
 
 @pytest.mark.parametrize("sign", ["", "pyvenv.cfg", "lib/python3.*/site-packages/pip"])

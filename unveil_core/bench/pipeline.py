@@ -13,7 +13,7 @@ from unveil_core.bench.measure import measure_frames
 from unveil_core.bench.plot import Point, quality_plot
 from unveil_core.bench.rows import ROWS, Row, chosen_rows
 from unveil_core.bench.rows.footage import Footage, Picture, open_footage
-from unveil_core.bench.timing import forget_peak_memory, machine, peak_memory_mb
+from unveil_core.bench.timing import forget_peak_memory, machine
 from unveil_core.drives import open_drive
 from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.pictures import truth_file
@@ -21,6 +21,7 @@ from unveil_core.files import write_image_atomic
 from unveil_core.inpaint.by_reference import ReferenceInpainter
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import INPAINTERS, inpainter, is_file
+from unveil_core.memory import peak_memory_mb
 from unveil_core.pipeline import run
 from unveil_core.progress import Progress
 from unveil_core.settings import RunSettings
@@ -127,7 +128,7 @@ def _run_row(
     begun = time.perf_counter()
     frames = row.make(footage, progress)
     own = time.perf_counter() - begun
-    peaks = [peak_memory_mb() or 0.0, *(float(stages[n].get("peak_memory_mb", 0.0)) for n in row.needs)]
+    peaks = [peak_memory_mb() or 0.0, *(float(stages[n].get("peak_memory_mb") or 0.0) for n in row.needs)]
     before = sum(float(stages[n].get("seconds", 0.0)) for n in row.needs)
     figures = {"seconds": round(before + own, 2), "own_seconds": round(own, 2), "peak_memory_mb": max(peaks)}
     return frames, figures | measure_frames(footage.drive, frames, footage.removed)

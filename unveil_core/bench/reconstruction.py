@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.bench.timing import machine, peak_memory_mb
+from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame
@@ -23,6 +23,7 @@ from unveil_core.errors import SettingsError
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
 from unveil_core.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.memory import peak_memory_mb
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.adapt import CHOICES

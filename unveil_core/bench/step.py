@@ -12,7 +12,8 @@ import torch
 from unveil_core.bench import rivals
 from unveil_core.bench.raster import plane_gradients
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
-from unveil_core.bench.timing import machine, peak_memory_mb, second_process_seconds
+from unveil_core.bench.timing import machine, second_process_seconds
+from unveil_core.memory import peak_memory_mb
 from unveil_core.optimize.parameters import LearningRates
 from unveil_core.optimize.trainer import Optimization, TrainSettings
 from unveil_core.optimize.views import training_view

@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["alternate", "forget_peak_memory", "machine", "peak_memory_mb", "second_process_seconds"]
+__all__ = ["alternate", "forget_peak_memory", "machine", "second_process_seconds"]
 
 
 def alternate(
@@ -69,16 +69,6 @@ def machine() -> dict[str, Any]:
         "processor": processor, "cores": os.cpu_count(), "system": platform.platform(), "load_before": load,
         "versions": versions,
     }  # fmt: skip
-
-
-def peak_memory_mb() -> float | None:
-    """The most memory that this process has held, where the system tells."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak / (2**20 if platform.system() == "Darwin" else 2**10), 1)
 
 
 def forget_peak_memory() -> None:
