@@ -5,7 +5,8 @@ The file is also the program that does it, run by the Python that the environmen
 
     python environment.py FOLDER REQUIREMENT [--torch-index URL]
 
-It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wrong, no half-made environment stays.
+It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wrong, no half-made environment stays, and one that
+was there before is there again.
 """
 
 from __future__ import annotations
@@ -38,11 +39,18 @@ def is_ready(folder: Path) -> bool:
 
 
 def remove_unfinished(folder: Path) -> bool:
-    """Remove an environment that was not finished; returns whether there was one."""
-    if not folder.exists() or is_ready(folder):
+    """Remove an environment that was not finished, and put back the one before it; returns whether there was one to remove."""
+    if is_ready(folder):
         return False
+    there, before = folder.exists(), _previous(folder)
     shutil.rmtree(folder, ignore_errors=True)
-    return True
+    if is_ready(before) and not folder.exists():
+        before.rename(folder)  # to the place that it was made for
+    return there
+
+
+def _previous(folder: Path) -> Path:
+    return folder.with_name(f"{folder.name}.previous")
 
 
 def requirement(addon: Path, named: str = "") -> str:
@@ -153,12 +161,15 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
     """Make the environment.
 
     Args:
-        folder: of the environment; what is there goes.
+        folder: of the environment; what is there goes once the new one is finished.
         wanted: a requirement for pip, or the path of a wheel or a source folder.
         torch_index: package index for torch, which comes first: its own has builds without gigabytes of CUDA; empty for none.
     Raises:
         RuntimeError: a step failed, with the last line that it said.
     """
+    if is_ready(folder):
+        shutil.rmtree(_previous(folder), ignore_errors=True)
+        folder.rename(_previous(folder))
     shutil.rmtree(folder, ignore_errors=True)
     temporary = folder / "temporary"  # pip's downloads: a pip that is killed leaves them, gigabytes maybe
     temporary.mkdir(parents=True)
@@ -177,6 +188,7 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
     _run(4, 5, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
     shutil.rmtree(temporary, ignore_errors=True)
     (folder / READY).write_text("")
+    shutil.rmtree(_previous(folder), ignore_errors=True)
     tell(1, 1, "done")
 
 

@@ -70,6 +70,21 @@ def test_a_failure_is_one_line_and_leaves_nothing(wanted: str, line: str, tmp_pa
     assert not (tmp_path / "environment").exists()
 
 
+def test_a_finished_environment_outlives_a_failed_one(tmp_path: Path) -> None:
+    folder = tmp_path / "environment"
+    folder.mkdir()
+    (folder / environment.READY).write_text("")
+    (folder / "mine").write_text("made before")
+    running = job(folder, str(tiny_wheel(tmp_path)))
+    assert until(lambda: running.drain().running and (folder / "pyvenv.cfg").exists(), 30)
+    assert running.end().status == "cancelled"
+    environment.remove_unfinished(folder)
+    assert environment.is_ready(folder) and (folder / "mine").read_text() == "made before"
+    assert job(folder, str(tiny_wheel(tmp_path))).wait(90).status == "done"
+    assert environment.is_ready(folder) and not (folder / "mine").exists()
+    assert [p.name for p in tmp_path.iterdir() if p.is_dir()] == ["environment"]
+
+
 def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
     folder = tmp_path / "environment"
     running = job(folder, str(tiny_wheel(tmp_path)))
