@@ -14,7 +14,7 @@ import bpy
 
 __all__ = [
     "child_collection", "drive_collection", "drive_of", "ensure", "ensure_file", "ensure_object", "find", "mark", "remove",
-    "same_place", "workspace_of",
+    "same_place", "strips", "workspace_of",
 ]  # fmt: skip
 
 DRIVE, ROLE, WORKSPACE = "unveil_drive", "unveil_role", "unveil_workspace"
@@ -72,6 +72,12 @@ def same_place(a: str, b: str) -> bool:
     return os.path.normcase(os.path.realpath(a)) == os.path.normcase(os.path.realpath(b))
 
 
+def strips(scene: bpy.types.Scene) -> list[Any]:
+    """All strips of a scene's sequence editor, those in meta strips too; none where there is no editor."""
+    editor = scene.sequence_editor
+    return [] if editor is None else list(getattr(editor, "strips_all", None) or getattr(editor, "sequences_all", ()))
+
+
 def workspace_of(collection: bpy.types.Collection) -> str:
     """Absolute path of the workspace that a drive's collection shows."""
     return os.path.realpath(bpy.path.abspath(str(collection.get(WORKSPACE, ""))))
@@ -100,10 +106,21 @@ def drive_collection(
             collection[WORKSPACE] = workspace
             return collection
     collection = bpy.data.collections.new(name)
-    mark(collection, uuid.uuid4().hex[:12], "drive")
+    mark(collection, _left_behind(workspace) or uuid.uuid4().hex[:12], "drive")
     collection[WORKSPACE], collection["unveil_source"] = workspace, source
     scene.collection.children.link(collection)
     return collection
+
+
+def _left_behind(workspace: str) -> str | None:
+    """The mark of pictures of a workspace whose drive's collection was deleted: they are not to be there twice."""
+    used = {c.get(DRIVE) for c in bpy.data.collections if c.get(ROLE) == "drive"}
+    inside = os.path.join(os.path.realpath(workspace), "")
+    for block in (*bpy.data.images, *bpy.data.movieclips):
+        own = block.get(DRIVE)
+        if own and own not in used and os.path.realpath(bpy.path.abspath(block.filepath)).startswith(inside):
+            return str(own)
+    return None
 
 
 def child_collection(parent: bpy.types.Collection, role: str, name: str) -> bpy.types.Collection:

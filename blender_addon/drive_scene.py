@@ -36,16 +36,19 @@ def load(context: bpy.types.Context, workspace: str | Path) -> bpy.types.Collect
     mark = blocks.drive_of(collection)
     collection["unveil_offset"] = [float(v) for v in drive.offset]  # double precision
     collection["unveil_units_per_metre"] = drive.units_per_metre
+    sizes = {c.name: list(c["unveil_size"]) for c in tracks_of(collection)}
     tracks = _cameras(collection, mark, drive)
     _points(collection, mark, drive)
     selection.fill(scene, drive)
     if before is None:
         _first_look(context, tracks)
     longest = max(len(frames) for frames in drive.tracks.values())
-    scene.frame_start, scene.frame_end = 0, max(longest - 1, 1)
+    if collection.get("unveil_frames") != longest:  # what the artist has set since then stays
+        collection["unveil_frames"] = longest
+        scene.frame_start, scene.frame_end = 0, max(longest - 1, 1)
     if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and before is None):
         scene.camera = tracks[0]
-    if scene.camera in tracks:
+    if scene.camera in tracks and sizes.get(scene.camera.name) != list(scene.camera["unveil_size"]):
         cameras.fit_scene_to(scene, scene.camera)
     return collection
 

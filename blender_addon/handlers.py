@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 from bpy.app.handlers import persistent
 
+from .moved import find_moved_workspaces
 from .session import session
 
-__all__ = ["find_moved_workspaces"]
+__all__: list[str] = []
 
 
 @persistent
@@ -22,21 +21,6 @@ def _before_load(*_: object) -> None:
 @persistent
 def _after_load(*_: object) -> None:
     find_moved_workspaces()
-
-
-def find_moved_workspaces() -> None:
-    """Where a scene's workspace is gone and one of its name lies beside the .blend: take that."""
-    if not bpy.data.filepath:
-        return
-    beside = Path(bpy.data.filepath).parent
-    for scene in bpy.data.scenes:
-        name = scene.unveil.workspace
-        if not name:
-            continue
-        recorded = Path(bpy.path.abspath(name))
-        moved = beside / recorded.name
-        if not (recorded / "workspace.json").is_file() and (moved / "workspace.json").is_file():
-            scene.unveil.workspace = str(moved)
 
 
 def register() -> None:

@@ -49,6 +49,8 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         settings = context.scene.unveil
         if self.filepath:
             drive = _absolute(self.filepath)
+            if not drive.exists():
+                raise UserError(f"{drive}: there is no such drive")
             if not settings.drive or _absolute(settings.drive) != drive:
                 settings.workspace = ""
             settings.drive = str(drive)
@@ -83,7 +85,7 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
     bl_label = "Import street drive"
 
     filename_ext = ""
-    filter_glob: StringProperty(default="*.json;*.bin;*.txt;*.yaml", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.json;*.bin;*.txt", options={"HIDDEN"})
     workspace: StringProperty(
         name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
@@ -95,10 +97,12 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
 
 def _drive_of(path: Path) -> Path:
     """What to import for what was picked: a transforms file itself, else the folder it lies in."""
-    if path.is_file() and path.suffix.lower() != ".json":
-        path = path.parent  # a file of a COLMAP model, or the like
-        return path.parent.parent if path.parent.name == "sparse" else path
-    return path
+    if not path.is_file() or (path.suffix.lower() == ".json" and path.name != "cameras.json"):
+        return path
+    folder = path.parent  # of a COLMAP model, or of a workspace's drive
+    if folder.parent.name == "sparse":
+        folder = folder.parent
+    return folder.parent if folder.name == "sparse" else folder
 
 
 class UNVEIL_OT_load_workspace(bpy.types.Operator):
@@ -132,7 +136,7 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         if not loaded(self, context, settings.workspace):
             return {"CANCELLED"}
         drive = str((read_json(_absolute(place) / "workspace.json") or {}).get("drive", ""))
-        if Path(drive).is_absolute():
+        if Path(drive).is_absolute() and (Path(drive).exists() or not settings.drive):
             settings.drive = drive
         return {"FINISHED"}
 

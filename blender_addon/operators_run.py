@@ -43,6 +43,7 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.run"
     bl_label = "Unveil"
+    bl_options = {"UNDO"}  # what it loads into the scene can be taken back, and does not go with the step before it
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         scene = context.scene
@@ -70,6 +71,7 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.stage"
     bl_label = "Run stage"
+    bl_options = {"UNDO"}
 
     stage: EnumProperty(name="Stage", items=[(name, label, "") for name, label in workspace_state.STAGES.items()])
 
@@ -142,7 +144,11 @@ def stage_states(scene: bpy.types.Scene) -> workspace_state.WorkspaceState | Non
     root = workspace_of(scene)
     if root is None:
         return None
-    wanted = recorded(scene.unveil, selection_arguments(selection.arguments(scene)), bpy.path.abspath)
+    try:
+        chosen = selection.arguments(scene)
+    except (OSError, ValueError):  # marks that cannot be written: a run says so, a panel goes on
+        chosen = []
+    wanted = recorded(scene.unveil, selection_arguments(chosen), bpy.path.abspath)
     try:
         stat = (root / "workspace.json").stat()
         key: object = (stat.st_mtime_ns, stat.st_size, session.busy, repr(wanted))
