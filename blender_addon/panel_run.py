@@ -65,8 +65,9 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         if state is not None and not state.running and state.error:
             box = self.layout.box()
             box.alert = True
+            column = box.column(align=True)
             for i, line in enumerate(_wrapped(context, state.error)):
-                box.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
+                column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
         elif state is not None and state.status == "cancelled":
             self.layout.label(text="Cancelled; start again to go on", icon="INFO")
         if (state is not None or logs.log_text() is not None) and not session.busy:

@@ -184,7 +184,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
 
 def _summary(scene: bpy.types.Scene) -> str:
     classes, numbers = selection.chosen_classes(scene), selection.chosen_numbers(scene)
-    parts = [f"all {name}" for name in classes]
+    parts = [f"every {name}" for name in classes]
     if numbers:
         parts.append(f"{len(numbers)} single object{'s' if len(numbers) != 1 else ''}")
     return "Goes: " + ", ".join(parts)

@@ -46,7 +46,7 @@ class StageState:
     name: the verb.
     state: "to do", "running", "done", "stale" or "failed".
     seconds: that it took, where it is done.
-    message: why it failed, in one line.
+    message: why it failed, or that it was broken off, in one line.
     """
 
     name: str
@@ -100,6 +100,8 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         if state == "done" and not _follows(entry, recorded, stages):
             state = "stale"
         message = _why_failed(root, name) if state == "failed" else ""
+        if state == "to do" and entry.get("status") == "running":
+            message = "was broken off; Unveil goes on from here"
         stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
 

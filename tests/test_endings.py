@@ -113,6 +113,6 @@ def test_a_file_that_may_not_grow_is_told_likewise(tmp_path: Path) -> None:
     )
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == (
-        f"unveil: failed: {root}: the disk is full (free some space and run the same command again: it goes on)"
+        f"unveil: failed: {root}: the disk is full (free some space and run it again: it goes on)"
     )
     assert main(["import", str(drive), "-o", str(root)]) == 0

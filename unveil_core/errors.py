@@ -53,7 +53,7 @@ class DiskFullError(Exception):
 
     def __init__(self, path: Path | str) -> None:
         self.path = path
-        super().__init__(f"{path}: the disk is full (free some space and run the same command again: it goes on)")
+        super().__init__(f"{path}: the disk is full (free some space and run it again: it goes on)")
 
 
 class Cancelled(Exception):

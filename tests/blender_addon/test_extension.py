@@ -95,6 +95,6 @@ def test_blenders_own_tool_builds_it_and_a_repository(tmp_path: Path) -> None:
     run("server-generate", "--repo-dir", str(tmp_path))
     names = zipfile.ZipFile(archive).namelist()
     assert {"blender_manifest.toml", "__init__.py", "LICENSE"} <= set(names)
-    assert not [n for n in names if "__pycache__" in n or n.endswith((".pyc", ".zip"))]
+    assert not [n for n in names if "__pycache__" in n or n.endswith((".pyc", ".zip", ".jpg"))]
     entry = json.loads((tmp_path / "index.json").read_text())["data"][0]
     assert entry["id"] == "unveil" and entry["archive_size"] == archive.stat().st_size
