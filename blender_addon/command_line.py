@@ -74,6 +74,8 @@ def _run(command: list[str]) -> int:
 
 def _load_and_save(workspace: Path, save: Path) -> int:
     context = bpy.context
+    if not bpy.data.filepath:  # no file was named: the new file's cube and lamp would stand in the street
+        bpy.data.batch_remove(list(bpy.data.objects))
     drive = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
     context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
     try:

@@ -85,7 +85,7 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         data = json.loads((root / "workspace.json").read_text(encoding="utf-8"))
         recorded = dict(data.get("stages", {}))
     except FileNotFoundError:
-        return _none(root, "there is no workspace yet")
+        return _none(root, "There is no workspace yet")
     except OSError as error:
         return _none(root, f"{root}: cannot be read: {error.strerror}")
     except (ValueError, AttributeError, TypeError):

@@ -53,6 +53,7 @@ def test_a_run_is_loaded_and_saved(command, street, workspace, tmp_path: Path, c
     import bpy
 
     save = tmp_path / "shots/street.blend"
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Cube", None))  # a new file has something in it
     assert command(["run", str(street), "-o", str(workspace), "--quality", "draft", "--save", str(save)]) == 0
     said = capfd.readouterr()
     assert str(save) in said.out and "reconstruct  up to date" in said.err
@@ -60,6 +61,7 @@ def test_a_run_is_loaded_and_saved(command, street, workspace, tmp_path: Path, c
     bpy.ops.wm.open_mainfile(filepath=str(save))
     assert Path(bpy.context.scene.unveil.workspace) == workspace
     assert Path(bpy.context.scene.unveil.drive) == street
+    assert "Cube" not in bpy.data.objects
     cameras = [o for o in bpy.data.objects if o.type == "CAMERA"]
     assert len(cameras) == 1 and bpy.context.scene.camera == cameras[0]
     assert {m.get("unveil_role") for m in bpy.data.meshes} >= {"mesh:full", "mesh:empty"}

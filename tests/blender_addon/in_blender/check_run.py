@@ -227,7 +227,7 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
     session = addon.module("session").session
     job_state = addon.module("job_state")
     assert "unveil.run" in drawn(panel_run.UNVEIL_PT_work)
-    assert "there is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
+    assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
         status="failed", error="frames/03.png: is cut short (copy it again from its source)"
     )
@@ -241,7 +241,10 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
         session.last.read('{"stage": "mesh", "done": 3, "total": 8, "message": "fusing", "loss": 0.25}')
         said = drawn(panel_run.UNVEIL_PT_work)
         assert "unveil.cancel" in said and "unveil.run" not in said
-        assert "a sleep: Mesh 38 % 3/8  fusing loss 0.2500" in " ".join(said)
+        assert {"a sleep: Mesh", "3/8  fusing", "loss 0.2500"} <= set(said)
+        session.last.planned = ("inpaint", "mesh")
+        session.last.metrics, session.last.message = {}, ""
+        assert drawn(panel_run.UNVEIL_PT_work)[:3] == ["Stage 2 of 2: Mesh", "38 %", "3/8"]
     finally:
         session.end()
         session.last = None

@@ -96,10 +96,11 @@ def open_sidebar(window: BlenderWindow) -> None:
 
 
 def import_drive(window: BlenderWindow, drive: Path) -> None:
-    """File > Import > Street drive, and the drive's file in the dialog."""
+    """File > Import > Street drive, by the menu's own search, and the drive's file clicked in the dialog."""
     window.click(45, 12)
-    window.press("i")
-    window.press("Up")  # from the first entry to the last, which is ours
+    window.press("space")
+    window.type("street drive")
+    time.sleep(0.5)
     window.picture("03_file_import")
     window.press("Return")
     window.until("area_of('FILE_BROWSER') is not None and area_of('FILE_BROWSER')[1].spaces.active.params is not None")
