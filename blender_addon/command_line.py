@@ -18,6 +18,7 @@ from typing import Any
 import bpy
 
 from . import results
+from .files import one_line
 from .jobs import WINDOWS, unveil_command, worker_environment
 from .preferences import unveil_interpreter
 from .session import interrupts
@@ -80,10 +81,13 @@ def _load_and_save(workspace: Path, save: Path) -> int:
     context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
     try:
         results.load(context, workspace)
+    except (OSError, ValueError) as error:
+        return _refuse(one_line(error, workspace), 1)
+    try:
         save.parent.mkdir(parents=True, exist_ok=True)
         bpy.ops.wm.save_as_mainfile(filepath=str(save), check_existing=False)
-    except (OSError, RuntimeError, ValueError) as error:
-        return _refuse(f"{save}: cannot be saved: {' '.join(str(error).split())}", 1)
+    except (OSError, RuntimeError) as error:
+        return _refuse(f"{save}: cannot be saved: {one_line(error, save)}", 1)
     print(save)
     return 0
 

@@ -14,6 +14,7 @@ from typing import Any
 import bpy
 
 from . import logs, versions
+from .files import one_line
 from .job_state import JobState, duration
 from .jobs import Job, unveil_job
 from .preferences import unveil_interpreter
@@ -119,8 +120,8 @@ class JobOperator:
         except UserError as error:
             self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
             return False
-        except OSError as error:
-            self.report({"ERROR"}, f"The worker cannot be started: {error}")  # type: ignore[attr-defined]
+        except (OSError, ValueError) as error:  # of the interpreter, or of what is written for the worker to read
+            self.report({"ERROR"}, one_line(error, context.scene.unveil.workspace))  # type: ignore[attr-defined]
             return False
         return True
 

@@ -17,6 +17,7 @@ from mathutils import Matrix, Vector
 from . import blocks
 from .boxes import EDGES, SIGNS, SceneBox, box_around
 from .drive_files import ImportedDrive, read_drive, read_json
+from .files import write_whole
 
 __all__ = ["FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
 
@@ -92,9 +93,7 @@ def write_marked(workspace: Path, objects: Sequence[Any]) -> Path | None:
         entries.append(entry)
     text = json.dumps(entries, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        partial = path.with_name(".marked.json.partial")
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        write_whole(path, text.encode())
     return path
 
 

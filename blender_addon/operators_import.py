@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from . import cameras, drive_scene, results, selection, view
 from .drive_files import read_json
+from .files import one_line
 from .job_operator import JobOperator, UserError
 from .job_state import JobState
 from .run_arguments import default_workspace, selection_arguments, settings_arguments
@@ -23,7 +24,7 @@ def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: 
     try:
         results.load(context, workspace)
     except (OSError, ValueError) as error:
-        operator.report({"ERROR"}, " ".join(str(error).split()))
+        operator.report({"ERROR"}, one_line(error, _absolute(workspace)))
         return False
     return True
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import blocks, drive_scene, meshes, plates, sequences, splats, versions, view
 from .drive_files import ImportedDrive, read_drive, read_json
+from .files import write_whole
 from .ply_file import Ply, read_ply
 
 __all__ = ["FOLDERS", "load"]
@@ -90,7 +91,7 @@ def _in_color(files: list[Path], folder: Path) -> list[Path]:
         target = folder / file.name
         content = sequences.with_palette(file.read_bytes(), sequences.REGION_COLORS)
         if not target.is_file() or target.read_bytes() != content:
-            target.write_bytes(content)
+            write_whole(target, content)
         made.append(target)
     return made
 

@@ -7,13 +7,13 @@ workspace.
 
 from __future__ import annotations
 
-import os
-import shutil
 import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from .files import link_or_copy
 
 __all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
 
@@ -71,11 +71,7 @@ def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
     for i, file in enumerate(files):
         target = folder / f"{i:06d}{file.suffix.lower()}"
         if not _same(target, file):
-            target.unlink(missing_ok=True)
-            try:
-                os.link(file, target)
-            except OSError:
-                shutil.copy2(file, target)
+            link_or_copy(file, target)
         linked.append(target)
     for left in set(folder.iterdir()) - set(linked):
         left.unlink()
