@@ -4,17 +4,33 @@
 from __future__ import annotations
 
 import sys
+import threading
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from . import environment
+from . import environment, versions
+from .interpreter import Candidate, Found, check
 from .job_operator import JobOperator, UserError, redraw
 from .job_state import JobState
 from .jobs import Job
-from .preferences import environment_folder, forget, preferences, unveil_interpreter
+from .preferences import environment_folder, forget, preferences, remember, unveil_interpreter
 
 __all__ = ["UNVEIL_OT_check_python", "UNVEIL_OT_create_environment"]
+
+
+class Thorough(threading.Thread):
+    """Has a Python examined; what was found is there when it has ended."""
+
+    def __init__(self, quick: Found) -> None:
+        super().__init__(name="unveil-check", daemon=True)
+        self.quick = quick
+        self.found: Found | None = None
+        self.start()
+
+    def run(self) -> None:
+        self.found = check(Candidate(self.quick.python, self.quick.source))
 
 
 class UNVEIL_OT_check_python(bpy.types.Operator):
@@ -23,9 +39,47 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
     bl_idname = "unveil.check_python"
     bl_label = "Check"
 
+    _timer: Any = None
+    _looking: Thorough | None = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return UNVEIL_OT_check_python._looking is None
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         forget()
-        found = unveil_interpreter(context, full=True)
+        return self._tell(context, unveil_interpreter(context, full=True))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Where the Python is takes no time; what it can do takes half a minute the first time, and Blender stays usable."""
+        forget()
+        found = unveil_interpreter(context)
+        if found is None or not found.ok:
+            return self._tell(context, found)
+        if not versions.has_window():
+            return self.execute(context)
+        UNVEIL_OT_check_python._looking = Thorough(found)
+        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        redraw(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        looking = UNVEIL_OT_check_python._looking
+        if event.type != "TIMER" or (looking is not None and looking.is_alive()):
+            return {"PASS_THROUGH"}
+        self.cancel(context)
+        if looking is not None and looking.found is not None:
+            remember(context, looking.found)
+        return self._tell(context, looking and looking.found)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        UNVEIL_OT_check_python._looking = None
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+
+    def _tell(self, context: bpy.types.Context, found: Found | None) -> set[str]:
         redraw(context)
         if found is None:
             chosen = preferences(context)

@@ -14,7 +14,7 @@ from . import environment
 from .interpreter import Candidate, Found, candidates, check, find, venv_python
 from .session import session
 
-__all__ = ["UnveilPreferences", "environment_folder", "preferences", "unveil_interpreter"]
+__all__ = ["UnveilPreferences", "environment_folder", "known", "preferences", "remember", "unveil_interpreter"]
 
 PYTORCH_CPU = "https://download.pytorch.org/whl/cpu" if sys.platform.startswith("linux") else ""
 """On Linux the usual index has builds with CUDA, of gigabytes; elsewhere the usual ones are for the processor."""
@@ -51,7 +51,10 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         if session.busy:
             row.operator("unveil.cancel", icon="CANCEL")
         found = known(self)
-        for line in found.lines() if found else ["Not looked for yet: press Check."]:
+        lines = found.lines() if found else ["Not looked for yet: press Check."]
+        if not bpy.ops.unveil.check_python.poll():  # it is at it
+            lines = [*lines[:-1], "Looking at what it can do …"]
+        for line in lines:
             layout.label(text=line, icon="NONE" if not found or found.ok or line != found.problem else "ERROR")
         if not bpy.app.online_access:
             layout.label(
@@ -97,6 +100,12 @@ def _candidates(context: bpy.types.Context) -> list[Candidate]:
 def known(chosen: Any) -> Found | None:
     """What was found for the present preferences, without looking."""
     return _known.get(chosen.python if chosen else "")
+
+
+def remember(context: bpy.types.Context, found: Found) -> None:
+    """What a thorough check has found for the present preferences."""
+    chosen = preferences(context)
+    _known[chosen.python if chosen else ""] = found
 
 
 def forget() -> None:
