@@ -91,6 +91,10 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
         name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(bpy.ops.unveil.import_drive.poll())
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         path = _drive_of(_absolute(self.filepath))
         return bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)

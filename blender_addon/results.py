@@ -151,7 +151,11 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
         image = blocks.ensure_file(bpy.data.images, mark, role, str(file), name)
         image.use_fake_user = True
         image.reload()
-    # Markers cannot carry custom properties: where one is already, none is added.
+    # Markers cannot carry custom properties: one is known by its name and frame, and where any is, none is added.
+    names = [(f"Keyframe {f.name}", i) for frames in drive.tracks.values() for i, f in enumerate(frames)]
+    gone = set(names) - {(name, frame) for name, _, frame in wanted.values()}
+    for marker in [m for m in scene.timeline_markers if (m.name, m.frame) in gone]:
+        scene.timeline_markers.remove(marker)
     taken = {m.frame for m in scene.timeline_markers}
     for name, _, frame in wanted.values():
         if frame not in taken:

@@ -32,13 +32,15 @@ def rig(document):
         frame["camera"] = ("front", "left")[i % 2]
         frame["fl_x"] = 25.0 if i % 2 == 0 else 20.0 + i
 edit(make_tiny_drive(folder / "rig"), rig)
+from tests.drives.test_colmap import write_model
+write_model(folder / "colmap", True)
 """
 
 
 @pytest.fixture(scope="session")
 def made(street: Path, finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """``tiny/``, a drive with far coordinates, oblong pixels and odd names; ``rig/``, one of two cameras; ``street/`` and
-    ``ws/``, its finished workspace."""
+    """``tiny/``, a drive with far coordinates, oblong pixels and odd names; ``rig/``, one of two cameras; ``colmap/``, which
+    lies askew and has no metres; ``street/`` and ``ws/``, its finished workspace."""
     folder = tmp_path_factory.mktemp("made")
     outside("-c", MAKE, str(folder))
     shutil.copytree(street.parent, folder / "street")
@@ -63,7 +65,7 @@ def undo() -> None:
         bpy.ops.ed.undo()
 
 
-def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:  # type: ignore[no-untyped-def]
+def greatest_error(addon, camera, workspace: Path, points: np.ndarray, to_scene=lambda p: p) -> float:  # type: ignore[no-untyped-def]
     """Pixels between Blender's projection and the drive's own of points (N, 3) of its local coordinates, over its frames."""
     import bpy
     from bpy_extras.object_utils import world_to_camera_view
@@ -80,7 +82,7 @@ def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:
         use = (seen[2] > 0.5) & (np.abs(u) < 2 * e["width"]) & (np.abs(v) < 2 * e["height"])
         assert use.sum() > 5
         for i in np.flatnonzero(use)[:40]:
-            x, y, _ = world_to_camera_view(scene, camera, Vector(points[i]))
+            x, y, _ = world_to_camera_view(scene, camera, Vector(to_scene(points[i])))
             worst = max(worst, abs(x * e["width"] - u[i]), abs((1 - y) * e["height"] - v[i]))
     return worst
 
@@ -137,6 +139,36 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
         scene.frame_set(n)
         values.append(tracks["left"].data.lens * 32 / 36)
     assert np.allclose(values, (21, 23), atol=1e-4)
+
+
+def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scene, made: Path, tmp_path: Path) -> None:
+    """In the file dialog: a file of a COLMAP model, its folder, a transforms.json, a workspace's own copy of a drive."""
+    import bpy
+
+    ws = tmp_path / "ws"
+    done = bpy.ops.unveil.open_drive(filepath=str(made / "colmap/sparse/0/images.bin"), workspace=str(ws))
+    assert done == {"FINISHED"} and scene.unveil.drive == str(made / "colmap")
+    drive = addon.module("drive_files").read_drive(ws)
+    assert drive.units_per_metre != 1 and not np.allclose(drive.rotation, np.eye(3), atol=0.1)
+    generator = np.random.default_rng(3)
+    entries = json.loads((ws / "drive/cameras.json").read_text())["frames"]
+    ahead = np.linalg.inv(entries[0]["world_to_camera"])
+    points = generator.uniform((-1, -1, 1), (1, 1, 8), (300, 3)) @ ahead[:3, :3].T + ahead[:3, 3]
+    assert greatest_error(addon, scene.camera, ws, points, drive.to_scene) < 0.01
+    assert all(abs(o.matrix_world[1][0]) < 1 and o.matrix_world.translation.z > 0 for o in [scene.camera])
+    pick = addon.module("operators_import")._drive_of
+    for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
+        (made / folder / "cameras.txt").touch()
+        assert pick(made / folder / "cameras.txt") == made / "colmap"
+        (made / folder / "cameras.txt").unlink()
+    assert pick(made / "colmap") == made / "colmap"
+    assert pick(made / "tiny/transforms.json") == made / "tiny/transforms.json"
+    again = tmp_path / "again"
+    picked = made / "ws/drive/cameras.json"
+    assert bpy.ops.unveil.open_drive(filepath=str(picked), workspace=str(again)) == {"FINISHED"}
+    assert len(list((again / "drive/images").rglob("*.png"))) == 8 and len(scene.collection.children) == 2
+    with pytest.raises(RuntimeError, match="holds no drive"):
+        bpy.ops.unveil.open_drive(filepath=str(made / "rig/images/00.png"), workspace=str(tmp_path / "none"))
 
 
 def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
@@ -384,6 +416,15 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
     bpy.ops.unveil.load_workspace()
     assert bpy.data.objects["Mesh after"].data == mesh
     assert len(mesh.vertices) == len(bpy.data.objects["Mesh before"].data.vertices) != before
+    # Keyframes, then others: the artist's own markers stay.
+    scene.timeline_markers.new("mine", frame=6)
+    for frame in ("01", "03"):
+        told = {"keyframes": [{"camera": "camera", "frame": frame}]}
+        (tmp_path / "ws/inpaint/keyframes.json").write_text(json.dumps(told))
+        bpy.ops.unveil.load_workspace()
+        assert {m.name: m.frame for m in scene.timeline_markers} == {"mine": 6, f"Keyframe {frame}": int(frame)}
+        kept = {i.name: i.filepath for i in bpy.data.images if str(i.get("unveil_role")).startswith("keyframe:")}
+        assert kept == {f"Keyframe {frame}": str(tmp_path / f"ws/inpainted/camera/{frame}.png")}
     # A workspace that was moved is the same drive; a second one beside it is another.
     (tmp_path / "ws").rename(tmp_path / "moved")
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "moved"))
