@@ -35,6 +35,8 @@ class JobOperator:
 
     _timer: Any = None
     _told: Any = None
+    _scene, workspace_used = "", ""
+    """Of the job: another scene, or another workspace in it, may be looked at when it ends."""
     _modal = False
 
     @classmethod
@@ -117,6 +119,7 @@ class JobOperator:
     def _begin(self, context: bpy.types.Context) -> bool:
         try:
             session.begin(self.title(), lambda: self.start(context))
+            self._scene, self.workspace_used = context.scene.name, context.scene.unveil.workspace
         except UserError as error:
             self.report({"ERROR"}, str(error))  # type: ignore[attr-defined]
             return False
@@ -131,7 +134,10 @@ class JobOperator:
         logs.write_log(state)
         redraw(context)
         if state.status == "done":
-            self.finished(context, state)
+            scene = bpy.data.scenes.get(self._scene)
+            if scene is not None:
+                with context.temp_override(scene=scene):
+                    self.finished(context, state)
             self.report({"INFO"}, f"{self.title()}: done")  # type: ignore[attr-defined]
             return {"FINISHED"}
         if state.status == "cancelled":

@@ -72,7 +72,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         return ["import", str(drive), "-o", str(place), *options]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, context.scene.unveil.workspace)
+        loaded(self, context, self.workspace_used)
 
 
 def _absolute(path: str) -> Path:

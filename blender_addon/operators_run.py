@@ -63,7 +63,7 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
         ]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, context.scene.unveil.workspace)
+        loaded(self, context, self.workspace_used)
 
 
 class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
@@ -92,7 +92,7 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
         return [self.stage, str(workspace), *settings]
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, context.scene.unveil.workspace)
+        loaded(self, context, self.workspace_used)
 
 
 class UNVEIL_OT_cancel(bpy.types.Operator):

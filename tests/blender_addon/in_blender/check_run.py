@@ -193,6 +193,24 @@ def test_what_a_run_loads_can_be_taken_back(addon, empty, workspace) -> None:
         assert {"Cube", "Mesh after"} <= set(bpy.data.objects.keys())
 
 
+def test_results_go_to_the_scene_that_asked_for_them(addon, empty, workspace) -> None:
+    """Also where the artist works in another one when the job ends, or has named another workspace."""
+    import bpy
+
+    empty.unveil.workspace = str(workspace)
+    name, other = empty.name, bpy.data.scenes.new("Other")
+
+    def leave(job: object) -> None:
+        bpy.data.scenes[name].unveil.workspace = "/elsewhere"
+        bpy.context.window_manager.windows[0].scene = other
+
+    thread = meanwhile(addon, leave, lambda state: state.running)
+    assert bpy.ops.unveil.stage(stage="segment") == {"FINISHED"}
+    thread.join()
+    assert not other.collection.children and other.camera is None
+    assert len(bpy.data.scenes[name].collection.children) == 1 and bpy.data.scenes[name].camera is not None
+
+
 def test_a_deleted_drive_comes_back_once(addon, scene, workspace) -> None:
     import bpy
 
