@@ -129,6 +129,9 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         forget()
 
     def finished(self, context: bpy.types.Context, state: JobState) -> None:
+        chosen = preferences(context)
+        if chosen is not None:
+            chosen.python = ""  # one that is named there would hide the new one
         unveil_interpreter(context)
 
 

@@ -61,6 +61,7 @@ def test_it_is_made_and_found(addon, chosen, tmp_path: Path) -> None:
 
     online()
     chosen.install_from = str(tiny_wheel(tmp_path))
+    chosen.python = "/nowhere/python"
     assert bpy.ops.unveil.create_environment() == {"FINISHED"}
     found = addon.module("preferences").unveil_interpreter(bpy.context)
     assert found.ok and found.source == "made by the add-on" and found.facts["unveil"] == "0.1.0"
