@@ -169,7 +169,7 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "mesh", mesh_body, ("drive", "surfels/full.ply", "surfels/empty.ply"),
-        ("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"), ("quality",),
+        ("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"), ("quality",), version=2,
     ),
     Stage(
         "report", report_body,

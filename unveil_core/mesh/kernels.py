@@ -61,7 +61,10 @@ def _slope(w, y, x, dy, dx):
 
 @njit(cache=True, parallel=True)
 def inverse_depth_slopes(w, fx, fy, cx, cy):
-    """Normals in camera coordinates (H, W, 3) float32, unit, facing the camera; and cosine-like factor w/|n| (H, W)."""
+    """Normals in camera coordinates (H, W, 3) float32, unit, facing the camera; and cosine-like factor w/|n| (H, W).
+
+    The factor is that of the pixel or of a flatter neighbour (:func:`_flattest`).
+    """
     height, width = w.shape
     normals = np.zeros((height, width, 3), np.float32)
     factor = np.zeros((height, width), np.float32)
@@ -78,7 +81,27 @@ def inverse_depth_slopes(w, fx, fy, cx, cy):
             ray_x, ray_y = (x + 0.5 - cx) / fx, (y + 0.5 - cy) / fy
             lowest = SMALLEST_COSINE * np.sqrt(1 + ray_x * ray_x + ray_y * ray_y)
             factor[y, x] = max(w[y, x] / length, lowest)
-    return normals, factor
+    return normals, _flattest(w, factor)
+
+
+@njit(cache=True, parallel=True)
+def _flattest(w, factor):
+    """The smallest factor of each pixel and its neighbours on the same surface, (H, W) float32.
+
+    At a flat angle the noise of a depth tilts its normal towards the camera sooner than away from it. Such a pixel would say of
+    space just above the road that it is free, and that with more weight than all pixels that know better: holes.
+    """
+    height, width = w.shape
+    flattest = factor.copy()
+    for y in prange(height):
+        for x in range(width):
+            if w[y, x] <= 0:
+                continue
+            for v in range(max(y - 1, 0), min(y + 2, height)):
+                for u in range(max(x - 1, 0), min(x + 2, width)):
+                    if w[y, x] < JUMP * w[v, u] and w[v, u] < JUMP * w[y, x]:
+                        flattest[y, x] = min(flattest[y, x], factor[v, u])
+    return flattest
 
 
 # ----------------------------------------------------------------------------------------------------------- allocation
