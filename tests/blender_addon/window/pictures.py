@@ -21,26 +21,40 @@ from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.no_lost_work import ready  # noqa: E402
 from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
 
+PICTURE_ALONE = """
+space = area_of("VIEW_3D")[1].spaces.active
+lines = ("show_floor", "show_ortho_grid", "show_axis_x", "show_axis_y", "show_axis_z", "show_cursor", "show_text")
+for name in lines:  # one by one: the picture behind the camera is an overlay, too
+    setattr(space.overlay, name, False)
+space.show_gizmo = space.show_region_toolbar = space.show_region_ui = False
+"""
 TWO_VIEWS = """
+space.overlay.show_text = space.show_gizmo = space.show_region_toolbar = space.show_region_ui = True
 window, area, region = region_of("VIEW_3D", "WINDOW")
 with bpy.context.temp_override(window=window, area=area, region=region):
-    bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.48)
+    bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.5)
 views = sorted((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.y)
 below, above = (a.spaces.active for a in views)
 above.show_object_viewport_mesh = False  # the frames alone
 below.show_region_ui = below.overlay.show_overlays = below.show_gizmo = below.show_region_header = False
+below.show_region_toolbar = False
 """
-FROM_ABOVE = """
-from mathutils import Matrix, Vector
-camera = bpy.context.scene.camera.matrix_world
+SEEN = """
+from mathutils import Vector
+module("drive_scene")._fill(views[1], *scene.camera["unveil_size"])
+camera = scene.camera.matrix_world
 ahead = camera.to_quaternion() @ Vector((0, 0, -1))
 view = below.region_3d
 view.view_perspective = "PERSP"
-eye = camera.translation - 4 * ahead + Vector((0, 0, 7))
-target = camera.translation + 14 * ahead
+eye = camera.translation - 7 * ahead + Vector((0, 0, 2.5))
+target = camera.translation + 10 * ahead
 view.view_rotation = (target - eye).to_track_quat("-Z", "Y")
 view.view_location, view.view_distance = target, (target - eye).length
 """
+
+
+FRAME_WIDTH = """(lambda r, v: r.width * (v.view_camera_zoom / 50 + 2**0.5) ** 2 / 4)(
+    region_of("VIEW_3D", "WINDOW")[2], area_of("VIEW_3D")[1].spaces.active.region_3d)"""
 
 
 def shrink(pictures: list[Path], made: Path, *options: str) -> None:
@@ -71,19 +85,23 @@ def main() -> int:
         window.tell(
             f"scene = bpy.context.scene; scene.frame_set({given.frame}); scene.unveil_selection.show_boxes = False"
         )
-        window.move(600, 700)
-        time.sleep(2)
+        window.tell(PICTURE_ALONE)
         left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
-        covered = window.ask("region_of('VIEW_3D', 'UI')[2].width")
+        window.tell("module('drive_scene')._fill(area_of('VIEW_3D')[1], *scene.camera['unveil_size'])")
+        width = window.ask(FRAME_WIDTH)
+        height = width * window.ask("scene.camera['unveil_size'][1] / scene.camera['unveil_size'][0]")
+        window.move(600, 900)
+        time.sleep(2)
         after = window.picture("after")
-        window.tell("scene.unveil_view.state = 'BEFORE'")
+        window.tell("scene.unveil_view.state = 'BEFORE'; area_of('VIEW_3D')[1].tag_redraw()")
         before = window.picture("before")
-        crop = f"{right - left - covered - 80}x{bottom - top - 200}+{left + 40}+{top + 120}"
-        shrink([before, after], out / "before_after.jpg", "-crop", crop, "+repage", "-append", "-resize", "900x")
+        x, y = (left + right - width) / 2, (top + bottom - height) / 2
+        crop = f"{round(width) - 4}x{round(height) - 4}+{round(x) + 2}+{round(y) + 2}"
+        shrink([before, after], out / "before_after.jpg", "-crop", crop, "+repage", "+append", "-resize", "1280x")
         window.tell("scene.unveil_view.state = 'AFTER'; scene.unveil_view.shown = {'MESH'}")
         window.tell(TWO_VIEWS)
         time.sleep(1)
-        window.tell(FROM_ABOVE)
+        window.tell(SEEN)
         time.sleep(2)
         shrink([window.picture("result")], out / "result.jpg", "-resize", "1280x")
     return 0
