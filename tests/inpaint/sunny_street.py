@@ -64,7 +64,7 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     empty = StreetChart(
         ground, TEXEL, -1.0, -7.0, np.zeros((rows, columns, 3), np.float32), np.zeros((rows, columns), np.int16),
         np.full((rows, columns), OBSERVED, np.uint8), np.ones((rows, columns, 3), np.float32),
-        np.zeros((rows, columns), bool),
+        np.full((rows, columns), 5.0, np.float32), np.zeros((rows, columns), bool),
     )  # fmt: skip
     world = empty.world(*(i.ravel() for i in np.indices((rows, columns))))
     street = path.to_street(world).reshape(rows, columns, 3)
@@ -84,7 +84,7 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     hidden = footprint | ((plan[..., 1] < CAR[1, 1]) & (plan[..., 0] > 9) & (plan[..., 0] < 16) & (plan[..., 1] > -6))
     chart = StreetChart(
         ground, TEXEL, -1.0, -7.0, np.where(hidden[..., None], 0, seen).astype(np.float32), empty.label,
-        np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8), empty.gain, empty.replaced,
+        np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8), empty.gain, empty.nearest, empty.replaced,
     )  # fmt: skip
     kept = concatenate([box_surfels(box, spacing=0.2) for box in (CROWN, HOUSE)])
     return chart, truth, footprint, kept, box_surfels(CAR, spacing=0.2)

@@ -28,6 +28,7 @@ from unveil_core.inpaint.shade import (
 )
 from unveil_core.inpaint.straighten import Drift, find_drift
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
+from unveil_core.inpaint.strips import shade_of_strips
 from unveil_core.progress import Progress, no_progress
 
 __all__ = ["FillSettings", "fill_chart"]
@@ -36,6 +37,8 @@ Float32 = NDArray[np.float32]
 FOOT_M = 0.3
 """How far from its sides the ground is not read for what its offset looks like; over twice as far it goes on as it is inside,
 metres."""
+SHARP_M = 10.0
+"""From farther off the face of a kerb is no more than a pixel, metres."""
 MARK = 0.06
 """What differs more from its lateral offset over a decimetre is a thing of its own."""
 
@@ -103,6 +106,9 @@ def fill_chart(
         shade = read_shade(
             chart.color, seen, light.kept | light.gone, lambda c, usable: profile(c, usable & clear), texels_per_m=per_m
         )
+        sharp = seen & (chart.nearest < SHARP_M * unit)
+        sharp &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M / 4 * per_m)).astype(bool)
+        shade = shade_of_strips(chart.color, sharp, shade, drift, texels_per_m=per_m)
     shadow, hopeless = shadows_of_removed(
         chart.color, seen, shade, footprint, light,
         reach_m=settings.shadow_reach_m, black_ratio=settings.black_ratio, per_m=per_m,

@@ -55,7 +55,7 @@ class Light:
 class Shade:
     """Attributes:
     dark: (A, B) bool, seen texels in shadow.
-    ratio: (3,) what shadow leaves of a colour.
+    ratio: (3,) or (A, B, 3) what shadow leaves of a colour.
     lit: (A, B, 3) median colour of the lateral offset in full sun.
     """
 

@@ -17,7 +17,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.street import Ground
 from unveil_core.progress import Progress, no_progress
 
-__all__ = ["INVENTED", "OBSERVED", "OUTSIDE", "RELIT", "StreetChart", "read_chart", "sample_chart"]
+__all__ = ["INVENTED", "OBSERVED", "OUTSIDE", "RELIT", "StreetChart", "read_bilinear", "read_chart", "sample_chart"]
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ class StreetChart:
         label: (A, B) int16 compact labels, -1 unknown.
         source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
         gain: (A, B, 3) float32 factor that takes a removed object's shadow away; 1 elsewhere.
+        nearest: (A, B) float32, how far the nearest view of a texel is, world units; inf where none is.
         replaced: (A, B) bool, texels that were seen, but so dark under the object that they were invented all the same.
     """
 
@@ -47,6 +48,7 @@ class StreetChart:
     label: NDArray[np.int16]
     source: NDArray[np.uint8]
     gain: Float32
+    nearest: Float32
     replaced: NDArray[np.bool_]
 
     def coordinates(self) -> tuple[Array, Array]:
@@ -118,7 +120,7 @@ def read_chart(
         index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
         if not len(index):
             continue
-        found = _bilinear(images[v], pixel)
+        found = read_bilinear(images[v], pixel)
         w = (unit / depth) ** 4
         total[index] += found * w[:, None]
         weight[index] += w
@@ -137,11 +139,12 @@ def read_chart(
         label=label.reshape(rows, columns),
         source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
         gain=np.ones((rows, columns, 3), dtype=np.float32),
+        nearest=nearest.astype(np.float32).reshape(rows, columns),
         replaced=np.zeros((rows, columns), dtype=bool),
     )
 
 
-def _bilinear(image: NDArray[np.uint8], pixel: Array) -> Array:
+def read_bilinear(image: NDArray[np.uint8], pixel: Array) -> Array:
     """(N, 3) colours at pixel positions (N, 2), centres at +0.5; remap wants two dimensions below 32768."""
     count = len(pixel)
     width = 1024
