@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.drive_street import drive_continued, drive_ground, drive_ground_layer, drive_views
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
@@ -16,25 +17,17 @@ from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.drive_plan import plan_drive, plan_json
-from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.ground_layer import (
     GROUND_CLASSES,
-    GroundLayer,
-    build_ground_layer,
-    fit_drive_ground,
-    ground_usable,
-    path_by_lines,
 )
 from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
-from unveil_core.inpaint.street import Ground, StreetPath
 from unveil_core.inpaint.time_reversal import paint_along
-from unveil_core.inpaint.transfer import render_numpy, seed_ground
+from unveil_core.inpaint.transfer import seed_ground
 from unveil_core.moving import read_moving
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
-from unveil_core.optimize.start import tracks
 from unveil_core.raster import render
 from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import grow, region_map
@@ -48,7 +41,6 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.unseen import empty_street
 from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
 
-SOLID_CLASSES = ("building", "wall")
 """What reaches down to the ground and lets no light through, though cars may hide its foot."""
 
 
@@ -131,56 +123,6 @@ def remove_body(context: StageContext) -> None:
 # --------------------------------------------------------------------------------------------------------------- inpaint
 
 
-def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None) -> Ground | None:
-    """The ground under the drive's longest track, from the scene without what is removed; None where it has none.
-
-    Args:
-        path: of the street; by default the way that the cameras took.
-    """
-    track = max(tracks(drive), key=len)
-    cameras = [drive.frames[i].camera for i in track]
-    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit, path=path)
-
-
-def drive_ground_layer(
-    context: StageContext, drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_],
-    images: Sequence[NDArray[np.uint8]], removed: Sequence[NDArray[np.bool_]],
-) -> GroundLayer | None:  # fmt: skip
-    """The ground of the empty street, or None where the scene has none."""
-    limits = scene_range(drive)
-    left = surfels.select(torch.from_numpy(~gone))
-    ground = drive_ground(drive, scene, left)
-    if ground is None:
-        return None
-    labels = [frame_labels(f, scene) for f in drive.frames]
-    depths = [render_numpy(surfels, f.camera, near=limits.near, far=limits.far)["depth"] for f in drive.frames]
-    cameras = [f.camera for f in drive.frames]
-
-    def usable_for(ground: Ground) -> list[NDArray[np.bool_]]:
-        usable = []
-        for i, camera in enumerate(cameras):
-            depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
-            shape = (camera.height, camera.width)
-            usable.append(ground_usable(labels[i], scene.labels, grow(removed[i], 1), depth.reshape(shape), depths[i]))
-        return usable
-
-    path = path_by_lines(ground, cameras, images, labels, usable_for(ground), unit=limits.unit)
-    ground = drive_ground(drive, scene, left, path) or ground
-    usable = usable_for(ground)
-    means = surfels.means.double().numpy()
-    of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
-    removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
-    fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
-    keep = torch.from_numpy(~gone)
-    solid = [k for k, n in enumerate(scene.labels.names) if n in SOLID_CLASSES]
-    return build_ground_layer(
-        ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=solid,
-        plants=[k for k, n in enumerate(scene.labels.names) if n == "vegetation"], sun=context.settings.sun,
-        progress=context.progress,
-    )  # fmt: skip
-
-
 def inpaint_body(context: StageContext) -> None:
     """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
     workspace = context.workspace
@@ -196,26 +138,30 @@ def inpaint_body(context: StageContext) -> None:
     unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
     shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
     removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
-    layer = drive_ground_layer(context, drive, scene, surfels, gone, images, removed)
+    views = drive_views(drive, scene, surfels, images, removed)
+    layer = drive_ground_layer(context, drive, scene, surfels, gone, views)
     left = surfels.select(torch.from_numpy(~gone))
+    goes_on = [] if layer is None else drive_continued(drive, scene, left, layer.chart.ground, views)
+    # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.
+    known = concatenate([left, *goes_on])
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
     network = context.settings.networks.get("reference_inpainter")
     order, names = context.settings.order, context.settings.keyframes
     plan = plan_drive(
-        drive.frames, tasks, left, layer, order=order, names=names, near=limits.near, far=limits.far,
+        drive.frames, tasks, known, layer, order=order, names=names, near=limits.near, far=limits.far,
         progress=context.progress,
     )  # fmt: skip
     told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
     write_json_atomic(context.output("inpaint/keyframes.json"), told)
     painted, seeds = paint_along(
-        tasks, left, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
+        tasks, known, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
         near=limits.near, far=limits.far, plan=plan,
         reference=None if network is None else load_reference(network), progress=context.progress,
     )  # fmt: skip
     for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
         save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
-    parts = [] if seeds is None else [seeds]
+    parts = [*goes_on, *([] if seeds is None else [seeds])]
     relit = np.zeros(len(left), dtype=np.uint8)
     if layer is not None:
         preset = REOPTIMIZE_PRESETS[context.settings.quality]

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from unveil_core.inpaint.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["complete_crowns"]
+__all__ = ["complete_crowns", "components"]
 
 Array = NDArray[np.float64]
 FOOT_M = (0.4, 1.6)
@@ -76,7 +76,7 @@ def _trunks(low: Array, high: Array, unit: float) -> Array:
     places, member = np.unique(index, axis=0, return_inverse=True)
     # Cells that touch belong together; a list of them is smaller than the plane of a long drive.
     pairs = cKDTree(places).query_pairs(1.5, output_type="ndarray")
-    group = _components(len(places), pairs)[member.ravel()]
+    group = components(len(places), pairs)[member.ravel()]
     above = cKDTree(high)
     middles = []
     for g in np.unique(group):
@@ -89,7 +89,7 @@ def _trunks(low: Array, high: Array, unit: float) -> Array:
     return np.array(middles).reshape(-1, 2)
 
 
-def _components(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+def components(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """(count,) which connected component each node is in."""
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
