@@ -289,7 +289,13 @@ def main() -> int:
         "processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "system": platform.system(),
         "screen": "Xvfb, software OpenGL (llvmpipe)",
     }  # fmt: skip
-    told = {"blender": version, "drive": given.drive.resolve().parent.name, "quality": "draft", "machine": machine, **measured}
+    told = {
+        "blender": version,
+        "drive": given.drive.resolve().parent.name,
+        "quality": "draft",
+        "machine": machine,
+        **measured,
+    }
     (out / "blender_window.json").write_text(json.dumps(told, indent=2) + "\n")
     print(json.dumps(told, indent=2))
     return 0
