@@ -23,7 +23,7 @@ test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.in
 BLENDER ?= blender
 test-window: extension
 	$(BIN)/python tests/blender_addon/window/click_path.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/window
-	$(BIN)/python tests/blender_addon/window/no_lost_work.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/no_lost_work
+	$(BIN)/python tests/blender_addon/window/no_lost_work.py --blender "$(BLENDER)" --extension dist/extension/unveil-*.zip -o build/no_lost_work $(if $(SMALL_DISK),--small-disk "$(SMALL_DISK)")
 
 # The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.
 # Blender's own tool builds and checks it.
