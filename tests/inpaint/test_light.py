@@ -13,7 +13,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.cast_shadows import cast_shadows
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.houses import as_high_as_beside, flush_with_fronts, of_something_long, solid_columns
-from unveil_core.inpaint.lighting import light_of_scene
+from unveil_core.inpaint.lighting import _lit_at_sunny_walls, light_of_scene
 from unveil_core.inpaint.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.sun import Sun, sun_towards
@@ -214,3 +214,20 @@ def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
     assert len(set(np.round(top_seen, 1))) > 5, "several heights were tried"
     plain = solid_columns(chart, house, [0], [], 1.0).means.double().numpy()
     assert abs(plain[plain[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - HOUSE[1, 2]) < 0.7, "as high as the others"
+
+
+def test_a_wall_that_the_sun_shines_on_does_not_shade_its_own_foot() -> None:
+    """The sun stands on the right: along the left border lies a rough wall's shadow, and that of a tree that reaches farther."""
+    chart, *_ = sunny_chart(None)
+    towards = np.array([0.0, -0.6, 0.8])
+    rows, columns = chart.source.shape
+    inside = np.zeros((rows, columns), dtype=bool)
+    inside[:, 10 : columns - 10] = True
+    rough, tree, house = (np.zeros_like(inside) for _ in range(3))
+    rough[:, columns - 15 : columns - 10] = True
+    tree[200:260, columns - 60 : columns - 10] = True
+    house[:, 10:14] = True
+    lit = _lit_at_sunny_walls(chart, rough | tree | house, inside, towards, 12)
+    assert np.array_equal(lit, tree | house)
+    mirrored = _lit_at_sunny_walls(chart, rough | tree | house, inside, towards * [1, -1, 1], 12)
+    assert np.array_equal(mirrored, rough | tree)

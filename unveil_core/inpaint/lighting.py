@@ -38,6 +38,8 @@ AGAIN = ((6.0, 2.0), (1.5, 0.75))
 """How far around the sun that was found it is looked for again, and in which steps, degrees."""
 LARGEST_M, TREE_M = 0.25, 1.0
 """What is larger blurs an outline, and how far from a tree's shadow the ground says nothing of other things, metres."""
+AT_FOOT_M = 0.6
+"""Width of the ground at the foot of a wall whose shadow may be the wall's roughness, metres."""
 STANDS_M = 0.25
 """What is lower than this over the ground casts no shadow to speak of, metres."""
 
@@ -109,10 +111,32 @@ def light_of_scene(
         plane[rows, columns] = cast_shadows(points, surfels, sun.towards, cell=0.06 * unit, bias=0.15 * unit)
         # No light comes through chinks, nor between a wall and the ground at its foot.
         chinks = disc(CHINK_M * unit / chart.texel)
-        planes.append(
-            cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-        )
+        plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
+        planes.append(_lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M * unit / chart.texel)))
     return Light(sun, planes[0], planes[1])
+
+
+def _lit_at_sunny_walls(
+    chart: StreetChart, plane: NDArray[np.bool_], inside: NDArray[np.bool_], towards: NDArray[np.float64], width: int
+) -> NDArray[np.bool_]:
+    """The shadows (A, B) without those that lie only along the ground's border on the side away from the sun: a wall there, which
+    is as rough as its surfels, cannot shade its own foot.
+
+    Args:
+        inside: (A, B) the ground; towards: (3,) the sun; width: of the border, texels.
+    """
+    path = chart.ground.path
+    rows, columns = plane.shape
+    s = chart.coordinates()[0]
+    heading = np.interp(s, path.start + path.step * np.arange(len(path.heading)), path.heading)
+    local = path.axes @ towards
+    from_left = -local[0] * np.sin(heading) + local[1] * np.cos(heading) > 0
+    first, last = inside.argmax(axis=1), columns - 1 - inside[:, ::-1].argmax(axis=1)
+    # Lateral offsets grow to the left.
+    edge = np.clip(np.where(from_left, first + width, last - width), 0, columns - 1)
+    column = np.arange(columns)[None]
+    border = np.where(from_left[:, None], column < edge[:, None], column > edge[:, None])
+    return plane & (~border | plane[np.arange(rows), edge][:, None])
 
 
 def _standing(chart: StreetChart, surfels: Surfels, height: float) -> Surfels:
