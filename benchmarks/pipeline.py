@@ -1,6 +1,6 @@
 """Whole ways to an empty street, side by side on both truth scenes: ours and the baselines of the paper.
 
-    python benchmarks/pipeline.py [ROWS...]
+    python benchmarks/pipeline.py [SCENES...] [ROWS...]
 
 Each row is a process of its own and begins with one reconstruction per scene and quality. Rows are taken at `standard`, ours at
 `draft` and `high`, too. Results go to benchmarks/results/pipeline.json after every row, the plots beside it; rows measured before
@@ -50,10 +50,12 @@ def main() -> None:
     """Measure all rows, or those named on the command line."""
     target = HERE / "results" / "pipeline.json"
     runs = json.loads(target.read_text())["runs"] if target.is_file() else []
+    scenes = [name for name in sys.argv[1:] if name in SCENES]
+    rows = [name for name in sys.argv[1:] if name not in SCENES]
     with tempfile.TemporaryDirectory() as folder:
-        for scene in SCENES:
+        for scene in scenes or SCENES:
             for row, quality in RUNS:
-                if sys.argv[1:] and row not in sys.argv[1:]:
+                if rows and row not in rows:
                     continue
                 told = measure(scene, row, quality, Path(folder))
                 runs = kept(runs, told)

@@ -125,6 +125,16 @@ def remove_body(context: StageContext) -> None:
 
 def inpaint_body(context: StageContext) -> None:
     """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    inpaint_with(context)
+
+
+def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
+    """The stage (see :func:`inpaint_body`).
+
+    Args:
+        charts: False leaves out what is known of the street before anything is invented: then everything that nobody saw is
+            invented in the pictures, as in the paper.
+    """
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -139,7 +149,7 @@ def inpaint_body(context: StageContext) -> None:
     shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
     removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
     views = drive_views(drive, scene, surfels, images, removed)
-    layer = drive_ground_layer(context, drive, scene, surfels, gone, views)
+    layer = drive_ground_layer(context, drive, scene, surfels, gone, views) if charts else None
     left = surfels.select(torch.from_numpy(~gone))
     goes_on = [] if layer is None else drive_continued(drive, scene, left, layer.chart.ground, views)
     # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.

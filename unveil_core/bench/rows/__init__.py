@@ -51,9 +51,13 @@ ROWS: dict[str, Row] = {
         "reference network, reversed (LeftRefill)", reverse.reference_reverse, FRAMES, "reference"
     ),
     "transfer_reverse": Row("later frame by depth, reversed (ours)", reverse.transfer_reverse, SCENE),
+    "paper": Row("reversed in time, no charts (StreetUnveiler)", runs.ours("reverse", charts=False), SCENE),
+    "paper_forward": Row("forward in time, no charts (time-forward)", runs.ours("forward", charts=False), SCENE),
+    "paper_independent": Row("each frame for itself, no charts", runs.ours("independent", charts=False), SCENE),
+    "paper_ellipsoids": Row("3D Gaussians, no charts (3DGS)", runs.ellipsoids(charts=False), FRAMES),
     "forward": Row("Unveil, forward in time", runs.ours("forward"), SCENE),
     "independent": Row("Unveil, each frame for itself", runs.ours("independent"), SCENE),
-    "ellipsoids": Row("Unveil on 3D Gaussians", runs.ellipsoids, FRAMES),
+    "ellipsoids": Row("Unveil on 3D Gaussians", runs.ellipsoids(charts=True), FRAMES),
     "ours_by_reference": Row(
         "Unveil, carried by the reference network", runs.ours("reverse", by_reference=True), SCENE, "reference file"
     ),

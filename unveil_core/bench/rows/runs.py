@@ -1,4 +1,5 @@
-"""Rows that are the pipeline itself: in its own order, in others, and on 3D Gaussians instead of discs."""
+"""Rows that are the pipeline itself: in its own order, in others, on 3D Gaussians instead of discs, and without street charts, which
+are not the paper's."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from unveil_core.bench.rows.footage import Footage, Picture
@@ -14,34 +16,52 @@ from unveil_core.pipeline import stage_named
 from unveil_core.progress import Progress
 from unveil_core.stage_bodies import asked_for, reconstruct_with
 from unveil_core.stages import Stage, StageContext, run_stages
+from unveil_core.unveil_bodies import inpaint_with
 from unveil_core.workspace import Workspace
 from unveil_core.workspace_files import frame_file
 
 __all__ = ["ellipsoids", "ours"]
 
 
-def ours(order: str, *, by_reference: bool = False) -> Callable[[Footage, Progress], list[Picture]]:
+def ours(
+    order: str, *, by_reference: bool = False, charts: bool = True
+) -> Callable[[Footage, Progress], list[Picture]]:
     """A row of the pipeline with frames filled in an order, see ``RunSettings.order``.
 
     Args:
         by_reference: whether the network with a reference carries what was invented, not the surfels alone.
+        charts: whether the street is known before anything is invented, see :func:`inpaint_with`; the paper's method has none.
     """
 
     def run(footage: Footage, progress: Progress) -> list[Picture]:
         network = footage.settings.reference_inpainter if by_reference else None
         wanted = replace(footage, settings=replace(footage.settings, order=order, reference_inpainter=network))
-        return _frames_of(wanted, (), [stage_named("inpaint"), stage_named("reoptimize")], progress)
+        return _frames_of(wanted, (), [_inpaint(charts), stage_named("reoptimize")], progress)
 
     return run
 
 
-def ellipsoids(footage: Footage, progress: Progress) -> list[Picture]:
-    """The pipeline on a scene of 3D Gaussians (*3D Gaussian Splatting*, 2023), reconstructed with the same losses."""
-    # Another version of the stage: the workspace's own reconstruction is not its result.
-    other = replace(stage_named("reconstruct"), body=_reconstruct_ellipsoids, version=-1)
-    stages = [other, *(stage_named(n) for n in ("instances", "remove", "inpaint", "reoptimize"))]
-    footage = replace(footage, settings=replace(footage.settings, reference_inpainter=None))
-    return _frames_of(footage, ("surfels", "masks", "regions", "instances", "instances.json"), stages, progress)
+def ellipsoids(*, charts: bool) -> Callable[[Footage, Progress], list[Picture]]:
+    """The pipeline on a scene of 3D Gaussians (*3D Gaussian Splatting*, 2023), reconstructed with the same losses.
+
+    Args:
+        charts: see :func:`ours`.
+    """
+
+    def run(footage: Footage, progress: Progress) -> list[Picture]:
+        # Another version of the stage: the workspace's own reconstruction is not its result.
+        other = replace(stage_named("reconstruct"), body=_reconstruct_ellipsoids, version=-1)
+        after = [stage_named("instances"), stage_named("remove"), _inpaint(charts), stage_named("reoptimize")]
+        wanted = replace(footage, settings=replace(footage.settings, reference_inpainter=None))
+        without = ("surfels", "masks", "regions", "instances", "instances.json")
+        return _frames_of(wanted, without, [other, *after], progress)
+
+    return run
+
+
+def _inpaint(charts: bool) -> Stage:
+    stage = stage_named("inpaint")
+    return stage if charts else replace(stage, body=partial(inpaint_with, charts=False), version=-1)
 
 
 def _reconstruct_ellipsoids(context: StageContext) -> None:
