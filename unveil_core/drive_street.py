@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -108,17 +108,20 @@ def drive_ground_layer(
     )  # fmt: skip
 
 
-def drive_continued(drive: Drive, scene: SceneLabels, left: Surfels, ground: Ground, views: Views) -> list[Surfels]:
-    """Surfels of what nobody saw of things that were seen in part: house fronts, and the feet of what stands upright.
+def drive_continued(
+    drive: Drive, scene: SceneLabels, left: Surfels, layer: GroundLayer, views: Views
+) -> tuple[list[Surfels], GroundLayer]:
+    """Surfels of what nobody saw of things that were seen in part, house fronts and the feet of what stands upright; and the ground
+    that knows of these feet.
 
     Args:
-        left: the scene without what is removed.
+        left: the scene without what is removed; layer: its ground.
     """
-    unit = scene_range(drive).unit
+    unit, ground = scene_range(drive).unit, layer.chart.ground
     cameras = [f.camera for f in drive.frames]
     # At the border of what is removed pixels are mixed.
     gone = [grow(mask, 1) for mask in views.removed]
-    found: list[Surfels | None] = []
+    found: list[Surfels] = []
     house = scene.labels.index("building")
     if house is not None:
         walls, on_wall = left.select(left.labels == house), [label == house for label in views.labels]
@@ -126,12 +129,14 @@ def drive_continued(drive: Drive, scene: SceneLabels, left: Surfels, ground: Gro
             chart = read_facade(
                 ground, walls, cameras, views.images, on_wall, views.depths, gone, left=is_left, unit=unit
             )  # fmt: skip
-            if chart is not None:
-                found.append(invented_fronts(chart, label=house, sh_degree=left.sh_degree))
+            front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
+            found += [] if front is None else [front]
     kinds = torch.tensor(labels_of(scene, UPRIGHT_CLASSES), dtype=left.labels.dtype)
     standing = left.select(torch.isin(left.labels, kinds))
-    found.append(feet_of_uprights(standing, ground, cameras, views.depths, gone, unit=unit))
-    return [surfels for surfels in found if surfels is not None]
+    feet = feet_of_uprights(standing, ground, cameras, views.depths, gone, unit=unit)
+    if feet is None:
+        return found, layer
+    return [*found, feet], replace(layer, feet=feet.means.double().numpy())
 
 
 def labels_of(scene: SceneLabels, classes: Sequence[str]) -> list[int]:

@@ -151,7 +151,9 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     views = drive_views(drive, scene, surfels, images, removed)
     layer = drive_ground_layer(context, drive, scene, surfels, gone, views) if charts else None
     left = surfels.select(torch.from_numpy(~gone))
-    goes_on = [] if layer is None else drive_continued(drive, scene, left, layer.chart.ground, views)
+    goes_on: list[Surfels] = []
+    if layer is not None:
+        goes_on, layer = drive_continued(drive, scene, left, layer, views)
     # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.
     known = concatenate([left, *goes_on])
     tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]

@@ -9,7 +9,9 @@ from tests.inpaint.sunny_street import box_surfels
 from tests.inpaint.test_street import UP, drive_on_circle, true_street
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.facade_chart import find_fronts, invented_fronts, read_facade
+from unveil_core.inpaint.ground_layer import GroundLayer
 from unveil_core.inpaint.street import Ground, fit_ground, fit_path
+from unveil_core.inpaint.street_chart import StreetChart
 from unveil_core.inpaint.uprights import feet_of_uprights
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
@@ -135,3 +137,22 @@ def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
     cameras, depths, hidden = scene_views(False)
     for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
         assert feet_of_uprights(other, ground, cameras, depths, hidden, unit=1.0) is None
+
+
+def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
+    ground, cameras = street(np.inf)
+    means = pole(0.0, 0.4).means.double().numpy()
+    camera = cameras[0]
+    pixel, z = camera.project(means)
+    pixels = pixel.astype(int)
+    none = np.zeros((4, 4, 3), np.float32)
+    chart = StreetChart(
+        ground, 0.1, 0.0, 0.0, none, np.zeros((4, 4), np.int16), np.zeros((4, 4), np.uint8), none,
+        np.zeros((4, 4), np.float32), np.zeros((4, 4), bool),
+    )  # fmt: skip
+    layer = GroundLayer(chart, [none], [none], feet=means)
+    shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), float(z.mean())))
+    assert shown[pixels[:, 1], pixels[:, 0]].all()
+    assert shown.sum() < 3 * len(np.unique(pixels, axis=0)) + 9
+    assert not layer.foot_pixels(camera, np.full((camera.height, camera.width), 3.0)).any()
+    assert not GroundLayer(chart, [none], [none]).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()

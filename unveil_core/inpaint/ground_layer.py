@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
@@ -32,6 +32,8 @@ __all__ = [
 ]
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
+FOOT_DEPTH = 0.05
+"""Relative difference of depth within which a foot is what is seen."""
 SIDE_CLASSES = ("building", "wall", "fence")
 Float32 = NDArray[np.float32]
 
@@ -62,12 +64,29 @@ class GroundPixels:
 
 @dataclass(frozen=True, eq=False)
 class GroundLayer:
-    """A filled chart with its blur levels, and the sun that shone on it, where that is known."""
+    """A filled chart with its blur levels, and the sun that shone on it, where that is known.
+
+    Attributes:
+        feet: (N, 3) world places just above the ground where something stands whose foot was hidden.
+    """
 
     chart: StreetChart
     colors: list[Float32]
     gains: list[Float32]
     sun: Sun | None = None
+    feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(H, W) pixels that show such a foot, where it is what is seen at this ``depth`` (H, W)."""
+        mask = np.zeros(depth.shape, dtype=np.uint8)
+        if len(self.feet):
+            pixel, z = camera.project(self.feet)
+            inside = (z > 1e-6) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+            x, y = pixel[inside].astype(np.int64).T
+            seen = np.abs(depth[y, x] - z[inside]) < FOOT_DEPTH * z[inside]
+            mask[y[seen], x[seen]] = 1
+            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+        return mask.astype(bool)
 
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
         """(H, W) pixels that may show relit ground, found by projecting its texels."""

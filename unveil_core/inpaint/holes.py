@@ -108,6 +108,7 @@ def look_behind(
     # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
     # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
     in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
+    in_front |= layer.foot_pixels(task.camera, out["depth"])
     ground = look.covered & ~in_front & task.removed
     below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0
     return Behind(out, solid, look, in_front, ground, below)

@@ -1,5 +1,5 @@
-"""Rows that are the pipeline itself: in its own order, in others, on 3D Gaussians instead of discs, and without street charts, which
-are not the paper's."""
+"""Rows that are the pipeline itself: in its own order, in others, on 3D Gaussians instead of discs, and without street charts,
+which are not the paper's."""
 
 from __future__ import annotations
 
