@@ -24,7 +24,7 @@ from unveil_core.inpaint.holes import FrameTask
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.inpaint.time_reversal import paint_along
-from unveil_core.inpaint.transfer import seed_ground
+from unveil_core.inpaint.transfer import seed_ground, texels_in_pixels
 from unveil_core.moving import read_moving
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
@@ -183,11 +183,13 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         near = np.zeros(chart.source.shape, dtype=np.uint8)
         near[row[inside], column[inside]] = 1
         reach = max(3, int(1.5 * limits.unit / chart.texel) | 1)
-        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
+        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))).astype(bool)
+        # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
+        near |= texels_in_pixels(chart, [f.camera for f in drive.frames], removed)
         default = scene.labels.index("road")
         parts.append(
             seed_ground(
-                chart, near.astype(bool), spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                chart, near, spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
                 sh_degree=left.sh_degree, default_label=0 if default is None else default,
             )
         )  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
 from unveil_core.inpaint.relight import object_shadows
 from unveil_core.inpaint.street import Ground, fit_ground, fit_path
-from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, RELIT, StreetChart, read_chart
+from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
+from unveil_core.inpaint.transfer import render_numpy, seed_ground, texels_in_pixels
 
 RADIUS = 60.0
 
@@ -131,3 +134,20 @@ def test_world_lies_on_the_circle(chart: StreetChart) -> None:
     s, l = chart.coordinates()  # noqa: E741
     expected = true_street(RADIUS, s[rows], l[columns])
     assert np.abs(world[:, :2] - expected).max() < 0.5
+
+
+def test_all_invented_ground_that_a_frame_must_show_gets_surfels(street, chart: StreetChart) -> None:  # type: ignore[no-untyped-def]
+    ground, cameras, *_ = street
+    full, camera = replace(chart, source=np.where(chart.source == OUTSIDE, INVENTED, chart.source)), cameras[3]
+    depth, place = ground.intersect(camera, camera.rays().reshape(-1, 3))
+    row, column, inside = full.index_of(place)
+    invented = np.isfinite(depth) & (depth < 15) & inside & (full.source[row, column] == INVENTED)
+    mask = invented.reshape(camera.height, camera.width)
+    assert mask.sum() > 200
+    region = texels_in_pixels(full, [camera, cameras[0]], [mask, np.zeros_like(mask)])
+    seeds = seed_ground(full, region, spacing=0.08, up=UP, sh_degree=0, default_label=0)
+    alpha = render_numpy(seeds, camera, near=0.1, far=100.0)["alpha"]
+    # The mask's border is not solid.
+    assert (alpha[cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0] > 0.9).all()
+    assert not texels_in_pixels(full, [camera], [np.zeros_like(mask)]).any()
+    assert not (region & (full.source != INVENTED)).any()

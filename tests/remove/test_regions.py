@@ -36,6 +36,34 @@ def test_classes_instances_and_what_is_too_close() -> None:
     assert select_removed(surfels, ids, scene((), (8,)), too_close=0.0).tolist() == [0, 0, 0, 1, 0, 0, 0, 0]
 
 
+def bus_seen_from_close_by(floor: float) -> tuple[Surfels, np.ndarray]:
+    """The rear of a bus, from ``floor`` upwards, of which every fifth surfel was taken for road; and ground, at 0."""
+    y, z = (g.ravel() for g in np.meshgrid(np.arange(-1, 1, 0.05), np.arange(floor, floor + 1, 0.05)))
+    rear = np.column_stack([np.zeros(y.size), y, z])
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(-1, 1, 0.1), np.arange(-2, 2, 0.1)))
+    means = np.concatenate([rear, np.column_stack([x, y, np.zeros(x.size)])])
+    labels = np.zeros(len(means), np.int64)
+    labels[: len(rear)] = np.where(np.arange(len(rear)) % 5 == 0, 0, 2)
+    count = len(means)
+    surfels = Surfels(
+        torch.from_numpy(means).float(), torch.ones(count, 4), torch.zeros(count, 2), torch.zeros(count),
+        torch.zeros(count, 1, 3), torch.from_numpy(labels),
+    )  # fmt: skip
+    return surfels, np.arange(count) < len(rear)
+
+
+def test_of_an_object_whose_foot_nobody_saw_nothing_stays_but_the_ground() -> None:
+    surfels, rear = bus_seen_from_close_by(1.2)
+    ids = np.where(surfels.labels.numpy() == 2, 1, 0)
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    assert gone[rear].all() and not gone[~rear].any()
+    # Where it stands on the ground what lies at its foot is the ground's.
+    surfels, rear = bus_seen_from_close_by(0.0)
+    ids = np.where(surfels.labels.numpy() == 2, 1, 0)
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    assert not gone[~rear].any() and not gone[rear & (surfels.means[:, 2].numpy() < 0.1) & (ids == 0)].any()
+
+
 def test_near_removed_leaves_out_the_removed() -> None:
     surfels = row_of_surfels([0, 0, 2, 0, 0])
     removed = np.array([False, False, True, False, False])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import torch
@@ -13,7 +15,7 @@ from unveil_core.raster import render
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["complete_depth", "render_numpy", "seed_ground", "seed_pixels"]
+__all__ = ["complete_depth", "render_numpy", "seed_ground", "seed_pixels", "texels_in_pixels"]
 
 
 def complete_depth(
@@ -85,6 +87,29 @@ def seed_ground(
         np.where(label >= 0, label, default_label), normal, np.full(len(rows), step * chart.texel),
         sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
     )  # fmt: skip
+
+
+def texels_in_pixels(
+    chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
+) -> NDArray[np.bool_]:
+    """(A, B) invented texels that fall into the pixels of some view's mask.
+
+    Args:
+        masks: (H, W) one a camera.
+    """
+    rows, columns = np.nonzero(chart.source == INVENTED)
+    fall = np.zeros(len(rows), dtype=bool)
+    places = chart.world(rows, columns)
+    for camera, mask in zip(cameras, masks, strict=True):
+        if not len(rows) or not mask.any():
+            continue
+        pixel, depth = camera.project(places)
+        inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+        column, row = pixel[inside].astype(np.int64).T
+        fall[inside] |= mask[row, column]
+    found = np.zeros(chart.source.shape, dtype=bool)
+    found[rows[fall], columns[fall]] = True
+    return found
 
 
 def render_numpy(surfels: Surfels, camera: Camera, *, near: float, far: float) -> dict[str, NDArray[np.float32]]:

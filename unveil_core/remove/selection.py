@@ -7,11 +7,16 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.semantics.instances import fit_box
+from unveil_core.semantics.instances import Box, fit_box
 from unveil_core.semantics.segment import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["near_removed", "select_removed"]
+
+MARGIN_M = 0.15
+"""An object's box is so uncertain; what lies no higher over its floor is the ground."""
+HANGING_M, REACH_M = 0.5, 3.0
+"""A floor hangs in the air if what lies under it, down to so far, is so much lower."""
 
 
 def select_removed(
@@ -43,14 +48,30 @@ def select_removed(
     if axes is not None:
         means = surfels.means.detach().to(torch.float64).numpy()
         removable = np.isin(labels, scene.removable_labels)
+        margin = MARGIN_M * unit
         for instance in np.unique(instance_of_surfel[chosen]):
             own = chosen & (instance_of_surfel == instance)
             box = fit_box(means[own], axes, gap=1.0 * unit)
             # Larger than a bus: several objects that touch, whose common box would take the street with it.
             if instance == 0 or max(box.size) > 12 * unit:
                 continue
-            chosen |= box.contains(means, axes, margin=0.15 * unit, above=0.15 * unit) & ~removable
+            # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
+            above = -margin if _hangs(box, means[~removable], axes, unit) else margin
+            chosen |= box.contains(means, axes, margin=margin, above=above) & ~removable
     return chosen | near_removed(surfels, chosen, too_close)
+
+
+def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64], unit: float) -> bool:
+    """Whether a box begins well above what lies under it: of an object that the images cut off, its foot was never seen.
+
+    Args:
+        kept: (M, 3) positions that belong to no object.
+    """
+    under = box.contains(kept, axes, margin=MARGIN_M * unit, above=-REACH_M * unit)
+    height = kept[under] @ axes[2] - (np.asarray(box.centre) @ axes[2] - box.size[2] / 2)
+    height = height[height < MARGIN_M * unit]
+    # A tenth may be badly placed.
+    return len(height) >= 10 and bool(np.percentile(height, 10) < -HANGING_M * unit)
 
 
 def near_removed(surfels: Surfels, removed: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:
