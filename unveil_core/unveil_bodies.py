@@ -156,7 +156,10 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         goes_on, layer = drive_continued(drive, scene, left, layer, views)
     # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.
     known = concatenate([left, *goes_on])
-    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i]) for i, f in enumerate(drive.frames)]
+    stands = [
+        np.isin(labels, scene.removable_labels) & ~mask for labels, mask in zip(views.labels, removed, strict=True)
+    ]
+    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i], stands[i]) for i, f in enumerate(drive.frames)]
     network = context.settings.networks.get("reference_inpainter")
     order, names = context.settings.order, context.settings.keyframes
     plan = plan_drive(

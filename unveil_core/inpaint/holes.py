@@ -31,12 +31,14 @@ class FrameTask:
         camera: its camera; image: (H, W, 3) uint8 as photographed.
         removed: (H, W) bool, pixels of removed objects with their borders.
         unobserved: (H, W) bool, of them those that nobody saw.
+        stands: (H, W) bool, pixels of objects that stay, on which no ground is relit; None where nothing tells.
     """
 
     camera: Camera
     image: NDArray[np.uint8]
     removed: Mask
     unobserved: Mask
+    stands: Mask | None = None
 
 
 @dataclass(frozen=True, eq=False)

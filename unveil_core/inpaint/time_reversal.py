@@ -193,6 +193,8 @@ class _View:
             on_ground = look.replaced | _shows_ground(look.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
             shadow = grow(look.shadow, BORDER_PX) & look.covered & ~behind.in_front & ~task.removed & on_ground
+            if task.stands is not None:
+                shadow &= ~task.stands  # the foot of a car that stays lies hardly before the ground
             gain[shadow] = look.gain[shadow]
             over = shadow & look.replaced
             original[over] = look.color[over]
