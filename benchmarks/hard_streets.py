@@ -227,17 +227,16 @@ def main() -> None:
     """Measure all cases, or those named on the command line."""
     every = cases()
     names = sys.argv[1:] or list(every)
-    told = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {"cases": {}}
+    told = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {"machine": {}, "cases": {}}
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(os.environ.get("UNVEIL_KEEP", temporary))
         for name in names:
             drive, workspace = folder / name.replace(" ", "_") / "drive", folder / name.replace(" ", "_") / "workspace"
             row = measure(every[name], drive, workspace)
             told["cases"][name] = row
+            told["nothing_chosen"] = nothing_chosen(drive, folder)
+            write_json_atomic(RESULTS, {**told, "machine": machine()})
             print(name, row["seconds"], row["regions"], row["black_pixels_in_the_gone_region"], flush=True)
-        told["nothing_chosen"] = nothing_chosen(drive, folder)
-        told = {"machine": machine(), **{k: v for k, v in told.items() if k != "machine"}}
-        write_json_atomic(RESULTS, told)
         homes = [folder / n.replace(" ", "_") for n in every]
         if all((home / "workspace").is_dir() for home in homes):
             rows = [picture(c, h / "drive", h / "workspace") for c, h in zip(every.values(), homes, strict=True)]
