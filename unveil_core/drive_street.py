@@ -119,21 +119,19 @@ def drive_continued(
     """
     unit, ground = scene_range(drive).unit, layer.chart.ground
     cameras = [f.camera for f in drive.frames]
-    # At the border of what is removed pixels are mixed.
-    gone = [grow(mask, 1) for mask in views.removed]
     found: list[Surfels] = []
     house = scene.labels.index("building")
     if house is not None:
         walls, on_wall = left.select(left.labels == house), [label == house for label in views.labels]
         for is_left in (False, True):
             chart = read_facade(
-                ground, walls, cameras, views.images, on_wall, views.depths, gone, left=is_left, unit=unit
+                ground, walls, cameras, views.images, on_wall, views.depths, views.removed, left=is_left, unit=unit
             )  # fmt: skip
             front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
             found += [] if front is None else [front]
     kinds = torch.tensor(labels_of(scene, UPRIGHT_CLASSES), dtype=left.labels.dtype)
     standing = left.select(torch.isin(left.labels, kinds))
-    feet = feet_of_uprights(standing, ground, cameras, views.depths, gone, unit=unit)
+    feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed, unit=unit)
     if feet is None:
         return found, layer
     return [*found, feet], replace(layer, feet=feet.means.double().numpy())

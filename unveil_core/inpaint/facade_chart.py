@@ -16,6 +16,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.facade_fill import fill_facade
 from unveil_core.inpaint.street import Ground
 from unveil_core.inpaint.street_chart import read_bilinear
+from unveil_core.remove.regions import grow
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -146,7 +147,8 @@ def read_facade(
         part, pixel, z = part[inside], pixel[inside], z[inside]
         x, y = pixel.astype(np.int64).T
         asked[part[gone[y, x]]] = True
-        seen = wall[y, x] & ~gone[y, x] & (np.abs(depth[y, x] - z) < AGREE_M * unit + AGREE * z)
+        # At the border of what is removed pixels are mixed.
+        seen = wall[y, x] & ~grow(gone, 1)[y, x] & (np.abs(depth[y, x] - z) < AGREE_M * unit + AGREE * z)
         part, pixel, z = part[seen], pixel[seen], z[seen]
         # Seen from along the street a front is squeezed.
         straight = np.abs(front[rows[part]]) / np.maximum(np.linalg.norm(world[part] - camera.centre, axis=1), 1e-9)
@@ -175,7 +177,6 @@ def invented_fronts(chart: FacadeChart, *, label: int, sh_degree: int) -> Surfel
     rows, columns = np.nonzero(filled)
     if not len(rows):
         return None
-    places = chart.world(rows, columns)
     street = np.stack([chart.s_start + chart.texel * rows, chart.front[rows]], axis=1)
     ends = [
         chart.ground.path.to_world(np.column_stack([street[:, 0], street[:, 1] * share, np.zeros(len(rows))]))
@@ -183,6 +184,8 @@ def invented_fronts(chart: FacadeChart, *, label: int, sh_degree: int) -> Surfel
     ]
     normal = ends[0] - ends[1]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # A little behind the front: at the gap's border what was seen of it covers them.
+    places = chart.world(rows, columns) - chart.texel * normal
     return surfels_from_points(
         places, np.clip(np.round(color[rows, columns] * 255), 0, 255).astype(np.uint8),
         np.full(len(rows), label, dtype=np.int64), normal, np.full(len(rows), chart.texel),

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.crowns import components
 from unveil_core.inpaint.street import Ground
+from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["feet_of_uprights"]
@@ -102,7 +103,7 @@ def _hidden(
             (z > 1e-6) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
         )
         x, y = pixel[inside].astype(np.int64).T
-        behind = gone[y, x]
-        asked[inside[behind]] = True
-        through[inside[~behind & (depth[y, x] > BEHIND * z[inside])]] = True
+        asked[inside[gone[y, x]]] = True
+        # At the border of what is removed pixels are mixed.
+        through[inside[~grow(gone, 1)[y, x] & (depth[y, x] > BEHIND * z[inside])]] = True
     return asked & ~through
