@@ -103,12 +103,10 @@ def find_fronts(walls: Surfels, ground: Ground, s: Array, *, left: bool, unit: f
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if (last - first) * BIN_M < LONG_M:
             front[first:last] = np.nan
-    index = np.clip(np.round((s - at[0]) / (BIN_M * unit)).astype(int), 0, len(at) - 1)
+    place, stands = (s - at[0]) / (BIN_M * unit), np.isfinite(front)
+    below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(front))
-    near = np.isfinite(front[index])
-    for side in (np.floor, np.ceil):
-        near &= np.isfinite(front[np.clip(side((s - at[0]) / (BIN_M * unit)).astype(int), 0, len(at) - 1)])
-    return np.where(near, smooth, np.nan)
+    return np.where(stands[below] & stands[above], smooth, np.nan)
 
 
 def read_facade(

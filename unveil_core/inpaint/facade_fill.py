@@ -78,10 +78,10 @@ def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[ND
     if not gap.any() or not len(shifts):
         return np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=bool)
     near = np.ones((2 * int(BESIDE_M * per_m) + 1, 2 * int(CONTEXT_M * per_m) + 1), np.uint8)
-    gaps_8 = wanted.astype(np.uint8)
-    right = np.ones((2 * int(CLOSE_M * per_m) + 1,) * 2, np.uint8)
+    asked = wanted.astype(np.uint8)
+    close = np.ones((2 * int(CLOSE_M * per_m) + 1,) * 2, np.uint8)
     # What adjoins the gap must go on in it, what is farther off tells which part of the front it is.
-    context = known * (cv2.dilate(gaps_8, near) + (CLOSER - 1) * cv2.dilate(gaps_8, right)).astype(np.float32)
+    context = known * (cv2.dilate(asked, near) + (CLOSER - 1) * cv2.dilate(asked, close)).astype(np.float32)
     along = 2 * int(WITH_M * per_m) + 1
 
     def summed(values: NDArray[np.float32]) -> Float32:

@@ -108,7 +108,7 @@ def light_of_scene(
     planes = []
     for surfels in (kept, gone):
         plane = np.zeros(shape, dtype=bool)
-        plane[rows, columns] = cast_shadows(points, surfels, sun.towards, cell=0.06 * unit, bias=0.15 * unit)
+        plane[rows, columns] = _cast(points, surfels, sun.towards, unit)
         # No light comes through chinks, nor between a wall and the ground at its foot.
         chinks = disc(CHINK_M * unit / chart.texel)
         plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
