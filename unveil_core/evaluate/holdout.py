@@ -107,8 +107,7 @@ def _pixels_of(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Which points (M,) fall into a view, and their rows, columns and depths there."""
     pixel, depth = sight.camera.project(points)
-    inside = (depth > near) & (pixel[:, 0] >= 0) & (pixel[:, 0] < sight.camera.width)
-    index = np.flatnonzero(inside & (pixel[:, 1] >= 0) & (pixel[:, 1] < sight.camera.height))
+    index = np.flatnonzero(sight.camera.in_picture(pixel, depth, nearest=near))
     return index, pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index]
 
 

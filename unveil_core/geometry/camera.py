@@ -76,6 +76,16 @@ class Camera:
             y = local[:, 1] / depth * self.fy + self.cy
         return np.stack([x, y], axis=1), depth
 
+    def in_picture(self, pixels: Float64, depth: Float64, *, nearest: float = 1e-6) -> NDArray[np.bool_]:
+        """(N,) bool, which of what :meth:`project` gave lies before the camera and within its picture.
+
+        Args:
+            pixels: (N, 2); depth: (N,).
+            nearest: depth that a point must exceed, world units.
+        """
+        inside: NDArray[np.bool_] = (depth > nearest) & (pixels >= 0).all(axis=1)
+        return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)
+
     def rays(self) -> Float64:
         """(H, W, 3) float64 world directions through the pixel centres with unit component along the optical axis,
         so that ``centre + depth * ray`` is the point at that depth."""

@@ -104,7 +104,7 @@ def _best(
     for frame in frames:
         other = frame.camera
         pixels, distance = other.project(points)
-        shown = (distance > 1e-6) & (pixels >= 0).all(axis=1) & (pixels < (other.width, other.height)).all(axis=1)
+        shown = other.in_picture(pixels, distance)
         c, r = (np.where(shown, pixels[:, i], 0).astype(np.int64) for i in (0, 1))
         shown &= np.abs(frame.depth[r, c] - distance) < TOLERANCE * distance
         if shown.mean() < LEAST_SHARE:

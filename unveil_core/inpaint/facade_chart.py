@@ -141,7 +141,7 @@ def read_facade(
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
         part = np.flatnonzero(np.abs(s[rows] - here) < reach_m * unit)
         pixel, z = camera.project(world[part])
-        inside = (z > 0.3 * unit) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+        inside = camera.in_picture(pixel, z, nearest=0.3 * unit)
         part, pixel, z = part[inside], pixel[inside], z[inside]
         x, y = pixel.astype(np.int64).T
         asked[part[gone[y, x]]] = True

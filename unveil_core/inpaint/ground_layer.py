@@ -81,7 +81,7 @@ class GroundLayer:
         mask = np.zeros(depth.shape, dtype=np.uint8)
         if len(self.feet):
             pixel, z = camera.project(self.feet)
-            inside = (z > 1e-6) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+            inside = camera.in_picture(pixel, z)
             x, y = pixel[inside].astype(np.int64).T
             seen = np.abs(depth[y, x] - z[inside]) < FOOT_DEPTH * z[inside]
             mask[y[seen], x[seen]] = 1
@@ -94,8 +94,7 @@ class GroundLayer:
         rows, columns = np.nonzero((self.chart.gain.max(axis=2) > 1.02) | self.chart.replaced)
         if len(rows):
             pixel, depth = camera.project(self.chart.world(rows, columns))
-            inside = (depth > 0.3 * self.chart.texel / 0.04) & (pixel[:, 0] >= 0) & (pixel[:, 0] < camera.width)
-            inside &= (pixel[:, 1] >= 0) & (pixel[:, 1] < camera.height)
+            inside = camera.in_picture(pixel, depth, nearest=0.3 * self.chart.texel / 0.04)
             mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
             # Close to the camera texels lie some pixels apart.
             mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))

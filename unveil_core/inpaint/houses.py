@@ -165,7 +165,7 @@ def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray
     seen = np.zeros(len(points), dtype=bool)
     for camera in cameras:
         pixel, depth = camera.project(points)
-        seen |= (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+        seen |= camera.in_picture(pixel, depth)
     return seen
 
 

@@ -159,8 +159,7 @@ def _in_view(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Flags, NDArray[np.float64]]:
     """Rows and columns of points (P, 3), 0 outside the view, whether they lie in the view, and their depth."""
     pixel, depth = hole.camera.project(points)
-    height, width = hole.mask.shape
-    inside = (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
+    inside = hole.camera.in_picture(pixel, depth)
     safe = np.where(inside[:, None], pixel, 0).astype(np.int64)
     return safe[:, 1], safe[:, 0], inside, depth
 

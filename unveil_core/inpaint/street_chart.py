@@ -112,8 +112,7 @@ def read_chart(
         last = np.searchsorted(s, here + reach) * columns
         index = first + np.flatnonzero(inside[first:last])
         pixel, depth = camera.project(world[index])
-        seen = (depth > 0.3 * unit) & (depth < reach) & (pixel[:, 0] >= 0) & (pixel[:, 0] < camera.width)
-        seen &= (pixel[:, 1] >= 0) & (pixel[:, 1] < camera.height)
+        seen = camera.in_picture(pixel, depth, nearest=0.3 * unit) & (depth < reach)
         index, pixel, depth = index[seen], pixel[seen], depth[seen]
         column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
         good = usable[v][row, column]

@@ -104,7 +104,7 @@ def texels_in_pixels(
         if not len(rows) or not mask.any():
             continue
         pixel, depth = camera.project(places)
-        inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
+        inside = camera.in_picture(pixel, depth, nearest=0.0)
         column, row = pixel[inside].astype(np.int64).T
         fall[inside] |= mask[row, column]
     found = np.zeros(chart.source.shape, dtype=bool)

@@ -99,9 +99,7 @@ def _hidden(
     asked, through = np.zeros(len(means), dtype=bool), np.zeros(len(means), dtype=bool)
     for camera, depth, gone in zip(cameras, depths, removed, strict=True):
         pixel, z = camera.project(means)
-        inside = np.flatnonzero(
-            (z > 1e-6) & (pixel >= 0).all(axis=1) & (pixel < (camera.width, camera.height)).all(axis=1)
-        )
+        inside = np.flatnonzero(camera.in_picture(pixel, z))
         x, y = pixel[inside].astype(np.int64).T
         asked[inside[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.

@@ -84,8 +84,7 @@ def _pixel_reach(depth: NDArray[np.floating]) -> Array:
 def _pixels(camera: Camera, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, NDArray[np.int64]]:
     """Rows, columns and depths of the points that lie in the picture, and which those are."""
     pixel, depth = camera.project(points)
-    inside = (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
-    index = np.flatnonzero(inside)
+    index = np.flatnonzero(camera.in_picture(pixel, depth))
     return pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index], index
 
 

@@ -113,9 +113,7 @@ def find_ground(
         ahead = np.zeros(len(points), np.int64)
         for frame, label in zip(drive.frames, labels, strict=True):
             pixel, depth = frame.camera.project(points)
-            inside = (depth > 0.2 * unit) & (pixel >= 0).all(axis=1)
-            inside &= (pixel[:, 0] < frame.camera.width) & (pixel[:, 1] < frame.camera.height)
-            index = np.flatnonzero(inside)
+            index = np.flatnonzero(frame.camera.in_picture(pixel, depth, nearest=0.2 * unit))
             shown = label[pixel[index, 1].astype(int), pixel[index, 0].astype(int)]
             ahead[index] += np.isin(shown, ground)
             ahead[index] -= (shown >= 0) & ~np.isin(shown, (*ground, *removable))

@@ -43,8 +43,7 @@ def points_behind_contacts(
     if not len(contacts):
         return inside
     pixel, depth = camera.project(points)
-    ok = (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
-    index = np.flatnonzero(ok)
+    index = np.flatnonzero(camera.in_picture(pixel, depth))
     index = index[mask[pixel[index, 1].astype(int), pixel[index, 0].astype(int)]]
     if not len(index):
         return inside
@@ -100,8 +99,7 @@ def points_along_track(
     for sight in sights:
         camera = sight.camera
         pixel, depth = camera.project(points[index])
-        ok = (depth > 1e-6) & (pixel >= 0).all(axis=1) & (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
-        inside = np.flatnonzero(ok)
+        inside = np.flatnonzero(camera.in_picture(pixel, depth))
         row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
         through[inside] += sight.open[row, column]
         taken[inside] += sight.taken[row, column]

@@ -79,8 +79,7 @@ def mover_shadow(
     for k, v in enumerate(order):
         other = cameras[v]
         pixel, away = other.project(places)
-        ok = known & (away > 0) & (pixel >= 0).all(axis=1)
-        ok &= (pixel[:, 0] < other.width) & (pixel[:, 1] < other.height) & (away < 3 * depth)
+        ok = known & other.in_picture(pixel, away, nearest=0.0) & (away < 3 * depth)
         index = np.flatnonzero(ok)
         r, c = pixel[index, 1].astype(int), pixel[index, 0].astype(int)
         free = plain(v)[r, c]

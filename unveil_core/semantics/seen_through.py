@@ -120,8 +120,7 @@ def look_through(places: Array, sights: Sequence[Sight], own: int, *, farther: f
             continue
         camera = sight.camera
         pixel, depth = camera.project(flat)
-        inside = (depth > 1e-6) & (depth < most) & (pixel >= 0).all(axis=1)
-        inside &= (pixel[:, 0] < camera.width) & (pixel[:, 1] < camera.height)
+        inside = camera.in_picture(pixel, depth) & (depth < most)
         row, column = (np.where(inside, pixel[:, k], 0).astype(np.int64) for k in (1, 0))
         clear = (inside & sight.open[row, column]).reshape(count, samples)
         taken = (inside & sight.taken[row, column]).reshape(count, samples)

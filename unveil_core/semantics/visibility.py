@@ -69,9 +69,7 @@ def points_in_view(
         near: nearest depth that counts, world units.
     """
     pixels, depth = camera.project(positions)
-    inside = (depth > near) & (pixels[:, 0] >= 0) & (pixels[:, 0] < camera.width)
-    inside &= (pixels[:, 1] >= 0) & (pixels[:, 1] < camera.height)
-    index = np.flatnonzero(inside)
+    index = np.flatnonzero(camera.in_picture(pixels, depth, nearest=near))
     x, y, z = pixels[index, 0], pixels[index, 1], depth[index]
     radius = 0.8 * spacing[index] / z
     if normals is None:

@@ -158,8 +158,7 @@ def sweep_points(
             if j == i:
                 continue
             pixel, z = small[j].project(points)
-            inside = (z > near) & (pixel[:, 0] >= 0) & (pixel[:, 0] < small[j].width)
-            inside &= (pixel[:, 1] >= 0) & (pixel[:, 1] < small[j].height)
+            inside = small[j].in_picture(pixel, z, nearest=near)
             column, row = pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
             same = np.abs(depth[j][row, column] - z[inside]) < settings.agreement * z[inside]
             confirmed[np.flatnonzero(inside)[same & (score[j][row, column] > settings.correlation - 0.15)]] = True

@@ -90,7 +90,7 @@ def transferred(
     rows, columns = np.nonzero(wanted)
     points = camera.centre + depth[rows, columns, None] * camera.rays()[rows, columns]
     pixels, distance = other.project(points)
-    ok = (distance > 1e-6) & (pixels >= 0).all(axis=1) & (pixels < (other.width, other.height)).all(axis=1)
+    ok = other.in_picture(pixels, distance)
     c, r = (np.where(ok, pixels[:, i], 0).astype(np.int64) for i in (0, 1))
     ok &= np.abs(other_depth[r, c] - distance) < TOLERANCE * distance
     shown = np.zeros_like(wanted)
