@@ -132,3 +132,29 @@ def test_a_path_is_moved_onto_a_line_beside_it(radius: float) -> None:
     assert np.abs(moved.to_street(middle)[amid, 1]).max() < 0.05
     # Half way between two nodes either may be meant.
     assert np.abs(moved.to_world(moved.to_street(middle)) - middle).max() < 1e-3
+
+
+def test_rays_go_over_a_crest_and_up_a_hill() -> None:
+    """The street falls behind a crest at 20 m and rises, above the camera's horizon, from 60 m on."""
+
+    def height(s: np.ndarray) -> np.ndarray:
+        return np.where(s < 20, 0.05 * s, 1.0 - 0.06 * (s - 20)) + 0.28 * np.maximum(s - 55, 0)
+
+    cameras = [look(np.array([x, 0.0, float(height(np.array(x))) + 1.6]), 0.0, 0.0) for x in np.arange(0.0, 24.0)]
+    path = fit_path(cameras, UP, unit=1.0)
+    rng = np.random.default_rng(4)
+    s, l = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)  # noqa: E741
+    ground = fit_ground(path, np.column_stack([s, l, height(s)]), unit=1.0)
+    camera = cameras[0]
+    rays = np.column_stack([np.ones(200), rng.uniform(-0.02, 0.02, 200), np.linspace(-0.3, 0.06, 200)])
+    depth, street = ground.intersect(camera, rays)
+    steps = np.linspace(0.5, 79, 16_000)
+    over = camera.centre[2] + steps[:, None] * rays[:, 2] - height(steps)[:, None]
+    expected = np.where((over < 0).any(axis=0), steps[(over < 0).argmax(axis=0)], np.inf)
+    assert (np.isinf(expected) == np.isinf(depth)).mean() > 0.97
+    met = np.isfinite(expected) & np.isfinite(depth)
+    assert (rays[met, 2] > 0).sum() > 10
+    assert (np.abs(depth[met] - expected[met]) < 0.05 * expected[met]).mean() > 0.95
+    # Nothing is found between the crest and the hill that it hides.
+    assert not ((depth > 26) & (depth < 55)).any()
+    assert np.abs(street[met, 0] - depth[met]).max() < 0.5

@@ -15,11 +15,18 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, 
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.height_field import HeightField
 from unveil_core.surfels.sky import up_frame
 
 __all__ = ["Ground", "StreetPath", "fit_ground", "fit_path", "straighten_path"]
 
 Array = NDArray[np.float64]
+RELIEF_CELLS, MOST_CELLS = 0.5, 8_000_000
+"""Side of a cell of the relief in cells of arc length (metres); large drives get larger ones."""
+NEAR_CELLS, FAR_CELLS = 0.3, 300.0
+"""Depths, in cells of arc length, between which rays meet the ground."""
+SECANTS, MISS_CELLS = 4, 0.08
+"""Steps from the relief to the surface, and how far off, in cells of arc length, what they find may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +79,14 @@ class StreetPath:
         cos, sin = (part[index] for part in self._travel)
         along, left = gap[:, 0] * cos + gap[:, 1] * sin, -gap[:, 0] * sin + gap[:, 1] * cos
         return np.stack([self.start + index * self.step + along, left, local[:, 2]], axis=1)
+
+    def along_street(self, s: Array, vectors: Array) -> Array:
+        """World vectors (N, 3) as components along the street, to its left and up, at arc lengths (N,)."""
+        local = vectors @ self.axes.T
+        index = np.clip(np.round((s - self.start) / self.step).astype(int), 0, len(self.nodes) - 1)
+        cos, sin = (part[index] for part in self._travel)
+        east, north, up = local.T
+        return np.stack([east * cos + north * sin, north * cos - east * sin, up], axis=1)
 
     def to_world(self, street: Array) -> Array:
         """Inverse of :meth:`to_street`."""
@@ -190,39 +205,74 @@ class Ground:
         h = self.height
         return (h[i, j] * (1 - u) + h[i + 1, j] * u) * (1 - v) + (h[i, j + 1] * (1 - u) + h[i + 1, j + 1] * u) * v
 
+    def slope_at(self, s: Array, l: Array) -> tuple[Array, Array]:  # noqa: E741
+        """How the ground rises along the street and to its left, each (N,), over a metre or two."""
+        a, b = self.s_cell, 5 * self.l_cell
+        along = (self.height_at(s + a, l) - self.height_at(s - a, l)) / (2 * a)
+        return along, (self.height_at(s, l + b) - self.height_at(s, l - b)) / (2 * b)
+
+    def over(self, points: Array) -> Array:
+        """(N,) height of world points (N, 3) over the ground."""
+        street = self.path.to_street(points)
+        height: Array = street[:, 2] - self.height_at(street[:, 0], street[:, 1])
+        return height
+
     def inside(self, s: Array, l: Array) -> NDArray[np.bool_]:  # noqa: E741
         """Whether street coordinates lie on ground as far as anyone saw it."""
         a = np.clip(np.round((s - self.s_start) / self.s_cell).astype(int), 0, len(self.left) - 1)
         s_end = self.s_start + self.s_cell * (len(self.left) - 1)
         return (l <= self.left[a]) & (l >= self.right[a]) & (s >= self.s_start) & (s <= s_end)
 
+    @cached_property
+    def _relief(self) -> HeightField:
+        """The ground over the horizontal plane, coarsely, NaN beside it: it leads rays over hills and crests."""
+        path = self.path
+        extent = (np.asarray(path.nearest.shape) - 1) * path.cell
+        cell = max(RELIEF_CELLS * self.s_cell, float(np.sqrt(np.prod(extent) / MOST_CELLS)))
+        east, north = np.meshgrid(*(np.arange(0.0, side, cell) for side in extent), indexing="ij")
+        level = np.stack([east.ravel() + path.corner[0], north.ravel() + path.corner[1], np.zeros(east.size)], axis=1)
+        s, l, _ = path.to_street(level @ path.axes).T  # noqa: E741
+        # A cell more on each side, so that rays to the rim find it.
+        beside = (
+            self.inside(s, l + cell) | self.inside(s, l - cell) | self.inside(s + cell, l) | self.inside(s - cell, l)
+        )
+        height = np.where(beside, self.height_at(s, l), np.nan)
+        return HeightField(path.axes, path.corner, cell, height.reshape(east.shape))
+
     def intersect(self, camera: Camera, rays: Array) -> tuple[Array, Array]:
-        """Where rays meet the ground.
+        """Where rays first meet the ground.
 
         Args:
             rays: (N, 3) world directions with unit component along the optical axis.
         Returns:
-            depth (N,), inf where there is no ground; street coordinates (N, 3).
+            depth (N,), inf where there is no ground; street coordinates (N, 3), zero there.
         """
-        path = self.path
-        centre = camera.centre
-        rise = rays @ path.axes[2]
-        height0 = float(centre @ path.axes[2])
-        here = path.to_street(centre[None])[0]
-        level = float(self.height_at(here[:1], here[1:2])[0])
-        down = rise < -1e-4
-        depth = np.where(down, (level - height0) / np.where(down, rise, -1.0), 1e4)
-        depth = np.clip(depth, 0.0, 1e4)
+        unit = self.s_cell
+        found = self._relief.first_met(camera.centre, rays, near=NEAR_CELLS * unit, far=FAR_CELLS * unit)
+        met = np.flatnonzero(np.isfinite(found))
         street = np.zeros((len(rays), 3))
-        for _ in range(6):
-            street = path.to_street(centre + depth[:, None] * rays)
-            target = self.height_at(street[:, 0], street[:, 1])
-            change = np.where(down, (target - street[:, 2]) / np.where(down, rise, -1.0), 0.0)
-            depth = np.clip(depth + 0.8 * change, 0.0, 1e4)
-        street = path.to_street(centre + depth[:, None] * rays)
-        miss = np.abs(self.height_at(street[:, 0], street[:, 1]) - street[:, 2])
-        good = down & (miss < 0.05 * np.abs(level - height0)) & self.inside(street[:, 0], street[:, 1])
-        return np.where(good, depth, np.inf), street
+        depth = np.full(len(rays), np.inf)
+        if not len(met):
+            return depth, street
+        start, rays = found[met], rays[met]
+
+        def over(at: Array) -> tuple[Array, Array]:
+            place = self.path.to_street(camera.centre + at[:, None] * rays)
+            return place, place[:, 2] - self.height_at(place[:, 0], place[:, 1])
+
+        # By secants from the relief to the surface itself, kerbs included; never far from where the relief has it.
+        last, now = 0.97 * start, start
+        before, (place, miss) = over(last)[1], over(now)
+        for _ in range(SECANTS):
+            slope = miss - before
+            step = np.where(np.abs(slope) > 1e-12, miss * (now - last) / np.where(slope == 0, 1.0, slope), 0.0)
+            last, before = now, miss
+            now = np.clip(now - np.clip(step, -0.1 * start, 0.1 * start), 0.8 * start, 1.25 * start)
+            place, miss = over(now)
+        good = (np.abs(miss) < MISS_CELLS * unit) & self.inside(place[:, 0], place[:, 1])
+        depth[met] = np.where(good, now, np.inf)
+        street[met] = place
+        return depth, street
 
 
 def fit_ground(path: StreetPath, points: Array, *, unit: float, walls: Array | None = None) -> Ground:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.height_field import HeightField
 
 __all__ = ["Terrain", "fit_terrain", "ground_points"]
 
@@ -31,32 +31,12 @@ HUMP_M, OPENED_M = 0.15, 1.5
 """What stands out of the ground by more than this and is narrower than that is no ground but a bush's foot or a tyre."""
 REACH_M = 4.0
 """A hole in the ground is bridged if no circle of this radius, twice a car's width, lies in it; nothing is added around it."""
-STEPS, HALVINGS = 100, 6
-"""A ray looks for the ground at so many depths, each a constant factor beyond the last; between the two about the ground it
-halves the way so often."""
 LABELLED_M, MOST_POINTS = 0.4, 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Terrain:
-    """Height of the ground over the horizontal plane.
-
-    Attributes:
-        axes: (3, 3) rows east, north, up.
-        corner: (2,) east and north of the first cell's centre; cell: side of a cell; world units.
-        height: (A, B) along up at the cells' centres, NaN where nobody knows.
-    """
-
-    axes: Array
-    corner: Array
-    cell: float
-    height: Array
-
-    def height_at(self, horizontal: Array) -> Array:
-        """(N,) bilinear height at east, north (N, 2); NaN where nobody knows."""
-        where = ((horizontal - self.corner) / self.cell).T
-        found: Array = map_coordinates(self.height, where, order=1, mode="constant", cval=np.nan)
-        return found
+class Terrain(HeightField):
+    """The ground around a drive."""
 
     def depth(self, camera: Camera, pixels: NDArray[np.bool_], *, near: float, far: float) -> Array:
         """Where rays first meet the ground from above.
@@ -67,31 +47,9 @@ class Terrain:
         Returns:
             (H, W) depth along the optical axis, inf where there is none or was not asked.
         """
-        rays = camera.rays()[pixels] @ self.axes.T
-        centre = self.axes @ camera.centre
-
-        def above(asked: NDArray[np.int64], depth: Array) -> Array:
-            place = centre + depth[:, None] * rays[asked]
-            over: Array = place[:, 2] - self.height_at(place[:, :2])
-            return over
-
-        nearer, farther = np.full(len(rays), np.nan), np.full(len(rays), np.inf)
-        asked = np.arange(len(rays))
-        over, last = np.full(len(rays), np.nan), near
-        for depth in np.geomspace(near, far, STEPS):
-            now = above(asked, np.full(len(asked), depth))
-            hit = (now <= 0) & (over > 0)
-            nearer[asked[hit]], farther[asked[hit]] = last, depth
-            asked, over, last = asked[~hit], now[~hit], float(depth)
-        met = np.flatnonzero(np.isfinite(farther))
-        for _ in range(HALVINGS):
-            middle = (nearer[met] + farther[met]) / 2
-            open_ = above(met, middle) > 0
-            nearer[met] = np.where(open_, middle, nearer[met])
-            farther[met] = np.where(open_, farther[met], middle)
         out = np.full(pixels.shape, np.inf)
-        out[pixels] = (nearer + farther) / 2
-        return np.where(np.isfinite(out), out, np.inf)
+        out[pixels] = self.first_met(camera.centre, camera.rays()[pixels], near=near, far=far)
+        return out
 
 
 def ground_points(points: Array, means: Array, on_ground: NDArray[np.bool_], *, unit: float) -> Array:
