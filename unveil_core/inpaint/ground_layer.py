@@ -49,7 +49,7 @@ class GroundPixels:
         covered: (H, W) bool, the chart has a colour there.
         shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
             was given up, see StreetChart.
-        extent: (H, W) of a pixel along the street, in texels of the chart.
+        extent: (H, W) of a pixel along its ray on the ground, in texels of the chart.
     """
 
     hit: NDArray[np.bool_]
@@ -68,6 +68,7 @@ class GroundLayer:
 
     Attributes:
         feet: (N, 3) world places just above the ground where something stands whose foot was hidden.
+        ground_labels: compact labels of the ground; none where the scene has no classes.
     """
 
     chart: StreetChart
@@ -75,6 +76,7 @@ class GroundLayer:
     gains: list[Float32]
     sun: Sun | None = None
     feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    ground_labels: tuple[int, ...] = ()
 
     def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(H, W) pixels that show such a foot, where it is what is seen at this ``depth`` (H, W)."""
@@ -114,13 +116,18 @@ class GroundLayer:
         extent = np.zeros(len(rays), dtype=np.float32)
         if hit.any():
             z = depth[hit]
-            # A pixel's extent on the ground: z/f across, and stretched by the grazing angle along.
-            direction = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
-            grazing = np.maximum(np.abs(direction @ self.chart.ground.path.axes[2]), 0.01)
+            # A pixel's extent on the ground: z/f across the view, and stretched by the grazing angle along it.
+            ground, at = self.chart.ground, street[hit]
+            direction = ground.path.along_street(at[:, 0], rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True))
+            ahead, aside = ground.slope_at(at[:, 0], at[:, 1])
+            steep = np.abs(direction[:, 2] - ahead * direction[:, 0] - aside * direction[:, 1])
+            grazing = np.maximum(steep / np.sqrt(1 + ahead**2 + aside**2), 0.01)
             across = z / camera.fx
             extent[hit] = across / grazing / self.chart.texel
-            color[hit] = sample_chart(self.colors, self.chart, street[hit], across / grazing, across)
-            gain[hit] = sample_chart(self.gains, self.chart, street[hit], across / grazing, across)
+            level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)
+            footprint = direction[:, :2] * (across / grazing / level)[:, None]
+            color[hit] = sample_chart(self.colors, self.chart, at, footprint, across)
+            gain[hit] = sample_chart(self.gains, self.chart, at, footprint, across)
             row, column, on_chart = self.chart.index_of(street[hit])
             covered[hit] = on_chart & (self.chart.source[row, column] > 0)
             replaced[hit] = on_chart & self.chart.replaced[row, column]

@@ -22,6 +22,8 @@ __all__ = ["INVENTED", "OBSERVED", "OUTSIDE", "RELIT", "StreetChart", "read_bili
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
+TAPS, LONGEST_TEXELS = 7, 100.0
+"""A pixel's footprint is looked up at so many places, over no more than this length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,32 +162,34 @@ def read_bilinear(image: NDArray[np.uint8], pixel: Array) -> Array:
 
 
 def sample_chart(
-    layers: Sequence[Float32], chart: StreetChart, street: Array, footprint_s: Array, footprint_l: Array
+    layers: Sequence[Float32], chart: StreetChart, street: Array, footprint: Array, across: Array
 ) -> Float32:
-    """Filtered look-up: five taps along the street over a pixel's footprint, blur levels across it.
+    """Filtered look-up: taps along a pixel's footprint, blur levels across it.
 
     Args:
         layers: a blur pyramid of one picture in chart coordinates, of :func:`blur_levels`.
         street: (N, 2+) street coordinates of pixel centres.
-        footprint_s, footprint_l: (N,) extent of a pixel along and across the street, world units.
+        footprint: (N, 2) extent of a pixel along its ray, as a vector in street coordinates; across: (N,) extent across that;
+            world units.
     Returns:
         (N, C) float32.
     """
-    level = np.clip(np.log2(np.maximum(footprint_l / chart.texel, 1.0)), 0, len(layers) - 1.001)
+    level = np.clip(np.log2(np.maximum(across / chart.texel, 1.0)), 0, len(layers) - 1.001)
     lower = level.astype(int)
     blend = (level - lower).astype(np.float32)[:, None]
     result = np.zeros((len(street), layers[0].shape[2]), dtype=np.float32)
-    spread = np.minimum(footprint_s, 4.0 / 0.04 * chart.texel)
-    for tap in (-0.4, -0.2, 0.0, 0.2, 0.4):
-        row = (street[:, 0] + tap * spread - chart.s_start) / chart.texel
-        column = (street[:, 1] - chart.l_start) / chart.texel
+    length = np.maximum(np.hypot(footprint[:, 0], footprint[:, 1]), 1e-12)
+    spread = footprint * np.minimum(1.0, LONGEST_TEXELS * chart.texel / length)[:, None]
+    for tap in np.linspace(-0.5, 0.5, 2 * TAPS + 1)[1::2]:
+        row = (street[:, 0] + tap * spread[:, 0] - chart.s_start) / chart.texel
+        column = (street[:, 1] + tap * spread[:, 1] - chart.l_start) / chart.texel
         for k in range(len(layers)):
             use = (lower == k) | (lower + 1 == k)
             if not use.any():
                 continue
             value = _remap_float(layers[k], row[use], column[use])
             share = np.where((lower[use] == k)[:, None], 1 - blend[use], blend[use])
-            result[use] += value * share * np.float32(0.2)
+            result[use] += value * share * np.float32(1 / TAPS)
     return result
 
 
