@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.drive_street import drive_continued, drive_ground, drive_ground_layer, drive_views
+from unveil_core.drive_street import drive_continued, drive_ground, drive_ground_layer, drive_views, labels_of
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
@@ -17,14 +16,12 @@ from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.inpaint.compose import compose_frame
 from unveil_core.inpaint.drive_plan import plan_drive, plan_json
-from unveil_core.inpaint.ground_layer import (
-    GROUND_CLASSES,
-)
+from unveil_core.inpaint.ground_layer import GROUND_CLASSES
 from unveil_core.inpaint.holes import FrameTask
+from unveil_core.inpaint.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.onnx_models import load_reference
 from unveil_core.inpaint.single_image import inpainter
 from unveil_core.inpaint.time_reversal import paint_along
-from unveil_core.inpaint.transfer import seed_ground, texels_in_pixels
 from unveil_core.moving import read_moving
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.optimize.scene_range import scene_range
@@ -40,9 +37,6 @@ from unveil_core.surfels.sky import load_sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.unseen import empty_street
 from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
-
-"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
-
 
 # ---------------------------------------------------------------------------------------------------------------- remove
 
@@ -94,7 +88,7 @@ def remove_body(context: StageContext) -> None:
     kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
     told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
     ground = drive_ground(drive, scene, left)
-    on_ground = [k for k, name in enumerate(scene.labels.names) if name in GROUND_CLASSES]
+    on_ground = labels_of(scene, GROUND_CLASSES)
     empty = empty_street(drive, surfels, gone, ground, on_ground)
     moving = read_moving(workspace.root)
     views = []
@@ -124,7 +118,8 @@ def remove_body(context: StageContext) -> None:
 
 
 def inpaint_body(context: StageContext) -> None:
-    """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows, surfels/seeds.ply, surfels/relit.npy."""
+    """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows; surfels/seeds.ply, and of full.ply's surfels
+    those that they take the place of and those whose shadow went: surfels/displaced.npy, surfels/relit.npy."""
     inpaint_with(context)
 
 
@@ -150,7 +145,14 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
     views = drive_views(drive, scene, surfels, images, removed)
     layer = drive_ground_layer(context, drive, scene, surfels, gone, views) if charts else None
-    left = surfels.select(torch.from_numpy(~gone))
+    cameras = [f.camera for f in drive.frames]
+    displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
+    if layer is not None:
+        places = surfels.means.double().numpy()[gone]
+        anew = new_ground(layer.chart, places, cameras, removed, unit=limits.unit)
+        displaced = ~gone & displaced_by(layer.chart, anew, surfels, labels_of(scene, GROUND_CLASSES))
+        relit = ground_relit(layer.chart, surfels, unit=limits.unit)
+    left = surfels.select(torch.from_numpy(~(gone | displaced)))
     goes_on: list[Surfels] = []
     if layer is not None:
         goes_on, layer = drive_continued(drive, scene, left, layer, views)
@@ -177,32 +179,19 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
         save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
     parts = [*goes_on, *([] if seeds is None else [seeds])]
-    relit = np.zeros(len(left), dtype=np.uint8)
     if layer is not None:
         preset = REOPTIMIZE_PRESETS[context.settings.quality]
-        chart = layer.chart
-        means = surfels.means.double().numpy()
-        row, column, inside = chart.index_of(chart.ground.path.to_street(means[gone]))
-        near = np.zeros(chart.source.shape, dtype=np.uint8)
-        near[row[inside], column[inside]] = 1
-        reach = max(3, int(1.5 * limits.unit / chart.texel) | 1)
-        near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach))).astype(bool)
-        # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
-        near |= texels_in_pixels(chart, [f.camera for f in drive.frames], removed)
         default = scene.labels.index("road")
         parts.append(
             seed_ground(
-                chart, near, spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                layer.chart, anew, spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
                 sh_degree=left.sh_degree, default_label=0 if default is None else default,
             )
         )  # fmt: skip
-        street = chart.ground.path.to_street(means[~gone])
-        row, column, inside = chart.index_of(street)
-        low = np.abs(street[:, 2] - chart.ground.height_at(street[:, 0], street[:, 1])) < 0.15 * limits.unit
-        relit = (inside & low & (chart.gain[row, column].max(axis=1) > 1.02)).astype(np.uint8)
     seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
     write_surfels(seeds, context.output("surfels/seeds.ply"), offset=drive.offset)
-    save_array(relit, context.output("surfels/relit.npy"))
+    save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
+    save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
 
 
 # ------------------------------------------------------------------------------------------------------------ reoptimize
@@ -216,13 +205,15 @@ def reoptimize_body(context: StageContext) -> None:
     full = read_surfels(workspace.surfels_full)
     sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    displaced = load_array(workspace.root / "surfels/displaced.npy").astype(bool)
     relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
     seeds = read_surfels(workspace.root / "surfels/seeds.ply")
     limits = scene_range(drive)
     preset = REOPTIMIZE_PRESETS[context.settings.quality]
-    near = near_removed(full, gone, preset.near_m * limits.unit)[~gone]
-    surfels = concatenate([full.select(torch.from_numpy(~gone)), seeds])
-    movable = np.concatenate([near | relit, np.ones(len(seeds), dtype=bool)])
+    stays = ~(gone | displaced)
+    near = near_removed(full, gone, preset.near_m * limits.unit)
+    surfels = concatenate([full.select(torch.from_numpy(stays)), seeds])
+    movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
     exposures = read_exposures(workspace.exposure_json)
     clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
     empty = reoptimize(

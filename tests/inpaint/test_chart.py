@@ -11,10 +11,11 @@ import pytest
 from tests.inpaint.test_street import UP, drive_on_circle, street_points, true_street
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.exemplar import FillSettings, fill_chart
+from unveil_core.inpaint.new_ground import seed_ground, texels_in_pixels
 from unveil_core.inpaint.relight import object_shadows
 from unveil_core.inpaint.street import Ground, fit_ground, fit_path
 from unveil_core.inpaint.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
-from unveil_core.inpaint.transfer import render_numpy, seed_ground, texels_in_pixels
+from unveil_core.inpaint.transfer import render_numpy
 
 RADIUS = 60.0
 

@@ -11,9 +11,9 @@ from tests.inpaint.sunny_street import TEXEL, sunny_chart
 from tests.inpaint.test_street import UP, drive_on_circle
 from unveil_core.inpaint.ground_layer import GroundLayer
 from unveil_core.inpaint.holes import FrameTask
+from unveil_core.inpaint.new_ground import seed_ground
 from unveil_core.inpaint.street_chart import INVENTED, blur_levels
 from unveil_core.inpaint.time_reversal import paint_along
-from unveil_core.inpaint.transfer import seed_ground
 from unveil_core.surfels.sky import Sky
 
 

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.street_chart import INVENTED, StreetChart
 from unveil_core.raster import render
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["complete_depth", "render_numpy", "seed_ground", "seed_pixels", "texels_in_pixels"]
+__all__ = ["complete_depth", "render_numpy", "seed_pixels"]
 
 
 def complete_depth(
@@ -63,53 +60,6 @@ def seed_pixels(
         positions, color[rows, columns], label[rows, columns], normal, z / camera.fx,
         sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
     )  # fmt: skip
-
-
-def seed_ground(
-    chart: StreetChart, region: NDArray[np.bool_], *, spacing: float, up: NDArray[np.float64], sh_degree: int,
-    default_label: int,
-) -> Surfels:  # fmt: skip
-    """Surfels for invented ground.
-
-    Args:
-        region: (A, B) texels to consider; of them those that are invented get surfels.
-        spacing: distance between surfels, world units; up: (3,).
-    """
-    step = max(1, round(spacing / chart.texel))
-    wanted = np.zeros_like(region)
-    wanted[step // 2 :: step, step // 2 :: step] = True
-    rows, columns = np.nonzero(wanted & region & (chart.source == INVENTED))
-    colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
-    label = chart.label[rows, columns].astype(np.int64)
-    normal = np.repeat(up[None] / np.linalg.norm(up), len(rows), axis=0)
-    return surfels_from_points(
-        chart.world(rows, columns), np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
-        np.where(label >= 0, label, default_label), normal, np.full(len(rows), step * chart.texel),
-        sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
-    )  # fmt: skip
-
-
-def texels_in_pixels(
-    chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
-) -> NDArray[np.bool_]:
-    """(A, B) invented texels that fall into the pixels of some view's mask.
-
-    Args:
-        masks: (H, W) one a camera.
-    """
-    rows, columns = np.nonzero(chart.source == INVENTED)
-    fall = np.zeros(len(rows), dtype=bool)
-    places = chart.world(rows, columns)
-    for camera, mask in zip(cameras, masks, strict=True):
-        if not len(rows) or not mask.any():
-            continue
-        pixel, depth = camera.project(places)
-        inside = camera.in_picture(pixel, depth, nearest=0.0)
-        column, row = pixel[inside].astype(np.int64).T
-        fall[inside] |= mask[row, column]
-    found = np.zeros(chart.source.shape, dtype=bool)
-    found[rows[fall], columns[fall]] = True
-    return found
 
 
 def render_numpy(surfels: Surfels, camera: Camera, *, near: float, far: float) -> dict[str, NDArray[np.float32]]:
