@@ -13,6 +13,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.inpaint.exemplar import FillSettings
 from unveil_core.inpaint.facade_chart import invented_fronts, read_facade
 from unveil_core.inpaint.ground_layer import (
+    GROUND_CLASSES,
     GroundLayer,
     build_ground_layer,
     fit_drive_ground,
@@ -30,9 +31,10 @@ from unveil_core.stages import StageContext
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace_files import load_array
 
-__all__ = ["Views", "drive_continued", "drive_ground", "drive_ground_layer", "drive_views"]
+__all__ = ["Views", "drive_continued", "drive_ground", "drive_ground_layer", "drive_views", "labels_of"]
 
 SOLID_CLASSES = ("building", "wall")
+"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
 UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
 
 
@@ -100,12 +102,13 @@ def drive_ground_layer(
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
     fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
     keep = torch.from_numpy(~gone)
-    return build_ground_layer(
+    layer = build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
         unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=labels_of(scene, SOLID_CLASSES),
         plants=labels_of(scene, ("vegetation",)), sun=context.settings.sun,
         progress=context.progress,
     )  # fmt: skip
+    return replace(layer, ground_labels=tuple(labels_of(scene, GROUND_CLASSES)))
 
 
 def drive_continued(

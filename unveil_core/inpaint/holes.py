@@ -3,14 +3,17 @@ surface, and the depth at which the missing surface is thought to lie."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.ground_layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.transfer import complete_depth, render_numpy
+from unveil_core.raster import render
 from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels
 
@@ -21,6 +24,8 @@ SOLID = 0.6
 """A pixel of the empty scene with more alpha than this shows a surface."""
 KNEE_SHARE = 0.28
 """Height of a knee as a share of the camera's height over the ground."""
+FOOT_SHARE = 0.05
+"""What bears no label of the ground and is lower than this is taken for ground all the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +113,30 @@ def look_behind(
         return Behind(out, solid, None, nothing, nothing, task.unobserved)
     look = layer.look(task.camera, task.removed if around is None else task.removed | around)
     # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
-    # underside of what went. Along a ray, height grows linearly from the ground point to the camera.
-    in_front = (out["alpha"] > 0.5) & (out["depth"] < (1 - KNEE_SHARE) * look.depth)
+    # underside of what went. Where labels tell, only what bears one of the ground is, and a bush goes down to its foot.
+    ground = layer.chart.ground
+    least = np.full(task.removed.shape, KNEE_SHARE * float(ground.over(task.camera.centre[None])[0]))
+    if layer.ground_labels:
+        least[_stands(scene, task.camera, layer.ground_labels, near=near, far=far)] *= FOOT_SHARE / KNEE_SHARE
+    in_front = (out["alpha"] > 0.5) & (out["depth"] < look.depth)
+    there = in_front & look.hit
+    rays = task.camera.rays()[there]
+    in_front[there] = ground.over(task.camera.centre + out["depth"][there, None] * rays) > least[there]
     in_front |= layer.foot_pixels(task.camera, out["depth"])
-    ground = look.covered & ~in_front & task.removed
-    below = task.camera.rays() @ layer.chart.ground.path.axes[2] < 0
-    return Behind(out, solid, look, in_front, ground, below)
+    filled = look.covered & ~in_front & task.removed
+    below = task.camera.rays() @ ground.path.axes[2] < 0
+    return Behind(out, solid, look, in_front, filled, below)
+
+
+def _stands(scene: Surfels, camera: Camera, ground_labels: Sequence[int], *, near: float, far: float) -> Mask:
+    """(H, W) pixels that show something else than ground."""
+    kinds = (~torch.isin(scene.labels, torch.tensor(ground_labels, dtype=scene.labels.dtype))).long()
+    told = replace(scene, labels=kinds)
+    with torch.no_grad():
+        share = render(told, camera, ("semantics",), label_count=2, near=near, far=far).semantics
+    assert share is not None
+    stands: Mask = (share[..., 1] > share[..., 0]).numpy()
+    return stands
 
 
 def hole_in_frame(task: FrameTask, behind: Behind, filled: Mask | None = None) -> Mask:

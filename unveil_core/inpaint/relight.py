@@ -15,6 +15,8 @@ Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 PENUMBRA_M = 0.2
 """How far on either side of a shadow's border its light may be a mixture, metres."""
+BORDER_COUNTS = 0.02
+"""What the border of a shadow tells of its light, as a share of what its inside tells."""
 
 
 def prevailing_shade(color: Float32, seen: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float) -> Shade:
@@ -91,20 +93,24 @@ def relighting_gain(
         per_m: texels per metre.
     """
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
-    local = masked_blur(color, relit, 0.25 * per_m)
-    wanted = masked_blur(target, relit, 0.25 * per_m)
-    ratio = np.clip(wanted / np.maximum(local, 0.02), 1.0, 4.0)
+    ring = disc(PENUMBRA_M * per_m)
+    # What the shadow leaves of the light is told by its inside; its border counts where there is no other.
+    inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
+    weight = np.where(inside, 1.0, BORDER_COUNTS).astype(np.float32)[..., None]
+    local = masked_blur(color * weight, relit, 0.25 * per_m)
+    wanted = masked_blur(target * weight, relit, 0.25 * per_m)
+    ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, 4.0)
     full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
     # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
     # street is.
-    ring = disc(PENUMBRA_M * per_m)
     around = cv2.dilate(shadow.astype(np.uint8), ring) > 0
     # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
     level = luminance(target)
     beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)
-    own = np.maximum(luminance(masked_blur(color, seen, 0.03 * per_m)), 0.02)
-    share = (level * (1 + np.clip(beside, -0.2, 0.2)) / own - 1) / np.maximum(luminance(ratio) - 1, 0.02)
-    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)[..., None]
+    own = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
+    # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
+    share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / own - 1) / np.maximum(ratio - 1, 0.02)
+    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)
     border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ RING_PX = 14
 FINE_TEXELS = 4.0
 """A pixel that covers more of the chart along the street starts to be taken from it."""
 BORDER_PX = 2
+STEEP = 0.1
+"""Where a gain changes by a larger share within that many pixels, the border of a shadow lies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +205,9 @@ class _View:
         relit = np.clip(original * gain, 0, 1)
         if look is not None and shadow.any():
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
-            distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)[:, None]
+            distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
+            # Nor does it show the penumbra, which no two views have in the same pixel: relit, it would be an outline.
+            distant = np.maximum(distant, _steep(look.gain)[shadow])[:, None]
             held = _held(relit[shadow], look.color[shadow])
             relit[shadow] = held * (1 - distant) + look.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
@@ -217,6 +222,15 @@ def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDAr
     tint: NDArray[np.float32] = np.median((original - chart)[plain], axis=0).clip(-0.15, 0.15).astype(np.float32)
     # Less than this is shade and texture, not exposure.
     return tint if float(np.abs(tint).max()) > 0.05 else np.zeros(3, dtype=np.float32)
+
+
+def _steep(gain: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W) 0 to 1, how far the gain (H, W, 3) changes from pixel to pixel."""
+    level = gain.mean(axis=2)
+    kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
+    span = cv2.dilate(level, kernel) / cv2.erode(level, kernel) - 1
+    steep: NDArray[np.float32] = cv2.GaussianBlur(np.clip((span - STEEP) / STEEP, 0, 1), (0, 0), 0.7)
+    return steep
 
 
 def _held(relit: NDArray[np.float32], chart: NDArray[np.float32]) -> NDArray[np.float32]:
