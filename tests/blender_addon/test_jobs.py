@@ -88,8 +88,9 @@ def test_cancel_ends_a_stubborn_group_within_two_seconds() -> None:
 
 def test_a_worker_that_heeds_is_not_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jobs, "GENTLE_S", 15.0)  # a machine with much else to do takes its time
+    # A program that was started in the background ignores interrupts from its first word on, and so do those it starts.
     job = script(
-        "import signal, sys, time\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored where started in the background
+        "import signal, sys, time\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try: print('ready'); time.sleep(60)\nexcept KeyboardInterrupt: print('tidying'); sys.exit(130)"
     )
     assert first_line(job) == "ready"
