@@ -149,7 +149,7 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "remove", remove_body,
         ("drive", "labels.json", "selection.json", "objects.json", "surfels/full.ply", "surfels/instances.npy"),
-        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"), ("marked",), version=2,
+        ("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"), ("marked",), version=3,
         optional=("movers",),
     ),
     Stage(

@@ -29,6 +29,7 @@ from unveil_core.raster import render
 from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import grow, region_map
 from unveil_core.remove.selection import near_removed, select_removed
+from unveil_core.remove.unsupported import unsupported
 from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_labels
 from unveil_core.stages import StageContext
 from unveil_core.surfels.picture import picture_of
@@ -37,6 +38,9 @@ from unveil_core.surfels.sky import load_sky, up_frame
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.unseen import empty_street
 from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
+
+LOOSE_M = 0.5
+"""How far from an object its loose ends may lie, metres."""
 
 # ---------------------------------------------------------------------------------------------------------------- remove
 
@@ -69,6 +73,15 @@ def marked_pixels(
     return mask
 
 
+def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) surfels that go because no masked frame backs them: masks drawn by hand are missing in some frames and loose in others,
+    and where there are no classes, a surfel's label is no more than what most frames say."""
+    telling = [f for f in drive.frames if (frame_labels(f, scene) >= 0).any()]
+    masks = [np.isin(frame_labels(f, scene), scene.removed_labels) for f in telling]
+    reach = LOOSE_M * scene_range(drive).unit
+    return unsupported(surfels.means.double().numpy(), gone, [f.camera for f in telling], masks, reach=reach)
+
+
 def remove_body(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
@@ -80,6 +93,9 @@ def remove_body(context: StageContext) -> None:
     gone = select_removed(
         surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
     )
+    on_ground = labels_of(scene, GROUND_CLASSES)
+    if not on_ground:
+        gone |= _loose_ends(drive, scene, surfels, gone)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
     left = surfels.select(keep)
@@ -88,7 +104,6 @@ def remove_body(context: StageContext) -> None:
     kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
     told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
     ground = drive_ground(drive, scene, left)
-    on_ground = labels_of(scene, GROUND_CLASSES)
     empty = empty_street(drive, surfels, gone, ground, on_ground)
     moving = read_moving(workspace.root)
     views = []
