@@ -31,7 +31,7 @@ from unveil_core.stages import StageContext
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace_files import load_array
 
-__all__ = ["Views", "drive_continued", "drive_ground", "drive_ground_layer", "drive_views", "labels_of"]
+__all__ = ["Views", "drive_continued", "drive_ground", "drive_ground_layer", "drive_views"]
 
 SOLID_CLASSES = ("building", "wall")
 """What reaches down to the ground and lets no light through, though cars may hide its foot."""
@@ -104,11 +104,11 @@ def drive_ground_layer(
     keep = torch.from_numpy(~gone)
     layer = build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=labels_of(scene, SOLID_CLASSES),
-        plants=labels_of(scene, ("vegetation",)), sun=context.settings.sun,
+        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
+        plants=scene.labels.indices(("vegetation",)), sun=context.settings.sun,
         progress=context.progress,
     )  # fmt: skip
-    return replace(layer, ground_labels=tuple(labels_of(scene, GROUND_CLASSES)))
+    return replace(layer, ground_labels=scene.labels.indices(GROUND_CLASSES))
 
 
 def drive_continued(
@@ -132,14 +132,9 @@ def drive_continued(
             )  # fmt: skip
             front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
             found += [] if front is None else [front]
-    kinds = torch.tensor(labels_of(scene, UPRIGHT_CLASSES), dtype=left.labels.dtype)
+    kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=left.labels.dtype)
     standing = left.select(torch.isin(left.labels, kinds))
     feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed, unit=unit)
     if feet is None:
         return found, layer
     return [*found, feet], replace(layer, feet=feet.means.double().numpy())
-
-
-def labels_of(scene: SceneLabels, classes: Sequence[str]) -> list[int]:
-    """The compact labels of those of the classes that the scene has."""
-    return [k for k, n in enumerate(scene.labels.names) if n in classes]

@@ -169,7 +169,7 @@ def _give_to_marked(
 ) -> None:  # fmt: skip
     """Surfels of marked objects, whatever their label, but not the ground they stand on."""
     axes, limits = up_frame(drive.up), scene_range(drive)
-    ground = [k for k, name in enumerate(scene.labels.names) if name in GROUND_NAMES]
+    ground = scene.labels.indices(GROUND_NAMES)
     above = ~np.isin(labels, ground)
     views = None
     for mark in marked_objects(context.settings.marked):

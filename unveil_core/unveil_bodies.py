@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.drive_street import drive_continued, drive_ground, drive_ground_layer, drive_views, labels_of
+from unveil_core.drive_street import drive_continued, drive_ground, drive_ground_layer, drive_views
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
@@ -76,10 +76,11 @@ def marked_pixels(
 def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(N,) surfels that go because no masked frame backs them: masks drawn by hand are missing in some frames and loose in others,
     and where there are no classes, a surfel's label is no more than what most frames say."""
-    telling = [f for f in drive.frames if (frame_labels(f, scene) >= 0).any()]
-    masks = [np.isin(frame_labels(f, scene), scene.removed_labels) for f in telling]
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    cameras = [f.camera for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
+    masks = [np.isin(label, scene.removed_labels) for label in labels if (label >= 0).any()]
     reach = LOOSE_M * scene_range(drive).unit
-    return unsupported(surfels.means.double().numpy(), gone, [f.camera for f in telling], masks, reach=reach)
+    return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
 
 
 def remove_body(context: StageContext) -> None:
@@ -93,7 +94,7 @@ def remove_body(context: StageContext) -> None:
     gone = select_removed(
         surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
     )
-    on_ground = labels_of(scene, GROUND_CLASSES)
+    on_ground = scene.labels.indices(GROUND_CLASSES)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
@@ -165,7 +166,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     if layer is not None:
         places = surfels.means.double().numpy()[gone]
         anew = new_ground(layer.chart, places, cameras, removed, unit=limits.unit)
-        displaced = ~gone & displaced_by(layer.chart, anew, surfels, labels_of(scene, GROUND_CLASSES))
+        displaced = ~gone & displaced_by(layer.chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
         relit = ground_relit(layer.chart, surfels, unit=limits.unit)
     left = surfels.select(torch.from_numpy(~(gone | displaced)))
     goes_on: list[Surfels] = []

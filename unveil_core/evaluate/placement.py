@@ -179,7 +179,7 @@ def _free_places(
 ) -> list[tuple[float, float]]:
     """Street coordinates at which a car would stand on known ground, and on nothing else."""
     street = ground.path.to_street(points)
-    above = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+    above = ground.over(street)
     track = ground.path.to_street(np.stack([c.centre for c in cameras]))
     s_low, s_high = track[:, 0].min() + 2 * unit, track[:, 0].max() + 25 * unit
     s_high = min(s_high, ground.s_start + ground.s_cell * (len(ground.left) - 1))
@@ -226,7 +226,7 @@ def _free_places(
 def _standing(ground: Ground, points: Float64, unit: float) -> Float64:
     """(N, 2) street coordinates of the points above the ground, and no higher than a car's roof and the room above it."""
     street = ground.path.to_street(points)
-    above = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+    above = ground.over(street)
     return street[(above > LOW_M * unit) & (above < (HEIGHT_M + ROOM_M) * unit), :2]
 
 

@@ -86,6 +86,15 @@ class Camera:
         inside: NDArray[np.bool_] = (depth > nearest) & (pixels >= 0).all(axis=1)
         return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)
 
+    def fall_in(self, points: Float64, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which world points (N, 3) lie in the picture, and which of these in the ``mask`` (H, W); each (N,) bool."""
+        pixels, depth = self.project(points)
+        inside = self.in_picture(pixels, depth)
+        masked = np.zeros(len(points), dtype=bool)
+        column, row = pixels[inside].astype(np.int64).T
+        masked[inside] = mask[row, column]
+        return inside, masked
+
     def rays(self) -> Float64:
         """(H, W, 3) float64 world directions through the pixel centres with unit component along the optical axis,
         so that ``centre + depth * ray`` is the point at that depth."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit, prange
@@ -33,6 +34,10 @@ class HeightField:
     cell: float
     height: Array
 
+    @cached_property
+    def _top(self) -> float:
+        return float(np.nanmax(self.height, initial=-np.inf))
+
     def height_at(self, horizontal: Array) -> Array:
         """(N,) bilinear height at east, north (N, 2); NaN where nobody knows."""
         where = ((horizontal - self.corner) / self.cell).T
@@ -45,9 +50,8 @@ class HeightField:
         Args:
             near, far: multiples of a ray between which it is looked at.
         """
-        top = float(np.nanmax(self.height)) if np.isfinite(self.height).any() else -np.inf
         return _first_met(
-            np.ascontiguousarray(self.height), float(top), np.ascontiguousarray(self.corner), float(self.cell),
+            np.ascontiguousarray(self.height), self._top, np.ascontiguousarray(self.corner), float(self.cell),
             self.axes @ centre, np.ascontiguousarray(rays @ self.axes.T), float(near), float(far),
         )  # fmt: skip
 

@@ -40,7 +40,7 @@ def complete_crowns(plants: Surfels, ground: Ground, *, unit: float) -> Surfels:
     path = ground.path
     means = plants.means.detach().double().numpy()
     street = path.to_street(means)
-    height = (street[:, 2] - ground.height_at(street[:, 0], street[:, 1])) / unit
+    height = ground.over(street) / unit
     local = means @ path.axes.T
     crown = np.flatnonzero(height > FOOT_M[1])
     low = local[(height > FOOT_M[0]) & (height <= FOOT_M[1]), :2]

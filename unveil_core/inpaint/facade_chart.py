@@ -79,7 +79,7 @@ def find_fronts(walls: Surfels, ground: Ground, s: Array, *, left: bool, unit: f
     path = ground.path
     means = walls.means.detach().double().numpy()
     street = path.to_street(means)
-    height = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+    height = ground.over(street)
     heading = path.heading[path.node_of((means @ path.axes.T)[:, :2])]
     normal = walls.normals().detach().double().numpy() @ path.axes.T
     across = np.abs(-normal[:, 0] * np.sin(heading) + normal[:, 1] * np.cos(heading))

@@ -167,7 +167,7 @@ def fit_drive_ground(
     path = fit_path(list(cameras), up, unit=unit) if path is None else path
     means = surfels.means.double().numpy()
     opaque = surfels.opacity_logits.numpy() > -1.0
-    wanted = [k for k, n in enumerate(labels.names) if n in GROUND_CLASSES]
+    wanted = labels.indices(GROUND_CLASSES)
     if wanted:
         chosen = np.isin(surfels.labels.numpy(), wanted) & opaque
     else:
@@ -186,7 +186,7 @@ def fit_drive_ground(
         chosen = level & opaque & (np.abs(drop - typical) < 0.35 * unit) & (np.abs(street[:, 1]) < 8 * unit)
     if chosen.sum() < 50:
         return None
-    sides = [k for k, n in enumerate(labels.names) if n in SIDE_CLASSES]
+    sides = labels.indices(SIDE_CLASSES)
     walls = means[np.isin(surfels.labels.numpy(), sides) & opaque] if sides else None
     return fit_ground(path, means[chosen], unit=unit, walls=walls)
 
@@ -220,7 +220,7 @@ def ground_usable(
         ground_depth, scene_depth: (H, W) depth of the fitted ground and of the full scene; they must agree.
     """
     agree = np.abs(scene_depth - ground_depth) < 0.08 * ground_depth
-    wanted = [k for k, n in enumerate(labels.names) if n in GROUND_CLASSES]
+    wanted = labels.indices(GROUND_CLASSES)
     usable = ~removed & np.isfinite(ground_depth)
     if wanted:
         on_ground = np.isin(label, wanted)
@@ -275,7 +275,7 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, un
     ground = chart.ground
     for means in removed:
         street = ground.path.to_street(means)
-        above = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+        above = ground.over(street)
         row, column, on_chart = chart.index_of(street)
         low = on_chart & (above < 2.5 * unit) & (above > -0.5 * unit)
         if low.sum() < 3:

@@ -3,17 +3,14 @@ surface, and the depth at which the missing surface is thought to lie."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.ground_layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.transfer import complete_depth, render_numpy
-from unveil_core.raster import render
 from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels
 
@@ -105,7 +102,8 @@ def look_behind(
         around: (H, W) pixels beside the removed ones for which the chart is asked, too.
         near, far: world units.
     """
-    out = render_numpy(scene, task.camera, near=near, far=far)
+    ground_labels = () if layer is None else layer.ground_labels
+    out = render_numpy(scene, task.camera, near=near, far=far, apart=ground_labels)
     # A half-covered pixel in the removed region lacks surfels; it is no window to the sky.
     solid = out["alpha"] > SOLID
     if layer is None:
@@ -115,28 +113,19 @@ def look_behind(
     # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
     # underside of what went. Where labels tell, only what bears one of the ground is, and a bush goes down to its foot.
     ground = layer.chart.ground
-    least = np.full(task.removed.shape, KNEE_SHARE * float(ground.over(task.camera.centre[None])[0]))
-    if layer.ground_labels:
-        least[_stands(scene, task.camera, layer.ground_labels, near=near, far=far)] *= FOOT_SHARE / KNEE_SHARE
+    least = np.full(
+        task.removed.shape, KNEE_SHARE * float(ground.over(ground.path.to_street(task.camera.centre[None]))[0])
+    )
+    if ground_labels:
+        least[out["kinds"][..., 0] > out["kinds"][..., 1]] *= FOOT_SHARE / KNEE_SHARE
     in_front = (out["alpha"] > 0.5) & (out["depth"] < look.depth)
     there = in_front & look.hit
-    rays = task.camera.rays()[there]
-    in_front[there] = ground.over(task.camera.centre + out["depth"][there, None] * rays) > least[there]
+    places = task.camera.centre + out["depth"][there, None] * task.camera.rays()[there]
+    in_front[there] = ground.over(ground.path.to_street(places)) > least[there]
     in_front |= layer.foot_pixels(task.camera, out["depth"])
     filled = look.covered & ~in_front & task.removed
     below = task.camera.rays() @ ground.path.axes[2] < 0
     return Behind(out, solid, look, in_front, filled, below)
-
-
-def _stands(scene: Surfels, camera: Camera, ground_labels: Sequence[int], *, near: float, far: float) -> Mask:
-    """(H, W) pixels that show something else than ground."""
-    kinds = (~torch.isin(scene.labels, torch.tensor(ground_labels, dtype=scene.labels.dtype))).long()
-    told = replace(scene, labels=kinds)
-    with torch.no_grad():
-        share = render(told, camera, ("semantics",), label_count=2, near=near, far=far).semantics
-    assert share is not None
-    stands: Mask = (share[..., 1] > share[..., 0]).numpy()
-    return stands
 
 
 def hole_in_frame(task: FrameTask, behind: Behind, filled: Mask | None = None) -> Mask:

@@ -141,7 +141,7 @@ def _lit_at_sunny_walls(
 
 def _standing(chart: StreetChart, surfels: Surfels, height: float) -> Surfels:
     street = chart.ground.path.to_street(surfels.means.detach().double().numpy())
-    over = street[:, 2] - chart.ground.height_at(street[:, 0], street[:, 1])
+    over = chart.ground.over(street)
     return surfels.select(torch.from_numpy(over > height))
 
 

@@ -58,7 +58,7 @@ def ground_relit(chart: StreetChart, surfels: Surfels, *, unit: float) -> Mask:
     """(N,) surfels that lie on ground from which a shadow was taken."""
     street = chart.ground.path.to_street(surfels.means.double().numpy())
     row, column, inside = chart.index_of(street)
-    low = np.abs(street[:, 2] - chart.ground.height_at(street[:, 0], street[:, 1])) < LOW_M * unit
+    low = np.abs(chart.ground.over(street)) < LOW_M * unit
     return inside & low & (chart.gain[row, column].max(axis=1) > 1.02)
 
 
@@ -95,12 +95,8 @@ def texels_in_pixels(chart: StreetChart, cameras: Sequence[Camera], masks: Seque
     fall = np.zeros(len(rows), dtype=bool)
     places = chart.world(rows, columns)
     for camera, mask in zip(cameras, masks, strict=True):
-        if not len(rows) or not mask.any():
-            continue
-        pixel, depth = camera.project(places)
-        inside = camera.in_picture(pixel, depth, nearest=0.0)
-        column, row = pixel[inside].astype(np.int64).T
-        fall[inside] |= mask[row, column]
+        if len(rows) and mask.any():
+            fall |= camera.fall_in(places, mask)[1]
     found = np.zeros(chart.source.shape, dtype=bool)
     found[rows[fall], columns[fall]] = True
     return found

@@ -211,9 +211,8 @@ class Ground:
         along = (self.height_at(s + a, l) - self.height_at(s - a, l)) / (2 * a)
         return along, (self.height_at(s, l + b) - self.height_at(s, l - b)) / (2 * b)
 
-    def over(self, points: Array) -> Array:
-        """(N,) height of world points (N, 3) over the ground."""
-        street = self.path.to_street(points)
+    def over(self, street: Array) -> Array:
+        """(N,) height of street coordinates (N, 3) over the ground."""
         height: Array = street[:, 2] - self.height_at(street[:, 0], street[:, 1])
         return height
 
@@ -258,7 +257,7 @@ class Ground:
 
         def over(at: Array) -> tuple[Array, Array]:
             place = self.path.to_street(camera.centre + at[:, None] * rays)
-            return place, place[:, 2] - self.height_at(place[:, 0], place[:, 1])
+            return place, self.over(place)
 
         # By secants from the relief to the surface itself, kerbs included; never far from where the relief has it.
         last, now = 0.97 * start, start

@@ -108,7 +108,7 @@ def _shadow(casters: Array, towards_sun: Array, s: Array, l: Array, ground: Grou
     fallen = casters
     for _ in range(2):
         street = ground.path.to_street(fallen)
-        rest = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+        rest = ground.over(street)
         fallen = fallen - (rest / (towards_sun @ up))[:, None] * towards_sun
     street = ground.path.to_street(fallen)
     cell = s[1] - s[0]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import torch
@@ -62,11 +65,24 @@ def seed_pixels(
     )  # fmt: skip
 
 
-def render_numpy(surfels: Surfels, camera: Camera, *, near: float, far: float) -> dict[str, NDArray[np.float32]]:
-    """rgb (H, W, 3), alpha (H, W), depth (H, W; expected, 0 where nothing) of a scene, as arrays."""
+def render_numpy(
+    surfels: Surfels, camera: Camera, *, near: float, far: float, apart: Sequence[int] = ()
+) -> dict[str, NDArray[np.float32]]:
+    """rgb (H, W, 3), alpha (H, W), depth (H, W; expected, 0 where nothing) of a scene, as arrays.
+
+    Args:
+        apart: labels; where there are any, ``kinds`` (H, W, 2) tells the weight of all others, and of these.
+    """
+    planes = ["rgb", "alpha", "depth"]
+    if apart:
+        planes.append("semantics")
+        surfels = replace(surfels, labels=torch.isin(surfels.labels, torch.tensor(apart)).long())
     with torch.no_grad():
-        out = render(surfels, camera, ("rgb", "alpha", "depth"), near=near, far=far)
+        out = render(surfels, camera, planes, label_count=2 if apart else None, near=near, far=far)
     assert out.rgb is not None and out.alpha is not None and out.depth is not None
     alpha = out.alpha.numpy().copy()
     depth = np.where(alpha > 1e-3, out.depth.numpy() / np.maximum(alpha, 1e-3), 0)
-    return {"rgb": out.rgb.numpy().copy(), "alpha": alpha, "depth": depth.astype(np.float32)}
+    found = {"rgb": out.rgb.numpy().copy(), "alpha": alpha, "depth": depth.astype(np.float32)}
+    if out.semantics is not None:
+        found["kinds"] = out.semantics.numpy().copy()
+    return found

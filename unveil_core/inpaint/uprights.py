@@ -45,7 +45,7 @@ def feet_of_uprights(
     path = ground.path
     means = standing.means.detach().double().numpy()
     street = path.to_street(means)
-    height = street[:, 2] - ground.height_at(street[:, 0], street[:, 1])
+    height = ground.over(street)
     opaque = standing.opacity_logits.detach().numpy() > 0
     low = np.flatnonzero(opaque & (height > 0) & (height < HIGH_M * unit))
     if len(low) < LEAST:

@@ -154,7 +154,7 @@ def reconstruct(
         near=limits.near,
         far=limits.far,
     )
-    spared = [k for k, n in enumerate(scene.labels.names) if n in settings.spared]
+    spared = scene.labels.indices(settings.spared)
     state = Optimization(
         surfels, sky, training, LearningRates(means=0.004 * limits.unit),
         label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared, seed=seed,

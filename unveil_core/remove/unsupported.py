@@ -39,19 +39,9 @@ def unsupported(
     left, beside = left[close], means[gone][nearest[close]]
     hidden, shown = np.zeros(len(left), dtype=int), np.zeros(len(left), dtype=bool)
     for camera, mask in zip(cameras, masks, strict=True):
-        own_in, own_masked = _looked_up(camera, mask, means[left])
-        _, object_masked = _looked_up(camera, mask, beside)
+        own_in, own_masked = camera.fall_in(means[left], mask)
+        _, object_masked = camera.fall_in(beside, mask)
         hidden += object_masked & own_masked
         shown |= object_masked & own_in & ~own_masked
     found[left[(hidden >= LEAST_FRAMES) & ~shown]] = True
     return found
-
-
-def _looked_up(camera: Camera, mask: Mask, points: NDArray[np.float64]) -> tuple[Mask, Mask]:
-    """Whether points (P, 3) lie in the picture, and whether in the mask."""
-    pixel, depth = camera.project(points)
-    inside = camera.in_picture(pixel, depth)
-    masked = np.zeros(len(points), dtype=bool)
-    column, row = pixel[inside].astype(np.int64).T
-    masked[inside] = mask[row, column]
-    return inside, masked

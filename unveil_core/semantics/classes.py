@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +73,10 @@ class LabelSet:
     def index(self, name: str) -> int | None:
         """The compact label of ``name``, or None where the scene has none."""
         return self.names.index(name) if name in self.names else None
+
+    def indices(self, names: Collection[str]) -> tuple[int, ...]:
+        """The compact labels of those of the ``names`` that the scene has."""
+        return tuple(k for k, name in enumerate(self.names) if name in names)
 
     def compact(self, image: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Map a label image of disk ids (H, W) to compact labels (H, W) int64, -1 for void or anything else."""

@@ -41,13 +41,13 @@ class SceneLabels:
     @property
     def removed_labels(self) -> tuple[int, ...]:
         """Compact labels of :attr:`removed`."""
-        return tuple(k for k, name in enumerate(self.labels.names) if name in self.removed)
+        return self.labels.indices(self.removed)
 
     @property
     def removable_labels(self) -> tuple[int, ...]:
         """Compact labels of everything that could be removed: the default classes and what is removed here."""
         known = {*REMOVABLE, "remove", *self.removed}
-        return tuple(k for k, name in enumerate(self.labels.names) if name in known)
+        return self.labels.indices(known)
 
     def to_json(self) -> dict[str, object]:
         """A JSON-able dict, for labels.json and selection.json together."""
