@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from tests.small_street import BUILDING, CAR, HIGH, LOW, SKY, cast, make_small_street
+from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing import import_drive
-from unveil_core.files import read_image, write_json_atomic
 from unveil_core.geometry.camera import Camera
-from unveil_core.semantics.segment import SceneLabels, choose_labels
+from unveil_core.semantics.labels import SceneLabels, choose_labels
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.sky import fit_sky, save_sky

@@ -16,13 +16,13 @@ from blender_addon.ply_file import read_ply
 from blender_addon.sequences import REGION_COLORS, numbered, with_palette
 from blender_addon.splats import SIGMAS, discs, surfel_discs, tetrahedra
 from tests.drives.tiny_drive import edit, make_tiny_drive
+from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.points import write_points
-from unveil_core.files import write_json_atomic
 from unveil_core.mesh import Mesh, write_ply
-from unveil_core.pipeline import run
+from unveil_core.pipeline.run import run
 from unveil_core.semantics import classes
 from unveil_core.semantics.objects import marked_box
 from unveil_core.surfels.ply import read_surfels, write_surfels

@@ -13,8 +13,8 @@ import pytest
 from blender_addon import environment
 from blender_addon.interpreter import venv_python
 from blender_addon.jobs import Job
+from tests.app.test_endings import alive, until
 from tests.blender_addon.tiny_wheel import tiny_wheel
-from tests.test_endings import alive, until
 
 PROGRAM = environment.__file__
 

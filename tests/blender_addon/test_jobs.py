@@ -14,9 +14,9 @@ import pytest
 
 from blender_addon import jobs
 from blender_addon.jobs import Job, end_all, unveil_job, worker_environment
+from tests.app.test_endings import alive, until
 from tests.blender_addon.run_in_blender import ROOT, unveil_python
 from tests.drives.tiny_drive import make_tiny_drive
-from tests.test_endings import alive, until
 
 STUBBORN = """
 import os, signal, subprocess, sys, time

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from blender_addon.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
-from unveil_core.cli import _parser, _settings
-from unveil_core.settings import RunSettings
+from unveil_core.app.cli import _parser, _settings
+from unveil_core.pipeline.settings import RunSettings
 
 PLAIN = {
     "quality": "standard", "device": "auto", "seed": 0, "shadows": "auto", "sun_azimuth": 0.0, "sun_elevation": 0.5,

@@ -9,11 +9,11 @@ import pytest
 
 from blender_addon.workspace_state import STAGES, read
 from tests.drives.tiny_drive import make_tiny_drive
-from unveil_core.cli import main
-from unveil_core.settings import RunSettings
-from unveil_core.stage_bodies import STAGES as CORE_STAGES
-from unveil_core.status import stage_states
-from unveil_core.workspace import Workspace
+from unveil_core.app.cli import main
+from unveil_core.pipeline.graph import STAGES as CORE_STAGES
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.status import stage_states
+from unveil_core.workspace.workspace import Workspace
 
 
 @pytest.fixture

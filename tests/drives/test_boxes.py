@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tests.hard_drives import make_tiny_street
+from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.importing import import_drive
-from unveil_core.errors import DriveError
 
 BOX = {"id": 7, "class": "car", "centre": [600010.0, 2.0, 0.75], "size": [4.2, 1.8, 1.5], "yaw": 0.5}
 

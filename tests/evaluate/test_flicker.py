@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.base.errors import Cancelled
+from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.drive import Frame
-from unveil_core.errors import Cancelled
 from unveil_core.evaluate.flicker import (
     DepthGrid,
     differences,
@@ -19,7 +20,6 @@ from unveil_core.evaluate.flicker import (
     read_depth,
     rendered_depth,
 )
-from unveil_core.files import write_image_atomic
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.initialize import surfels_from_points
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.inpaint.test_street import UP, drive_on_circle
-from unveil_core.inpaint.street import fit_ground, fit_path
-from unveil_core.inpaint.street_chart import OBSERVED, OUTSIDE, StreetChart
+from tests.ground.test_street import UP, drive_on_circle
+from unveil_core.ground.street import fit_ground, fit_path
+from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from plyfile import PlyData
 
-from unveil_core.errors import WorkspaceError
+from unveil_core.base.errors import WorkspaceError
 from unveil_core.mesh import Mesh, read_ply, write_glb, write_obj, write_ply
 
 UTM = np.array([389_512.25, 6_175_034.5, 71.125])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.mesh.street import HALF_WIDTH, Car, cast, street_camera
-from unveil_core.errors import Cancelled, SettingsError
+from unveil_core.base.errors import Cancelled, SettingsError
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import DepthView, Mesh, fuse
 

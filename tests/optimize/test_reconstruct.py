@@ -14,12 +14,12 @@ from tests import small_street
 from tests.hard_drives import make_tiny_street
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import recentred
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.held_out import evaluate_views
-from unveil_core.optimize.adapt import CHOICES, AdaptSettings
+from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings
 from unveil_core.optimize.reconstruct import MANY_FRAMES, PRESETS, Reconstruction, ReconstructSettings, reconstruct
-from unveil_core.optimize.scene_range import scene_range
 from unveil_core.optimize.start import StartSettings
-from unveil_core.semantics.segment import choose_labels
+from unveil_core.semantics.labels import choose_labels
 
 SMALL = ReconstructSettings(
     iterations=360, sh_degree=1, start=StartSettings(budget=4000), budget=12_000, adapt=AdaptSettings(every=20)

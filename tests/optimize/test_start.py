@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tests.small_street import make_small_street
+from unveil_core.base.files import read_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import recentred
-from unveil_core.files import read_image
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize import start as module
 from unveil_core.optimize.start import StartSettings, start_scene
-from unveil_core.semantics.segment import choose_labels, frame_labels
+from unveil_core.semantics.labels import choose_labels, frame_labels
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import thin_points
 

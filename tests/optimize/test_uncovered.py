@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from unveil_core.drives.scene_range import SceneRange
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.scene_range import SceneRange
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster import render
 from unveil_core.surfels.initialize import surfels_from_points

@@ -8,7 +8,7 @@ import torch
 from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, grow, region_map, unobserved_mask
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
-from unveil_core.semantics.segment import SceneLabels
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
 

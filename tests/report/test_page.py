@@ -15,10 +15,10 @@ import pytest
 
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import cast, street_camera
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate import run_evaluation, write_metrics
-from unveil_core.files import read_image, write_json_atomic
 from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_ply
 from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera

@@ -11,7 +11,7 @@ import torch
 from plyfile import PlyData
 
 from tests.raster.scenes import random_ellipsoids, random_surfels
-from unveil_core.errors import UnveilError
+from unveil_core.base.errors import UnveilError
 from unveil_core.surfels.ply import THIN_LOG_SCALE, read_surfels, write_surfels
 from unveil_core.surfels.surfels import Surfels
 

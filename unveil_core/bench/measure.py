@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.errors import WorkspaceError
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_file
-from unveil_core.files import read_image
-from unveil_core.optimize.scene_range import scene_range
 
 __all__ = ["FILM_FIGURES", "FilmFigure", "measure_frames"]
 

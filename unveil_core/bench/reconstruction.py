@@ -14,28 +14,28 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.importing import recentred
-from unveil_core.errors import SettingsError
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
-from unveil_core.files import read_instance_image, read_label_image, write_image_atomic
-from unveil_core.memory import peak_memory_mb
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
-from unveil_core.optimize.adapt import CHOICES
+from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
+from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster import render
 from unveil_core.remove.regions import grow, unobserved_mask
 from unveil_core.remove.selection import select_removed
-from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.initialize import thin_points
 from unveil_core.surfels.surfels import Surfels
 

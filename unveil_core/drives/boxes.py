@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.errors import DriveError
+from unveil_core.base.errors import DriveError
 
 __all__ = ["TrackedBox", "read_boxes"]
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_json
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.transforms_json import pose_from_matrix
-from unveil_core.errors import DriveError
-from unveil_core.files import read_json
+from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import opengl_to_opencv
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.errors import DriveError
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.points import read_points
-from unveil_core.errors import DriveError
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["read_imported"]

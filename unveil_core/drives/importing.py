@@ -16,11 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.drives.check import check_drive
-from unveil_core.drives.drive import Drive, Frame, PointCloud
-from unveil_core.drives.imported import read_imported
-from unveil_core.drives.points import write_points
-from unveil_core.files import (
+from unveil_core.base.files import (
     link_or_copy,
     read_image,
     read_instance_image,
@@ -28,8 +24,12 @@ from unveil_core.files import (
     write_image_atomic,
     write_json_atomic,
 )
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.check import check_drive
+from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.points import write_points
 from unveil_core.geometry.camera import Camera
-from unveil_core.progress import Progress, no_progress
 
 __all__ = ["import_drive", "recentred"]
 

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.inpaint import opencv
+from unveil_core.inpaint.single_image import opencv
 from unveil_core.remove.regions import grow
 
 __all__ = ["BASELINES", "GROWN_PX", "navier_stokes", "shift_map", "telea"]
@@ -47,7 +47,7 @@ def _classic(image: Picture, mask: Mask, method: int) -> Picture:
 
 
 def shift_map(image: Picture, mask: Mask) -> Picture:
-    """Statistics of patch offsets (He and Sun 2012), see :func:`unveil_core.inpaint.opencv.shift_map`."""
+    """Statistics of patch offsets (He and Sun 2012), see :func:`unveil_core.inpaint.single_image.opencv.shift_map`."""
     return opencv.shift_map(image, _hole(image, mask), settled=False)
 
 

@@ -19,21 +19,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 from unveil_core.evaluate.pictures import REGIONS, fitted, own_mask, regions_of, truth_file, truth_mask
-from unveil_core.files import read_image, write_json_atomic
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
 from unveil_core.remove.regions import grow
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace_files import frame_file
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["METHODS", "run_evaluation", "write_metrics"]
 

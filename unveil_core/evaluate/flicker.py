@@ -19,10 +19,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.files import read_instance_image
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Frame
-from unveil_core.files import read_instance_image
 from unveil_core.geometry.camera import Camera
-from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.surfels.surfels import Surfels
 

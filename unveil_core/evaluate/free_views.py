@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, read_camera_path
 from unveil_core.drives.drive import Drive
-from unveil_core.errors import WorkspaceError
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
-from unveil_core.files import read_image, read_label_image
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
-from unveil_core.surfels.picture import picture_of
+from unveil_core.raster.picture import picture_of
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import load_sky
 

@@ -22,8 +22,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from unveil_core.errors import WorkspaceError
-from unveil_core.files import write_atomic, write_bytes_atomic
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_atomic, write_bytes_atomic
 from unveil_core.mesh.mesh import Mesh
 
 __all__ = ["read_ply", "write_glb", "write_obj", "write_ply"]

@@ -16,11 +16,11 @@ from typing import IO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from unveil_core.errors import SettingsError
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import kernels
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
-from unveil_core.progress import Progress, no_progress
 
 __all__ = ["DepthView", "fuse"]
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from unveil_core.base.files import read_image
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposure, Exposures
-from unveil_core.files import read_image
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
+from unveil_core.drives.scene_range import scene_range
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.optimize.adapt import CHOICES, AdaptSettings, Looks
-from unveil_core.optimize.colour_degree import choose_sh_degree
-from unveil_core.optimize.density import DensitySettings
-from unveil_core.optimize.losses import LossWeights
-from unveil_core.optimize.parameters import LearningRates
-from unveil_core.optimize.probes import hide, probed_frames
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.optimize.schedule import Phase, run_phase
+from unveil_core.drives.scene_range import scene_range
+from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Looks
+from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
+from unveil_core.optimize.adaptation.probes import hide, probed_frames
 from unveil_core.optimize.start import SKY_ROWS, StartSettings, random_scene, start_scene, start_sky
-from unveil_core.optimize.trainer import Optimization, TrainSettings
-from unveil_core.optimize.views import TrainingView, training_view
-from unveil_core.progress import Progress, no_progress
-from unveil_core.semantics.segment import SceneLabels, frame_labels
+from unveil_core.optimize.training.density import DensitySettings
+from unveil_core.optimize.training.losses import LossWeights
+from unveil_core.optimize.training.parameters import LearningRates
+from unveil_core.optimize.training.schedule import Phase, run_phase
+from unveil_core.optimize.training.trainer import Optimization, TrainSettings
+from unveil_core.optimize.training.views import TrainingView, training_view
+from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import FLATNESS, Surfels, as_ellipsoids
 

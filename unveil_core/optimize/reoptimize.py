@@ -13,12 +13,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.losses import LossWeights
-from unveil_core.optimize.parameters import LearningRates
-from unveil_core.optimize.trainer import Optimization, TrainSettings
-from unveil_core.optimize.views import training_view
-from unveil_core.progress import Progress, no_progress
+from unveil_core.optimize.training.losses import LossWeights
+from unveil_core.optimize.training.parameters import LearningRates
+from unveil_core.optimize.training.trainer import Optimization, TrainSettings
+from unveil_core.optimize.training.views import training_view
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 

@@ -16,17 +16,17 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.errors import DriveError
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive
-from unveil_core.errors import DriveError
+from unveil_core.drives.scene_range import SceneRange, scene_range
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.adapt import decibels
-from unveil_core.optimize.scene_range import SceneRange, scene_range
+from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
-from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
-from unveil_core.semantics.lift import sample_colors, vote_labels
-from unveil_core.semantics.segment import SceneLabels
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.semantics.votes import sample_colors, vote_labels
 from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
 from unveil_core.surfels.outliers import lonely_points
 from unveil_core.surfels.sky import Sky, fit_sky

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
+from unveil_core.drives.scene_range import SceneRange
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.scene_range import SceneRange
 from unveil_core.raster import render
-from unveil_core.semantics.lift import label_share, vote_labels
 from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.votes import label_share, vote_labels
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from unveil_core.base.parallel import in_parallel
 from unveil_core.geometry.camera import Camera
-from unveil_core.parallel import in_parallel
 from unveil_core.raster.autograd import can_render_on, rasterize
 from unveil_core.raster.cpu.per_surfel import CHUNK, count_not_finite, label_ends
 from unveil_core.raster.reference import render_reference

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.semantics.instances import Box, fit_box
-from unveil_core.semantics.segment import SceneLabels
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["near_removed", "select_removed"]

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
-from unveil_core.files import read_image, read_label_image
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import read_ply, render_mesh_picture
-from unveil_core.progress import Progress
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]

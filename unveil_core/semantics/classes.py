@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.errors import SelectionError
+from unveil_core.base.errors import SelectionError
 
 __all__ = ["CITYSCAPES", "COLORS", "GROUPS", "REMOVABLE", "VOID", "LabelSet", "expand_names"]
 

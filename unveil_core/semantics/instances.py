@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.semantics.lift import vote_labels
 from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.votes import vote_labels
 
 __all__ = ["Box", "cluster_points", "fit_box", "vote_instances"]
 

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.errors import SelectionError
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.drives.scale import units_per_metre
-from unveil_core.errors import SelectionError
-from unveil_core.progress import Progress, no_progress
 from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
-from unveil_core.semantics.lift import vote_labels
-from unveil_core.semantics.segment import SceneLabels, frame_instances, frame_labels
+from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.semantics.votes import vote_labels
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 from unveil_core.surfels.sky import up_frame
 

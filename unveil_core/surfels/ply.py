@@ -14,8 +14,8 @@ import torch
 from plyfile import PlyData, PlyElement
 from plyfile import PlyParseError as _PlyParseError
 
-from unveil_core.errors import UnveilError
-from unveil_core.files import write_atomic
+from unveil_core.base.errors import UnveilError
+from unveil_core.base.files import write_atomic
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["THIN_LOG_SCALE", "read_surfels", "write_surfels"]

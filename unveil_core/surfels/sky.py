@@ -16,8 +16,8 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.errors import UnveilError
-from unveil_core.files import write_atomic
+from unveil_core.base.errors import UnveilError
+from unveil_core.base.files import write_atomic
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["Sky", "fit_sky", "load_sky", "save_sky", "up_frame"]

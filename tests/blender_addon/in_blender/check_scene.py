@@ -32,7 +32,7 @@ def rig(document):
         frame["camera"] = ("front", "left")[i % 2]
         frame["fl_x"] = 25.0 if i % 2 == 0 else 20.0 + i
 edit(make_tiny_drive(folder / "rig"), rig)
-from tests.drives.test_colmap import write_model
+from tests.drives.formats.test_colmap import write_model
 write_model(folder / "colmap", True)
 """
 

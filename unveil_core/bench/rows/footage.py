@@ -10,24 +10,24 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.files import read_image
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.files import read_image
+from unveil_core.drives.scene_range import SceneRange, scene_range
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.by_reference import ReferenceInpainter
-from unveil_core.inpaint.compose import compose_frame
-from unveil_core.inpaint.single_image import SingleImageInpainter, fill_around
-from unveil_core.inpaint.transfer import render_numpy
-from unveil_core.optimize.scene_range import SceneRange, scene_range
+from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
+from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.inpaint.frames.seed import render_numpy
+from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.remove.regions import grow
-from unveil_core.semantics.segment import SceneLabels
-from unveil_core.settings import RunSettings
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace import Workspace
-from unveil_core.workspace_files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = [
     "Footage",

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.progress import Progress
 from unveil_core.bench.rows.footage import SOLID, Footage, Mask, Picture, Splats, deliver, fill_around, open_splats
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.transfer import complete_depth, render_numpy
+from unveil_core.inpaint.frames.seed import complete_depth, render_numpy
 from unveil_core.optimize.start import tracks
-from unveil_core.progress import Progress
 
 __all__ = ["reference_reverse", "transfer_reverse", "transferred"]
 

@@ -10,15 +10,15 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from unveil_core.base.files import read_image
+from unveil_core.base.progress import Progress
 from unveil_core.bench.rows.footage import Footage, Picture
-from unveil_core.files import read_image
-from unveil_core.pipeline import stage_named
-from unveil_core.progress import Progress
-from unveil_core.stage_bodies import asked_for, reconstruct_with
-from unveil_core.stages import Stage, StageContext, run_stages
-from unveil_core.unveil_bodies import inpaint_with
-from unveil_core.workspace import Workspace
-from unveil_core.workspace_files import frame_file
+from unveil_core.pipeline.graph import asked_for, reconstruct_with
+from unveil_core.pipeline.run import stage_named
+from unveil_core.pipeline.runner import Stage, StageContext, run_stages
+from unveil_core.pipeline.steps.unveil import inpaint_with
+from unveil_core.workspace.files import frame_file
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["ellipsoids", "ours"]
 

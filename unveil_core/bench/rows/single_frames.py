@@ -7,9 +7,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
+from unveil_core.base.progress import Progress
 from unveil_core.bench.rows.footage import Footage, Mask, Picture, deliver, fill_around
 from unveil_core.evaluate.baselines import GROWN_PX, shift_map, telea
-from unveil_core.progress import Progress
 
 __all__ = ["classic", "per_frame", "untouched"]
 

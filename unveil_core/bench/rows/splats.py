@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.progress import Progress
 from unveil_core.bench.rows.footage import (
     Footage,
     Mask,
@@ -19,9 +20,8 @@ from unveil_core.bench.rows.footage import (
     open_splats,
 )
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.transfer import complete_depth, render_numpy, seed_pixels
+from unveil_core.inpaint.frames.seed import complete_depth, render_numpy, seed_pixels
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings, reoptimize
-from unveil_core.progress import Progress
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.surfels import Surfels, concatenate
 

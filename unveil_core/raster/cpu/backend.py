@@ -12,9 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.buffers import Buffers, borrow, give_back, lend
+from unveil_core.base.array_pool import Buffers, borrow, give_back, lend
+from unveil_core.base.parallel import in_parallel, thread_count
 from unveil_core.geometry.camera import Camera
-from unveil_core.parallel import in_parallel, thread_count
 from unveil_core.raster.cpu import binning, ellipsoids, per_surfel
 from unveil_core.raster.cpu.backward import row_size
 from unveil_core.raster.cpu.block import kept_size

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
 from unveil_core.raster.passes import TILE

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import sources
 from unveil_core.raster.cpu.per_surfel import (

@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.cpython.unsafe.numbers import trailing_zeros
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import (
     AHEAD,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.passes import TILE
 from unveil_core.raster.spec import DEPTH_MAX, EDGE_ON, GENEROUS, LOG_SCALE_MAX, OFFSET_MAX, SCALE_MIN_PX

@@ -1,0 +1,95 @@
+"""Trees all round: a drive sees the near side of a crown, and the sun is stopped by the whole of it.
+
+A crown is taken to be as deep behind its trunk as it is before it: its surfels are repeated, turned by half a turn about the trunk.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from unveil_core.ground.street import Ground
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["complete_crowns", "components"]
+
+Array = NDArray[np.float64]
+FOOT_M = (0.4, 1.6)
+"""Heights between which a tree is a trunk, metres."""
+THICK_M = 0.9
+"""What is thicker is no trunk but a bush, whose far side is anyone's guess, metres."""
+CROWN_M = 4.0
+"""How far from its trunk a crown reaches, metres."""
+LEAST = 8
+"""Surfels that a trunk has at least."""
+
+
+def complete_crowns(plants: Surfels, ground: Ground, *, unit: float) -> Surfels:
+    """The far sides of trees.
+
+    Args:
+        plants: surfels of vegetation.
+        ground: what they stand on; unit: world units per metre.
+    Returns:
+        what is to be added, possibly nothing.
+    """
+    path = ground.path
+    means = plants.means.detach().double().numpy()
+    street = path.to_street(means)
+    height = ground.over(street) / unit
+    local = means @ path.axes.T
+    crown = np.flatnonzero(height > FOOT_M[1])
+    low = local[(height > FOOT_M[0]) & (height <= FOOT_M[1]), :2]
+    trunks = _trunks(low, local[crown, :2], unit)
+    if not len(trunks):
+        return plants.select(torch.zeros(len(plants), dtype=torch.bool))
+    distance, nearest = cKDTree(trunks).query(local[crown, :2])
+    near = distance < CROWN_M * unit
+    crown, trunk = crown[near], trunks[nearest[near]]
+    turned = local[crown].copy()
+    turned[:, :2] = 2 * trunk - turned[:, :2]
+    part = plants.select(torch.from_numpy(np.isin(np.arange(len(plants)), crown)))
+    # Half a turn about the unit vector u is the quaternion (0, u).
+    up = torch.from_numpy(path.axes[2]).to(part.quats)
+    w, v = part.quats[:, :1], part.quats[:, 1:]
+    quats = torch.cat([-(v @ up)[:, None], w * up + torch.linalg.cross(up.expand_as(v), v)], dim=1)
+    return Surfels(
+        torch.from_numpy(turned @ path.axes).to(part.means),
+        quats,
+        part.log_scales,
+        part.opacity_logits,
+        part.sh,
+        part.labels,
+    )
+
+
+def _trunks(low: Array, high: Array, unit: float) -> Array:
+    """(T, 2) middles of what is narrow near the ground and carries something, from horizontal positions (N, 2)."""
+    if not len(low) or not len(high):
+        return np.zeros((0, 2))
+    cell = 0.25 * unit
+    index = np.floor((low - low.min(axis=0)) / cell).astype(np.int64)
+    places, member = np.unique(index, axis=0, return_inverse=True)
+    # Cells that touch belong together; a list of them is smaller than the plane of a long drive.
+    pairs = cKDTree(places).query_pairs(1.5, output_type="ndarray")
+    group = components(len(places), pairs)[member.ravel()]
+    above = cKDTree(high)
+    middles = []
+    for g in np.unique(group):
+        own = low[group == g]
+        if len(own) < LEAST or np.ptp(np.percentile(own, [5, 95], axis=0), axis=0).max() > THICK_M * unit:
+            continue
+        middle = np.median(own, axis=0)
+        if len(above.query_ball_point(middle, CROWN_M / 2 * unit)) >= 5 * LEAST:
+            middles.append(middle)
+    return np.array(middles).reshape(-1, 2)
+
+
+def components(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(count,) which connected component each node is in."""
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -1,0 +1,97 @@
+"""Single-image inpainters behind one protocol: image and mask in, image out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
+from unveil_core.inpaint.single_image.opencv import classic, fsr, shift_map
+from unveil_core.inpaint.single_image.patchmatch import patch_fill
+from unveil_core.remove.regions import grow
+
+__all__ = [
+    "INPAINTERS",
+    "SingleImageInpainter",
+    "exemplar",
+    "fill_around",
+    "inpainter",
+    "is_file",
+    "navier_stokes",
+    "telea",
+]
+
+Image = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+
+class SingleImageInpainter(Protocol):
+    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB; pixels outside the mask come back unchanged."""
+
+    def __call__(self, image: Image, mask: Mask) -> Image: ...
+
+
+def telea(image: Image, mask: Mask) -> Image:
+    """Fast marching (Telea 2004), OpenCV."""
+    return classic(image, mask, 5, cv2.INPAINT_TELEA)
+
+
+def navier_stokes(image: Image, mask: Mask) -> Image:
+    """Fluid dynamics (Bertalmio et al. 2001), OpenCV."""
+    return classic(image, mask, 5, cv2.INPAINT_NS)
+
+
+def exemplar(image: Image, mask: Mask) -> Image:
+    """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none."""
+    filled = patch_fill(image, mask)
+    return telea(image, mask) if filled is None else filled
+
+
+INPAINTERS: dict[str, SingleImageInpainter] = {
+    "exemplar": exemplar,
+    "telea": telea,
+    "navier-stokes": navier_stokes,
+    "shift-map": shift_map,
+    "fsr": fsr,
+}
+"""Built in; a network in an ONNX file is the other kind."""
+
+
+def is_file(name: str) -> bool:
+    """Whether an inpainter is named by a file, not built in."""
+    return Path(name).suffix.lower() == ".onnx"
+
+
+def inpainter(name: str) -> SingleImageInpainter:
+    """The built-in inpainter called ``name``, or the network in the ONNX file of that path.
+
+    Raises:
+        SettingsError: there is none of that name, or the file is missing, damaged or of something else.
+    """
+    if is_file(name):
+        return load_single_image(Path(name))
+    if name not in INPAINTERS:
+        raise SettingsError(f"unknown inpainter {name!r}", mend=f"use one of {', '.join(INPAINTERS)}, or FILE.onnx")
+    return INPAINTERS[name]
+
+
+def fill_around(inpaint: SingleImageInpainter, image: Image, mask: Mask) -> Image:
+    """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street.
+
+    Networks are given the image as it is, and find the surroundings that they were made for.
+    """
+    if isinstance(inpaint, OnnxSingleImage):
+        return inpaint(image, mask)
+    result = image.copy()
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
+    for k in range(1, count):
+        x, y, w, h = (int(v) for v in boxes[k, :4])
+        margin = max(20, (w + h) // 3)
+        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
+        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
+    return result

@@ -1,0 +1,50 @@
+"""The small files of a workspace: masks, arrays, labels, and where a frame's pictures lie."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.files import read_label_image, write_atomic, write_image_atomic
+from unveil_core.drives.drive import Frame
+from unveil_core.semantics.labels import SceneLabels
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["frame_file", "load_array", "load_labels", "load_mask", "save_array", "save_mask"]
+
+
+def load_labels(workspace: Workspace) -> SceneLabels:
+    """The labels that occur, and what of them was chosen as far as it was."""
+    data = {"removed": [], "instances": [], **json.loads(workspace.labels_json.read_text())}
+    if workspace.selection_json.is_file():  # workspaces of before kept both in one file
+        data |= json.loads(workspace.selection_json.read_text())
+    return SceneLabels.from_json(data)
+
+
+def load_mask(path: Path) -> NDArray[np.bool_]:
+    """A mask image of the workspace."""
+    return read_label_image(path) > 127
+
+
+def save_mask(mask: NDArray[np.bool_], path: Path) -> None:
+    """Write a mask as an 8-bit PNG, 255 where True."""
+    write_image_atomic(path, np.where(mask, 255, 0).astype(np.uint8))
+
+
+def save_array(array: NDArray[np.generic], path: Path) -> None:
+    """Write one array as npy."""
+    write_atomic(path, lambda stream: np.save(stream, array, allow_pickle=False))
+
+
+def load_array(path: Path) -> NDArray[np.int64]:
+    """Read one array of :func:`save_array`."""
+    array: NDArray[np.int64] = np.load(path, allow_pickle=False)
+    return array
+
+
+def frame_file(folder: Path, frame: Frame) -> Path:
+    """Where a frame's picture lies in one of the per-frame folders."""
+    return folder / frame.camera_name / f"{frame.name}.png"
