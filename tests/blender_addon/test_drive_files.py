@@ -21,12 +21,12 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.points import write_points
+from unveil_core.geometry.axes import up_frame
 from unveil_core.mesh import Mesh, write_ply
 from unveil_core.pipeline.run import run
 from unveil_core.semantics import classes
 from unveil_core.semantics.objects import marked_box
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import up_frame
 
 
 def blender_projection(frame, point: np.ndarray) -> np.ndarray:

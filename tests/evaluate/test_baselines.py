@@ -8,8 +8,8 @@ import pytest
 from tests.pavement import box, tiles
 from unveil_core.evaluate.baselines import GROWN_PX, navier_stokes, shift_map, telea
 from unveil_core.evaluate.metrics import psnr
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image import opencv
-from unveil_core.remove.regions import grow
 
 EVERY = pytest.mark.parametrize("fill", [telea, navier_stokes, shift_map])
 

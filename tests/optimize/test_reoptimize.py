@@ -8,9 +8,10 @@ import numpy as np
 import torch
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.frames.seed import render_numpy, seed_pixels
+from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
 from unveil_core.optimize.training.losses import LossWeights
+from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, grow, region_map, unobserved_mask
+from unveil_core.geometry.images import grow
+from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.labels import SceneLabels

@@ -17,7 +17,7 @@ import torch
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate import METHODS
@@ -26,8 +26,7 @@ from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars,
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.pictures import own_mask
-from unveil_core.inpaint.chart.layer import fit_drive_ground
-from unveil_core.optimize.start import tracks
+from unveil_core.ground.fit import fit_drive_ground
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.runner import Reporter, silent
 from unveil_core.pipeline.settings import RunSettings

@@ -26,6 +26,7 @@ from unveil_core.drives.importing import recentred
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
+from unveil_core.geometry.images import grow
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
 from unveil_core.optimize.adaptation.choices import CHOICES
@@ -33,7 +34,7 @@ from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster import render
-from unveil_core.remove.regions import grow, unobserved_mask
+from unveil_core.remove.regions import unobserved_mask
 from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.initialize import thin_points

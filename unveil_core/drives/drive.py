@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["Distortion", "Drive", "Frame", "PointCloud"]
+__all__ = ["Distortion", "Drive", "Frame", "PointCloud", "tracks"]
 
 
 @dataclass(frozen=True)
@@ -93,3 +93,9 @@ class Drive:
     metric: bool = True
     semantic_classes: str | None = None
     truth_root: Path | None = None
+
+
+def tracks(drive: Drive) -> list[list[int]]:
+    """Frame indices by camera, in order of travel."""
+    names = list(dict.fromkeys(f.camera_name for f in drive.frames))
+    return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]

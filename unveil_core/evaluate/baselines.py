@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image import opencv
-from unveil_core.remove.regions import grow
 
 __all__ = ["BASELINES", "GROWN_PX", "navier_stokes", "shift_map", "telea"]
 

@@ -31,7 +31,7 @@ from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 from unveil_core.evaluate.pictures import REGIONS, fitted, own_mask, regions_of, truth_file, truth_mask
-from unveil_core.remove.regions import grow
+from unveil_core.geometry.images import grow
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import frame_file
 

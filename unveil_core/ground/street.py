@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
 from scipy.spatial import cKDTree
 
+from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
-from unveil_core.surfels.sky import up_frame
 
 __all__ = ["Ground", "StreetPath", "fit_ground", "fit_path", "straighten_path"]
 

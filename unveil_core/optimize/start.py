@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.scene_range import SceneRange, scene_range
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.adaptation.choices import decibels
@@ -34,7 +34,7 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.surfels.sweep import SweepSettings, sweep_points
 from unveil_core.surfels.tangents import tangent_frames
 
-__all__ = ["SKY_ROWS", "StartSettings", "random_scene", "start_scene", "start_sky", "tracks"]
+__all__ = ["SKY_ROWS", "StartSettings", "random_scene", "start_scene", "start_sky"]
 
 
 SKY_ROWS, SKY_GAIN = (8, 16, 32, 64, 128), 0.4
@@ -58,12 +58,6 @@ MEASURED_SHARE, MEASURED_POINTS = 0.02, 5
 DETAIL_WINDOW = (7, 7)
 FINEST_SHARE = 0.5
 """Of the usual cell, where the images have most detail."""
-
-
-def tracks(drive: Drive) -> list[list[int]]:
-    """Frame indices by camera, in order of travel."""
-    names = list(dict.fromkeys(f.camera_name for f in drive.frames))
-    return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]
 
 
 def _survey(

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scene_range import SceneRange, scene_range
+from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
 from unveil_core.ground.terrain import Terrain, fit_terrain, ground_points
-from unveil_core.inpaint.frames.seed import render_numpy
 from unveil_core.raster import render
+from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
-from unveil_core.surfels.sky import up_frame
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["EmptyStreet", "empty_street"]

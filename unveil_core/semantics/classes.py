@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SelectionError
 
-__all__ = ["CITYSCAPES", "COLORS", "GROUPS", "REMOVABLE", "VOID", "LabelSet", "expand_names"]
+__all__ = [
+    "CITYSCAPES",
+    "COLORS",
+    "GROUND_CLASSES",
+    "GROUPS",
+    "LabelSet",
+    "REMOVABLE",
+    "SIDE_CLASSES",
+    "VOID",
+    "expand_names",
+]
 
 CITYSCAPES: tuple[str, ...] = (
     "road", "sidewalk", "building", "wall", "fence", "pole", "traffic light", "traffic sign", "vegetation", "terrain",
@@ -95,3 +105,7 @@ class LabelSet:
     def keep_remove() -> LabelSet:
         """The two labels of a scene that knows only masks or boxes."""
         return LabelSet(("keep", "remove"), (0, 1))
+
+
+GROUND_CLASSES = ("road", "sidewalk", "terrain")
+SIDE_CLASSES = ("building", "wall", "fence")

@@ -18,13 +18,13 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.drives.scale import units_per_metre
+from unveil_core.geometry.axes import up_frame
 from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.semantics.votes import vote_labels
 from unveil_core.surfels.initialize import estimate_normals, thin_points
-from unveil_core.surfels.sky import up_frame
 
 __all__ = ["ABOVE_GROUND_M", "FoundObjects", "SceneObject", "find_objects", "marked_box", "vote_mattes"]
 

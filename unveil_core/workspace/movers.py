@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.geometry.images import grow
 from unveil_core.movers.find import find_movers
-from unveil_core.remove.regions import grow
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 

@@ -14,8 +14,8 @@ from unveil_core.ground.street import Ground, fit_ground, fit_path
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
 from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
-from unveil_core.inpaint.frames.seed import render_numpy
 from unveil_core.inpaint.light.relight import object_shadows
+from unveil_core.raster.picture import render_numpy
 
 RADIUS = 60.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.frames.compose import compose_frame
-from unveil_core.inpaint.frames.seed import complete_depth
+from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.inpaint.single_image.registry import INPAINTERS, inpainter
 
 

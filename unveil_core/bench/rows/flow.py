@@ -20,9 +20,9 @@ from scipy.sparse.linalg import splu
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.rows.footage import Footage, Mask, Picture, deliver, fill_around
+from unveil_core.drives.drive import tracks
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter
-from unveil_core.optimize.start import tracks
-from unveil_core.remove.regions import grow
 
 __all__ = ["Carried", "bilinear", "carry", "complete_smoothly", "flow", "inpaint_along_flow", "optical_flow"]
 

@@ -16,12 +16,12 @@ from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scene_range import SceneRange, scene_range
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
 from unveil_core.inpaint.frames.compose import compose_frame
-from unveil_core.inpaint.frames.seed import render_numpy
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.remove.regions import grow
+from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky

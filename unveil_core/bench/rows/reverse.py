@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress
 from unveil_core.bench.rows.footage import SOLID, Footage, Mask, Picture, Splats, deliver, fill_around, open_splats
+from unveil_core.drives.drive import tracks
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.frames.seed import complete_depth, render_numpy
-from unveil_core.optimize.start import tracks
+from unveil_core.inpaint.frames.depth import complete_depth
+from unveil_core.raster.picture import render_numpy
 
 __all__ = ["reference_reverse", "transfer_reverse", "transferred"]
 

@@ -20,8 +20,10 @@ from unveil_core.bench.rows.footage import (
     open_splats,
 )
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.frames.seed import complete_depth, render_numpy, seed_pixels
+from unveil_core.inpaint.frames.depth import complete_depth
+from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings, reoptimize
+from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.surfels import Surfels, concatenate
 

@@ -21,7 +21,7 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate.holdout.placement import CarPixels, Sight
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
-from unveil_core.remove.regions import grow
+from unveil_core.geometry.images import grow
 from unveil_core.semantics.classes import CITYSCAPES, GROUPS
 from unveil_core.semantics.labels import SceneLabels
 

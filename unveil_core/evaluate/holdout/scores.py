@@ -20,7 +20,7 @@ from unveil_core.evaluate.holdout.placement import CarPixels, Sight
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.pictures import fitted, own_mask
-from unveil_core.remove.regions import grow
+from unveil_core.geometry.images import grow
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["HoldoutFrame", "measure_holdout", "write_strips"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.inpaint.light.shade import luminance
+from unveil_core.geometry.images import luminance
 
 __all__ = ["lateral_profile"]
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.inpaint.light.shade import luminance
+from unveil_core.geometry.images import luminance
 
 __all__ = ["Drift", "find_drift"]
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import read_bilinear
 from unveil_core.inpaint.facade.facade_fill import fill_facade
-from unveil_core.remove.regions import grow
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 

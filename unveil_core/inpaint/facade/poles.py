@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.light.crowns import components
-from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["feet_of_uprights"]

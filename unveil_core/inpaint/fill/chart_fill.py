@@ -14,22 +14,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.rectify import Drift, find_drift
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.transverse_markings import continue_crossings
 from unveil_core.inpaint.light.kerb_shade import shade_of_strips
 from unveil_core.inpaint.light.relight import prevailing_shade, relighting_gain, shadows_of_removed
-from unveil_core.inpaint.light.shade import (
-    CONTACT_M,
-    Light,
-    Profile,
-    disc,
-    luminance,
-    masked_blur,
-    read_shade,
-    shade_where_unseen,
-)
+from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, disc, read_shade, shade_where_unseen
 
 __all__ = ["FillSettings", "fill_chart"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.remove.regions import grow
+from unveil_core.geometry.images import grow
 
 __all__ = ["Carrier", "ReferenceInpainter", "Shown"]
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
-from unveil_core.inpaint.frames.seed import complete_depth, render_numpy
-from unveil_core.remove.regions import grow
+from unveil_core.inpaint.frames.depth import complete_depth
+from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Behind", "FrameTask", "Hole", "hole_in_frame", "look_behind", "missing_depth", "open_hole"]

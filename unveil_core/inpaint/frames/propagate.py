@@ -18,6 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.frames.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
@@ -25,7 +26,6 @@ from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
 from unveil_core.raster import render
-from unveil_core.remove.regions import grow
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 

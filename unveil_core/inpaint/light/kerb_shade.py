@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.rectify import Drift
-from unveil_core.inpaint.light.shade import DARKEST, Shade, luminance, masked_blur
+from unveil_core.inpaint.light.shade import DARKEST, Shade
 
 __all__ = ["shade_of_strips"]
 

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
-from unveil_core.inpaint.light.shade import Light, Shade, disc, luminance, masked_blur
+from unveil_core.inpaint.light.shade import Light, Shade, disc
 
 __all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed"]
 

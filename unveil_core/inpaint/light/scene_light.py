@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import luminance
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
 from unveil_core.inpaint.light.houses import flush_with_fronts, solid_columns
-from unveil_core.inpaint.light.shade import CONTACT_M, Light, disc, luminance, read_shade
+from unveil_core.inpaint.light.shade import CONTACT_M, Light, disc, read_shade
 from unveil_core.inpaint.light.shadow_map import cast_shadows
 from unveil_core.inpaint.light.sun import Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate

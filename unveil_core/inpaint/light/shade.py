@@ -16,9 +16,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
-__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "luminance", "masked_blur", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
 
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -62,25 +63,6 @@ class Shade:
     dark: Mask
     ratio: Float32
     lit: Float32
-
-
-def luminance(color: Float32) -> Float32:
-    """(…) of sRGB (…, 3), Rec. 601 weights."""
-    return color @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
-
-
-def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float], *, prior: float = 0.0) -> Float32:
-    """Gaussian blur of (A, B) or (A, B, C) that only looks at ``mask``; ``prior`` pulls towards 0 where little is in reach.
-
-    Args:
-        sigma: texels, one for both directions, or along the street and across it.
-    """
-    along, across = sigma if isinstance(sigma, tuple) else (sigma, sigma)
-    m = mask.astype(np.float32)
-    weight = cv2.GaussianBlur(m, (0, 0), across, sigmaY=along)
-    value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), across, sigmaY=along)
-    weight = np.maximum(weight + prior, 1e-6)
-    return value / (weight if picture.ndim == 2 else weight[..., None])
 
 
 def read_shade(

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
 from unveil_core.inpaint.single_image.opencv import classic, fsr, shift_map
 from unveil_core.inpaint.single_image.patchmatch import patch_fill
-from unveil_core.remove.regions import grow
 
 __all__ = [
     "INPAINTERS",

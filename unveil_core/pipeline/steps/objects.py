@@ -14,6 +14,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.drives.scene_range import scene_range
+from unveil_core.geometry.axes import up_frame
 from unveil_core.ground.sparse import GROUND_NAMES
 from unveil_core.pipeline.runner import StageContext
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
@@ -30,7 +31,6 @@ from unveil_core.semantics.objects import (
 )
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.surfels.sky import up_frame
 from unveil_core.workspace.files import load_array, load_labels, save_array
 from unveil_core.workspace.movers import read_moving
 from unveil_core.workspace.workspace import Workspace

@@ -14,7 +14,8 @@ from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.drives.scene_range import scene_range
-from unveil_core.inpaint.chart.layer import GROUND_CLASSES
+from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.images import grow
 from unveil_core.inpaint.frames.compose import compose_frame
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
@@ -29,12 +30,13 @@ from unveil_core.raster import render
 from unveil_core.raster.picture import picture_of
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.observed import never_seen, seen_view
-from unveil_core.remove.regions import grow, region_map
+from unveil_core.remove.regions import region_map
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.remove.unsupported import unsupported
+from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import load_sky, up_frame
+from unveil_core.surfels.sky import load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
