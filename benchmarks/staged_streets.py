@@ -24,6 +24,7 @@ from unveil_core.base.files import (
     write_image_atomic,
     write_json_atomic,
 )
+from unveil_core.base.types import Float64, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.points import write_points
@@ -34,8 +35,6 @@ from unveil_core.semantics.classes import CITYSCAPES
 
 __all__ = ["Box", "Car", "GlassFront", "Person", "Staged", "Street", "empty_street", "stage"]
 
-Float64 = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 
 SCENE = Path(__file__).resolve().parent.parent / "sample_scenes" / "parked_street"
 GROUND = tuple(CITYSCAPES.index(n) for n in ("road", "sidewalk", "terrain"))

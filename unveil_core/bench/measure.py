@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
@@ -20,8 +20,6 @@ from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_fil
 
 __all__ = ["FILM_FIGURES", "FilmFigure", "measure_frames"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 FilmFigure = Callable[[Drive, Sequence[Picture], Sequence[Mask]], Mapping[str, float]]
 """Figures of the delivered frames (H, W, 3) as a film, inside the removed regions (H, W), by name."""

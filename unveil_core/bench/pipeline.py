@@ -13,10 +13,11 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.base.progress import Progress
+from unveil_core.base.types import Picture
 from unveil_core.bench.measure import measure_frames
 from unveil_core.bench.plot import Point, quality_plot
 from unveil_core.bench.rows import ROWS, Row, chosen_rows
-from unveil_core.bench.rows.footage import Footage, Picture, open_footage
+from unveil_core.bench.rows.footage import Footage, open_footage
 from unveil_core.bench.timing import forget_peak_memory, machine
 from unveil_core.drives import open_drive
 from unveil_core.evaluate.pictures import truth_file

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
+from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.camera import Camera
@@ -30,8 +30,6 @@ __all__ = ["View", "drive_path", "read_camera_path", "shifted"]
 LARGEST_SIDE = 16_384
 FARTHEST = 1000.0, 20.0
 """A path with no view within so many units, or so many lengths of the drive, is in other coordinates."""
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +89,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
     return tuple(views)
 
 
-def shifted(views: Sequence[View], up: Vector, *, beside: float = 0.0, above: float = 0.0) -> tuple[View, ...]:
+def shifted(views: Sequence[View], up: Float64, *, beside: float = 0.0, above: float = 0.0) -> tuple[View, ...]:
     """The same views from beside and above their path, looking in the same directions.
 
     Args:
@@ -115,7 +113,7 @@ def shifted(views: Sequence[View], up: Vector, *, beside: float = 0.0, above: fl
     return tuple(moved[i] for i in range(len(views)))
 
 
-def _heading(camera: Camera, travel: Sequence[Vector], up: Vector) -> Vector:
+def _heading(camera: Camera, travel: Sequence[Float64], up: Float64) -> Float64:
     """(3,) unit, level: where the path leads; where it stands still, where the camera looks; where that is straight down, the
     top of the picture."""
     for direction in (*travel, camera.forward, -camera.world_to_camera[1, :3]):
@@ -126,7 +124,7 @@ def _heading(camera: Camera, travel: Sequence[Vector], up: Vector) -> Vector:
     raise AssertionError("forward and down of a camera cannot both be vertical")
 
 
-def _moved(camera: Camera, by: Vector) -> Camera:
+def _moved(camera: Camera, by: Float64) -> Camera:
     """The camera with its centre shifted; through the centre, so that large coordinates cancel before they are turned."""
     pose = camera.world_to_camera.copy()
     pose[:3, 3] = -pose[:3, :3] @ (camera.centre + by)
@@ -143,7 +141,7 @@ def _number(entry: dict[str, Any], top: dict[str, Any], name: str) -> float | No
     return None if value is None else float(value)
 
 
-def _pose(matrix: object, path: Path, name: str) -> Vector:
+def _pose(matrix: object, path: Path, name: str) -> Float64:
     """(4, 4) world-to-camera with OpenCV axes of an OpenGL camera-to-world matrix, nested or as 16 numbers by rows."""
     array = np.asarray(matrix, dtype=np.float64)
     if array.shape == (16,):

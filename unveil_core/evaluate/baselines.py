@@ -15,15 +15,13 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image import opencv
 
 __all__ = ["BASELINES", "GROWN_PX", "navier_stokes", "shift_map", "telea"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 GROWN_PX = 2
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scene_range import scene_range
@@ -37,8 +38,6 @@ from unveil_core.workspace.files import frame_file
 
 __all__ = ["METHODS", "run_evaluation", "write_metrics"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 METHODS: dict[str, str] = {
     "ours": "Unveil", "render": "Unveil, rendered", "input": "input, untouched", "telea": "Telea",

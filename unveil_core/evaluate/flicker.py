@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_instance_image
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
@@ -28,8 +29,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["DepthGrid", "Matches", "differences", "match_pixels", "measure_flicker", "read_depth", "rendered_depth"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 AGREEMENT = 0.03
 """Depths within this share of each other are of one surface."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
 from unveil_core.drives.camera_path import View, read_camera_path
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scene_range import scene_range
@@ -29,7 +30,6 @@ from unveil_core.surfels.sky import load_sky
 
 __all__ = ["FREE_REGIONS", "measure_free_views"]
 
-Mask = NDArray[np.bool_]
 
 FREE_REGIONS = {
     "free_removed": "removed",

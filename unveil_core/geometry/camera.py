@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Camera"]
+from unveil_core.base.types import Float64
 
-Float64 = NDArray[np.float64]
+__all__ = ["Camera"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.inpaint.light.shade import Float32, Mask
+from unveil_core.base.types import Float32, Mask
 
 __all__ = ["grow", "luminance", "masked_blur"]
 

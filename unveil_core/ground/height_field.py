@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit, prange
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
+
+from unveil_core.base.types import Float64
 
 __all__ = ["HeightField"]
 
-Array = NDArray[np.float64]
 STEPS, HALVINGS = 100, 6
 """A ray looks for the ground at so many depths, each a constant factor beyond the last; between the two about the ground it
 halves the way so often."""
@@ -29,22 +29,22 @@ class HeightField:
         height: (A, B) along up at the cells' centres, NaN where nobody knows.
     """
 
-    axes: Array
-    corner: Array
+    axes: Float64
+    corner: Float64
     cell: float
-    height: Array
+    height: Float64
 
     @cached_property
     def _top(self) -> float:
         return float(np.nanmax(self.height, initial=-np.inf))
 
-    def height_at(self, horizontal: Array) -> Array:
+    def height_at(self, horizontal: Float64) -> Float64:
         """(N,) bilinear height at east, north (N, 2); NaN where nobody knows."""
         where = ((horizontal - self.corner) / self.cell).T
-        found: Array = map_coordinates(self.height, where, order=1, mode="constant", cval=np.nan)
+        found: Float64 = map_coordinates(self.height, where, order=1, mode="constant", cval=np.nan)
         return found
 
-    def first_met(self, centre: Array, rays: Array, *, near: float, far: float) -> Array:
+    def first_met(self, centre: Float64, rays: Float64, *, near: float, far: float) -> Float64:
         """(N,) how far along each ray (N, 3) from ``centre`` (3,) it first comes from above to below the field; inf if never.
 
         Args:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["GROUND_NAMES", "GroundPoints", "find_ground"]
 
-Array = NDArray[np.float64]
 GROUND_NAMES = ("road", "sidewalk", "terrain")
 CELL_M, LOW_PERCENT = 0.5, 20
 """Of each cell of the plan the low points count: what floats over the ground is no ground."""
@@ -35,24 +35,24 @@ class GroundPoints:
         unit: world units per metre.
     """
 
-    axes: Array
+    axes: Float64
     plan: cKDTree
-    height: Array
+    height: Float64
     unit: float
 
-    def height_at(self, horizontal: Array) -> Array:
+    def height_at(self, horizontal: Float64) -> Float64:
         """(N,) height at horizontal coordinates (N, 2), the median of the nearest places."""
         _, index = self.plan.query(horizontal, k=min(NEIGHBOURS, len(self.height)))
-        height: Array = np.median(self.height[index.reshape(len(horizontal), -1)], axis=1)
+        height: Float64 = np.median(self.height[index.reshape(len(horizontal), -1)], axis=1)
         return height
 
-    def above(self, points: Array) -> Array:
+    def above(self, points: Float64) -> Float64:
         """(N,) height of points (N, 3) over the ground below them."""
         local = points @ self.axes.T
-        above: Array = local[:, 2] - self.height_at(local[:, :2])
+        above: Float64 = local[:, 2] - self.height_at(local[:, :2])
         return above
 
-    def intersect(self, camera: Camera, pixels: Array) -> Array:
+    def intersect(self, camera: Camera, pixels: Float64) -> Float64:
         """Depth (N,) along the optical axis at which the rays through pixels (N, 2) meet the ground, inf where they do not."""
         x, y = (pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy
         rays = np.stack([x, y, np.ones_like(x)], axis=1) @ camera.world_to_camera[:3, :3] @ self.axes.T
@@ -70,14 +70,14 @@ class GroundPoints:
         return np.where(down & near & (depth > 0) & (miss < 0.1 * self.unit), depth, np.inf)
 
 
-def _horizontal_axes(up: Array) -> Array:
+def _horizontal_axes(up: Float64) -> Float64:
     up = up / np.linalg.norm(up)
     east = np.cross([1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0], up)
     east /= np.linalg.norm(east)
     return np.stack([east, np.cross(up, east), up])
 
 
-def _one_per_cell(local: Array, cell: float) -> Array:
+def _one_per_cell(local: Float64, cell: float) -> Float64:
     """(C, 3) of each cell of the plan its low point: mean place, low percentile of the height."""
     key = np.floor(local[:, :2] / cell).astype(np.int64)
     _, group = np.unique(key, axis=0, return_inverse=True)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Float64
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 
 __all__ = ["Ground", "StreetPath", "fit_ground", "fit_path", "straighten_path"]
 
-Array = NDArray[np.float64]
 RELIEF_CELLS, MOST_CELLS = 0.5, 8_000_000
 """Side of a cell of the relief in cells of arc length (metres); large drives get larger ones."""
 NEAR_CELLS, FAR_CELLS = 0.3, 300.0
@@ -43,21 +43,21 @@ class StreetPath:
         nearest: (P, Q) index of the node nearest to each cell's centre.
     """
 
-    axes: Array
-    nodes: Array
-    heading: Array
+    axes: Float64
+    nodes: Float64
+    heading: Float64
     start: float
     step: float
-    corner: Array
+    corner: Float64
     cell: float
     nearest: NDArray[np.int64]
 
     @cached_property
-    def _travel(self) -> tuple[Array, Array]:
+    def _travel(self) -> tuple[Float64, Float64]:
         """Cosine and sine (S,) of the heading: there are far fewer nodes than points that ask for them."""
         return np.cos(self.heading), np.sin(self.heading)
 
-    def node_of(self, horizontal: Array) -> NDArray[np.int64]:
+    def node_of(self, horizontal: Float64) -> NDArray[np.int64]:
         """Index (N,) of the node nearest to points (N, 2): the cell's node, walked along the path to the point's foot."""
         grid = np.round((horizontal - self.corner) / self.cell).astype(np.int64)
         index = self.nearest[
@@ -71,7 +71,7 @@ class StreetPath:
             index = np.clip(index + np.round(along / self.step).astype(np.int64), 0, last)
         return index
 
-    def to_street(self, points: Array) -> Array:
+    def to_street(self, points: Float64) -> Float64:
         """(N, 3) of arc length, lateral offset (left positive) and height, for world points (N, 3)."""
         local = points @ self.axes.T
         index = self.node_of(local[:, :2])
@@ -80,7 +80,7 @@ class StreetPath:
         along, left = gap[:, 0] * cos + gap[:, 1] * sin, -gap[:, 0] * sin + gap[:, 1] * cos
         return np.stack([self.start + index * self.step + along, left, local[:, 2]], axis=1)
 
-    def along_street(self, s: Array, vectors: Array) -> Array:
+    def along_street(self, s: Float64, vectors: Float64) -> Float64:
         """World vectors (N, 3) as components along the street, to its left and up, at arc lengths (N,)."""
         local = vectors @ self.axes.T
         index = np.clip(np.round((s - self.start) / self.step).astype(int), 0, len(self.nodes) - 1)
@@ -88,7 +88,7 @@ class StreetPath:
         east, north, up = local.T
         return np.stack([east * cos + north * sin, north * cos - east * sin, up], axis=1)
 
-    def to_world(self, street: Array) -> Array:
+    def to_world(self, street: Float64) -> Float64:
         """Inverse of :meth:`to_street`."""
         index = np.clip(np.round((street[:, 0] - self.start) / self.step).astype(int), 0, len(self.nodes) - 1)
         along = street[:, 0] - self.start - index * self.step
@@ -98,7 +98,7 @@ class StreetPath:
         return np.stack([east, north, street[:, 2]], axis=1) @ self.axes
 
 
-def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: float = 60.0) -> StreetPath:
+def fit_path(cameras: list[Camera], up: Float64, *, unit: float, extension_m: float = 60.0) -> StreetPath:
     """Smooth the camera centres of one track into a path and prolong it with its curvature at the ends.
 
     Args:
@@ -130,7 +130,7 @@ def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: floa
     count = int(extension_m * unit / step)
     limit = 1.0 / (40.0 * unit)
 
-    def bend(part: Array) -> float:
+    def bend(part: Float64) -> float:
         if len(part) < 8:
             return 0.0
         slope = np.polyfit(np.arange(len(part)) * step, part, 1)[0]
@@ -145,7 +145,7 @@ def fit_path(cameras: list[Camera], up: Array, *, unit: float, extension_m: floa
     return _path(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, unit=unit)
 
 
-def _path(axes: Array, nodes: Array, heading: Array, start: float, step: float, *, unit: float) -> StreetPath:
+def _path(axes: Float64, nodes: Float64, heading: Float64, start: float, step: float, *, unit: float) -> StreetPath:
     """The path with its look-up, see :class:`StreetPath`."""
     cell, margin = 1.0 * unit, 30.0 * unit
     corner = nodes.min(axis=0) - margin
@@ -155,7 +155,7 @@ def _path(axes: Array, nodes: Array, heading: Array, start: float, step: float, 
     return StreetPath(axes, nodes, heading, start, step, corner, cell, nearest)
 
 
-def straighten_path(path: StreetPath, s: Array, aside: Array, *, unit: float) -> StreetPath:
+def straighten_path(path: StreetPath, s: Float64, aside: Float64, *, unit: float) -> StreetPath:
     """The path moved sideways, so that it keeps its distance from the kerb even where the car did not.
 
     Args:
@@ -192,11 +192,11 @@ class Ground:
     l_start: float
     s_cell: float
     l_cell: float
-    height: Array
-    left: Array
-    right: Array
+    height: Float64
+    left: Float64
+    right: Float64
 
-    def height_at(self, s: Array, l: Array) -> Array:  # noqa: E741
+    def height_at(self, s: Float64, l: Float64) -> Float64:  # noqa: E741
         """Bilinear height at street coordinates, clamped at the grid's border."""
         a = np.clip((s - self.s_start) / self.s_cell, 0, self.height.shape[0] - 1.001)
         b = np.clip((l - self.l_start) / self.l_cell, 0, self.height.shape[1] - 1.001)
@@ -205,18 +205,18 @@ class Ground:
         h = self.height
         return (h[i, j] * (1 - u) + h[i + 1, j] * u) * (1 - v) + (h[i, j + 1] * (1 - u) + h[i + 1, j + 1] * u) * v
 
-    def slope_at(self, s: Array, l: Array) -> tuple[Array, Array]:  # noqa: E741
+    def slope_at(self, s: Float64, l: Float64) -> tuple[Float64, Float64]:  # noqa: E741
         """How the ground rises along the street and to its left, each (N,), over a metre or two."""
         a, b = self.s_cell, 5 * self.l_cell
         along = (self.height_at(s + a, l) - self.height_at(s - a, l)) / (2 * a)
         return along, (self.height_at(s, l + b) - self.height_at(s, l - b)) / (2 * b)
 
-    def over(self, street: Array) -> Array:
+    def over(self, street: Float64) -> Float64:
         """(N,) height of street coordinates (N, 3) over the ground."""
-        height: Array = street[:, 2] - self.height_at(street[:, 0], street[:, 1])
+        height: Float64 = street[:, 2] - self.height_at(street[:, 0], street[:, 1])
         return height
 
-    def inside(self, s: Array, l: Array) -> NDArray[np.bool_]:  # noqa: E741
+    def inside(self, s: Float64, l: Float64) -> NDArray[np.bool_]:  # noqa: E741
         """Whether street coordinates lie on ground as far as anyone saw it."""
         a = np.clip(np.round((s - self.s_start) / self.s_cell).astype(int), 0, len(self.left) - 1)
         s_end = self.s_start + self.s_cell * (len(self.left) - 1)
@@ -238,7 +238,7 @@ class Ground:
         height = np.where(beside, self.height_at(s, l), np.nan)
         return HeightField(path.axes, path.corner, cell, height.reshape(east.shape))
 
-    def intersect(self, camera: Camera, rays: Array) -> tuple[Array, Array]:
+    def intersect(self, camera: Camera, rays: Float64) -> tuple[Float64, Float64]:
         """Where rays first meet the ground.
 
         Args:
@@ -255,7 +255,7 @@ class Ground:
             return depth, street
         start, rays = found[met], rays[met]
 
-        def over(at: Array) -> tuple[Array, Array]:
+        def over(at: Float64) -> tuple[Float64, Float64]:
             place = self.path.to_street(camera.centre + at[:, None] * rays)
             return place, self.over(place)
 
@@ -274,7 +274,7 @@ class Ground:
         return depth, street
 
 
-def fit_ground(path: StreetPath, points: Array, *, unit: float, walls: Array | None = None) -> Ground:
+def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64 | None = None) -> Ground:
     """Height field and lateral limits from ground points.
 
     The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
@@ -324,7 +324,7 @@ def fit_ground(path: StreetPath, points: Array, *, unit: float, walls: Array | N
     return Ground(path, float(s_low), -reach, s_cell, l_cell, height, left, right)
 
 
-def _supported(s: Array, cell: float) -> tuple[float, float]:
+def _supported(s: Float64, cell: float) -> tuple[float, float]:
     """First and last arc length with at least three points in a cell."""
     low = float(s.min())
     counts = np.bincount(((s - low) / cell).astype(int))
@@ -334,7 +334,7 @@ def _supported(s: Array, cell: float) -> tuple[float, float]:
     return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
 
 
-def _limits(street: Array, a: NDArray[np.int64], rows: int, reach: float, unit: float) -> tuple[Array, Array]:
+def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float, unit: float) -> tuple[Float64, Float64]:
     """Largest and smallest lateral offset with ground, per row; as wide behind parked rows as before and after them."""
     left, right = np.full(rows, np.nan), np.full(rows, np.nan)
     order = np.argsort(a, kind="stable")
@@ -351,7 +351,7 @@ def _limits(street: Array, a: NDArray[np.int64], rows: int, reach: float, unit: 
     return left, right
 
 
-def _wall_limit(side: Array, s_low: float, s_cell: float, fallback: Array) -> Array:
+def _wall_limit(side: Float64, s_low: float, s_cell: float, fallback: Float64) -> Float64:
     """Lateral offset (positive) of the walls' foot per row, from a sliding stretch; the fallback where there is none."""
     rows = len(fallback)
     limit = np.full(rows, np.nan)
@@ -368,7 +368,7 @@ def _wall_limit(side: Array, s_low: float, s_cell: float, fallback: Array) -> Ar
     return median_filter(np.maximum(limit, fallback), 5, mode="nearest")
 
 
-def _groups(keys: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], list[Array]]:
+def _groups(keys: NDArray[np.int64], values: Float64) -> tuple[NDArray[np.int64], list[Float64]]:
     """Split sorted keys into runs."""
     if not len(keys):
         return keys, []
@@ -376,7 +376,7 @@ def _groups(keys: NDArray[np.int64], values: Array) -> tuple[NDArray[np.int64], 
     return unique, np.split(values, first[1:])
 
 
-def _running_median(index: NDArray[np.int64], values: Array, count: int) -> Array:
+def _running_median(index: NDArray[np.int64], values: Float64, count: int) -> Float64:
     """Median per bin (count,), gaps interpolated."""
     order = np.argsort(index, kind="stable")
     bins, parts = _groups(index[order], values[order])

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 
 __all__ = ["Terrain", "fit_terrain", "ground_points"]
 
-Array = NDArray[np.float64]
 CELL_M, MOST_CELLS = 0.25, 8_000_000
 """Side of a cell, metres; drives over more ground than this many cells cover get larger ones."""
 SMOOTHED_M = (3.2, 1.6, 0.8, 0.4, 0.2)
@@ -38,7 +38,7 @@ LABELLED_M, MOST_POINTS = 0.4, 2_000_000
 class Terrain(HeightField):
     """The ground around a drive."""
 
-    def depth(self, camera: Camera, pixels: NDArray[np.bool_], *, near: float, far: float) -> Array:
+    def depth(self, camera: Camera, pixels: NDArray[np.bool_], *, near: float, far: float) -> Float64:
         """Where rays first meet the ground from above.
 
         Args:
@@ -52,7 +52,7 @@ class Terrain(HeightField):
         return out
 
 
-def ground_points(points: Array, means: Array, on_ground: NDArray[np.bool_], *, unit: float) -> Array:
+def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_], *, unit: float) -> Float64:
     """(Q, 3) of the points (P, 3) that lie on the ground: those whose three nearest surfels all do.
 
     Args:
@@ -67,7 +67,7 @@ def ground_points(points: Array, means: Array, on_ground: NDArray[np.bool_], *, 
 
 
 def fit_terrain(
-    points: Array, axes: Array, *, unit: float, guess: Callable[[Array], Array] | None = None
+    points: Float64, axes: Float64, *, unit: float, guess: Callable[[Float64], Float64] | None = None
 ) -> Terrain | None:
     """The ground through points on it.
 
@@ -88,7 +88,7 @@ def fit_terrain(
     corner = low - REACH_M * unit - 2 * cell
     shape = np.ceil((high + REACH_M * unit - corner) / cell).astype(int) + 3
 
-    def guessed(horizontal: Array) -> Array:
+    def guessed(horizontal: Float64) -> Float64:
         level = np.concatenate([horizontal, np.zeros((len(horizontal), 1))], axis=1)
         return np.zeros(len(horizontal)) if guess is None else guess(level @ axes)
 
@@ -101,7 +101,9 @@ def fit_terrain(
     return Terrain(axes, corner, cell, height)
 
 
-def _cell_medians(horizontal: Array, values: Array, corner: Array, cell: float, shape: NDArray[np.int64]) -> Array:
+def _cell_medians(
+    horizontal: Float64, values: Float64, corner: Float64, cell: float, shape: NDArray[np.int64]
+) -> Float64:
     """(A, B) median of the values (P,) in each cell, NaN where there is none."""
     index = np.round((horizontal - corner) / cell).astype(np.int64)
     key = index[:, 0] * shape[1] + index[:, 1]
@@ -112,7 +114,7 @@ def _cell_medians(horizontal: Array, values: Array, corner: Array, cell: float, 
     return grid.reshape(shape)
 
 
-def _humps(departure: Array, opened: int, most: float) -> NDArray[np.bool_]:
+def _humps(departure: Float64, opened: int, most: float) -> NDArray[np.bool_]:
     """(A, B) cells that stand out by more than ``most`` of an opening of ``opened`` cells; unknown ones (NaN) have no say."""
     window = np.ones((opened, opened), np.uint8)
     known = np.isfinite(departure)
@@ -122,7 +124,7 @@ def _humps(departure: Array, opened: int, most: float) -> NDArray[np.bool_]:
     return humps
 
 
-def _spread(departure: Array, widths: list[float]) -> Array:
+def _spread(departure: Float64, widths: list[float]) -> Float64:
     """(A, B) of the known departures everywhere, by averages from wide to narrow (in cells)."""
     known = np.isfinite(departure)
     values, weights = np.where(known, departure, 0).astype(np.float32), known.astype(np.float32)

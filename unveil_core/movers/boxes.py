@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.types import Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.geometry.camera import Camera
@@ -16,7 +17,6 @@ from unveil_core.semantics.classes import CITYSCAPES, REMOVABLE
 
 __all__ = ["box_pixels", "moving_boxes", "points_in_boxes"]
 
-Mask = NDArray[np.bool_]
 MOVED_SHARE, MOVED_M = 0.25, 0.3
 """An object moved if its box did by more than this share of its length and this much: annotated boxes wander a little."""
 MARGIN_M = 0.15

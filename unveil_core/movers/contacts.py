@@ -8,13 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.sparse import GroundPoints
 
 __all__ = ["Contacts", "find_contacts"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 WHEELBASE_M = 3.0
 """Between two wheels the lower edge is the floor's, not the ground's."""
 MOST_COLUMNS = 160
@@ -35,10 +34,10 @@ class Contacts:
     """
 
     columns: NDArray[np.int64]
-    points: Array
-    depth: Array
-    error: Array
-    height: Array
+    points: Float64
+    depth: Float64
+    error: Float64
+    height: Float64
 
     def __len__(self) -> int:
         return len(self.columns)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import units_per_metre
 from unveil_core.ground.sparse import GROUND_NAMES, GroundPoints, find_ground
@@ -28,7 +29,6 @@ from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_lab
 
 __all__ = ["FoundMovers", "Mover", "find_movers"]
 
-Mask = NDArray[np.bool_]
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
 

@@ -13,14 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.sparse import GroundPoints
 from unveil_core.movers.contacts import Contacts
 
 __all__ = ["MASKED", "SLIM", "Body", "Evidence", "Sight", "WIDE", "look_through", "sight_of", "sticks"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 EDGE_PX = 3
 """A pixel counts where a square of so many pixels around it agrees."""
 
@@ -94,7 +93,7 @@ def sight_of(camera: Camera, behind: Mask, removable: Mask) -> Sight:
     return Sight(camera, clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
 
 
-def sticks(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints) -> Array:
+def sticks(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints) -> Float64:
     """(M, S, 3) places inside what would stand at the contacts that ``camera`` sees."""
     up = ground.axes[2]
     away = contacts.points - camera.centre
@@ -105,7 +104,7 @@ def sticks(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints)
     return np.stack(places, axis=1)
 
 
-def look_through(places: Array, sights: Sequence[Sight], own: int, *, farther: float) -> Evidence:
+def look_through(places: Float64, sights: Sequence[Sight], own: int, *, farther: float) -> Evidence:
     """What the other frames say of sticks (M, S, 3) of frame ``own``: a frame sees through only if it does so at all S.
 
     Args:

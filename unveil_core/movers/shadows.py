@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.sparse import GroundPoints
 
 __all__ = ["mover_shadow"]
 
-Mask = NDArray[np.bool_]
 DARK = 0.8
 """Shadow is darker than this share of what most other frames show of the place."""
 REACH = 2.5

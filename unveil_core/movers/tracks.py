@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.sparse import GroundPoints
 from unveil_core.movers.contacts import Contacts, find_contacts
@@ -19,7 +20,6 @@ from unveil_core.movers.seen_through import Body, Sight, look_through, sticks
 
 __all__ = ["Patch", "find_patches", "instance_moves", "link_patches"]
 
-Mask = NDArray[np.bool_]
 COLUMNS = 3
 """So many contacts tell something of a thing."""
 MOST, FEW = 0.7, 0.3

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["unsupported"]
 
-Mask = NDArray[np.bool_]
 LEAST_FRAMES = 2
 """So many frames must show the object where a loose end would be."""
 

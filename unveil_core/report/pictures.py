@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Picture
 from unveil_core.remove.regions import OBSERVED, SEEN_ELSEWHERE, UNOBSERVED
 
 __all__ = ["REGION_COLORS", "REGION_NAMES", "fitted", "jpeg_uri", "page_size", "pick", "png_uri", "region_overlay_uri"]
 
-Picture = NDArray[np.uint8]
 
 REGION_COLORS: dict[int, tuple[int, int, int]] = {
     OBSERVED: (86, 140, 245), SEEN_ELSEWHERE: (48, 176, 130), UNOBSERVED: (240, 140, 50)

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.sweep_kernels import BAND, NOTHING, sweep_bands
 
 __all__ = ["SweepSettings", "sweep_depth", "sweep_points"]
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

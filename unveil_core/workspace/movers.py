@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
+from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.geometry.images import grow
 from unveil_core.movers.find import find_movers
@@ -25,7 +26,6 @@ from unveil_core.workspace.files import frame_file, load_array, load_mask, save_
 
 __all__ = ["Moving", "read_moving", "write_moving"]
 
-Mask = NDArray[np.bool_]
 BORDER_PX = 2
 """Antialiased borders carry a mover's colour so far beyond its label."""
 

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
@@ -40,8 +41,6 @@ __all__ = [
     "to_bytes",
 ]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 SOLID = 0.6
 """A pixel with more alpha than this shows a surface; the pipeline's own threshold."""
 

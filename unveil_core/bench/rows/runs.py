@@ -12,7 +12,8 @@ from pathlib import Path
 
 from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress
-from unveil_core.bench.rows.footage import Footage, Picture
+from unveil_core.base.types import Picture
+from unveil_core.bench.rows.footage import Footage
 from unveil_core.pipeline.graph import asked_for, reconstruct_with
 from unveil_core.pipeline.run import stage_named
 from unveil_core.pipeline.runner import Stage, StageContext, run_stages

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from unveil_core.base.progress import Progress
-from unveil_core.bench.rows.footage import Footage, Mask, Picture, deliver, fill_around
+from unveil_core.base.types import Mask, Picture
+from unveil_core.bench.rows.footage import Footage, deliver, fill_around
 from unveil_core.evaluate.baselines import GROWN_PX, shift_map, telea
 
 __all__ = ["classic", "per_frame", "untouched"]

@@ -9,16 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress
-from unveil_core.bench.rows.footage import (
-    Footage,
-    Mask,
-    Picture,
-    Splats,
-    deliver,
-    fill_around,
-    look,
-    open_splats,
-)
+from unveil_core.base.types import Mask, Picture
+from unveil_core.bench.rows.footage import Footage, Splats, deliver, fill_around, look, open_splats
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.inpaint.frames.seed import seed_pixels

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate.holdout.placement import CarPixels, Sight
@@ -27,7 +28,6 @@ from unveil_core.semantics.labels import SceneLabels
 
 __all__ = ["AddedLabels", "added_labels", "moved_points", "seen_elsewhere", "write_holdout_drive"]
 
-Mask = NDArray[np.bool_]
 
 DEPTH_SHARE, DEPTH_M = 0.04, 0.1
 """What lies no farther behind the depth of a frame than this share of it, plus these metres, is seen there."""

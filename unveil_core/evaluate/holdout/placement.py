@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float64, Mask
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
@@ -21,8 +22,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["CarPixels", "Sight", "find_places", "see_cars", "sight_of"]
 
-Float64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SOLID = 0.5
 STEP_S_M, STEP_L_M = 1.0, 0.3

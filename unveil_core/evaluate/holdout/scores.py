@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
@@ -25,8 +25,6 @@ from unveil_core.workspace.files import frame_file
 
 __all__ = ["HoldoutFrame", "measure_holdout", "write_strips"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 BASELINE_FRAMES = 40
 """Of longer drives, so many frames are filled by the single-image methods."""

@@ -12,11 +12,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 
 __all__ = ["HEIGHT_M", "LENGTH_M", "WIDTH_M", "CarHits", "VirtualCar", "cast_car", "paint_car", "park"]
 
-Float64 = NDArray[np.float64]
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 4.4, 1.8, 1.5
 PAINTS = ((0.55, 0.10, 0.10), (0.12, 0.22, 0.45), (0.62, 0.62, 0.60), (0.10, 0.30, 0.20), (0.70, 0.55, 0.15))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32
 from unveil_core.geometry.images import luminance
 
 __all__ = ["lateral_profile"]
 
-Float32 = NDArray[np.float32]
 UPPER = 0.7
 FAR, CLOSE = 2.4, 0.08
 """In half windows: what is farther along the street than the first says less than what is closer aside than the second."""

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import StreetChart, sample_chart
 from unveil_core.inpaint.light.sun import Sun
@@ -17,7 +18,6 @@ __all__ = ["GroundLayer", "GroundPixels"]
 
 FOOT_DEPTH = 0.05
 """Relative difference of depth within which a foot is what is seen."""
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

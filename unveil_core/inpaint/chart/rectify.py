@@ -13,12 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import luminance
 
 __all__ = ["Drift", "find_drift"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 BIN_M = 0.5
 """Rows that are looked at together, metres."""
 REACH_M = 0.8

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
 
 __all__ = ["INVENTED", "OBSERVED", "OUTSIDE", "RELIT", "StreetChart", "read_bilinear", "read_chart", "sample_chart"]
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
 TAPS, LONGEST_TEXELS = 7, 100.0
 """A pixel's footprint is looked up at so many places, over no more than this length."""
 
@@ -53,17 +52,17 @@ class StreetChart:
     nearest: Float32
     replaced: NDArray[np.bool_]
 
-    def coordinates(self) -> tuple[Array, Array]:
+    def coordinates(self) -> tuple[Float64, Float64]:
         """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
         rows, columns = self.source.shape
         return self.s_start + self.texel * np.arange(rows), self.l_start + self.texel * np.arange(columns)
 
-    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
         s, l = self.s_start + self.texel * rows, self.l_start + self.texel * columns  # noqa: E741
         return self.ground.path.to_world(np.stack([s, l, self.ground.height_at(s, l)], axis=1))
 
-    def index_of(self, street: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Nearest rows and columns of street coordinates (N, 2+), and whether they lie on the chart."""
         row = np.round((street[:, 0] - self.s_start) / self.texel).astype(np.int64)
         column = np.round((street[:, 1] - self.l_start) / self.texel).astype(np.int64)
@@ -145,7 +144,7 @@ def read_chart(
     )
 
 
-def read_bilinear(image: NDArray[np.uint8], pixel: Array) -> Array:
+def read_bilinear(image: NDArray[np.uint8], pixel: Float64) -> Float64:
     """(N, 3) colours at pixel positions (N, 2), centres at +0.5; remap wants two dimensions below 32768."""
     count = len(pixel)
     width = 1024
@@ -162,7 +161,7 @@ def read_bilinear(image: NDArray[np.uint8], pixel: Array) -> Array:
 
 
 def sample_chart(
-    layers: Sequence[Float32], chart: StreetChart, street: Array, footprint: Array, across: Array
+    layers: Sequence[Float32], chart: StreetChart, street: Float64, footprint: Float64, across: Float64
 ) -> Float32:
     """Filtered look-up: taps along a pixel's footprint, blur levels across it.
 
@@ -198,7 +197,7 @@ def blur_levels(picture: Float32, count: int = 4) -> list[Float32]:
     return [picture, *(cv2.GaussianBlur(picture, (0, 0), 0.5 * 2.0**k) for k in range(1, count))]
 
 
-def _remap_float(picture: Float32, row: Array, column: Array) -> Float32:
+def _remap_float(picture: Float32, row: Float64, column: Float64) -> Float32:
     """Bilinear look-up (N, C) by gathering: charts may be longer than remap's limit."""
     rows, columns = picture.shape[:2]
     r, c = np.clip(row, 0, rows - 1.001), np.clip(column, 0, columns - 1.001)

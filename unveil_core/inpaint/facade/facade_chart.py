@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.ground.street import Ground
@@ -22,9 +23,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["FacadeChart", "find_fronts", "invented_fronts", "read_facade"]
 
-Array = NDArray[np.float64]
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Stretches whose front is found together, how far around each surfels count, metres, and how many there must be."""
 LOW_M, HIGH_M = 0.3, 8.0
@@ -57,19 +55,19 @@ class FacadeChart:
     texel: float
     per_m: float
     s_start: float
-    front: Array
+    front: Float64
     color: Float32
     known: Mask
     asked: Mask
 
-    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Array:
+    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
         s, l = self.s_start + self.texel * rows, self.front[rows]  # noqa: E741
         height = self.ground.height_at(s, l) + self.texel * (columns + 0.5)
         return self.ground.path.to_world(np.stack([s, l, height], axis=1))
 
 
-def find_fronts(walls: Surfels, ground: Ground, s: Array, *, left: bool, unit: float) -> Array:
+def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool, unit: float) -> Float64:
     """(A,) lateral offset of the house front at arc lengths ``s`` (A,) increasing, NaN where none stands.
 
     Args:

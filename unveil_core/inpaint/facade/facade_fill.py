@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Mask
+
 __all__ = ["fill_facade"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 SEARCH_M, STEP_M = 25.0, 0.08
 """How far along the street a column may come from, and in which steps, metres."""
 CONTEXT_M, BESIDE_M, CLOSE_M, CLOSER = 1.6, 0.4, 0.25, 6

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.rectify import Drift, find_drift
@@ -25,7 +26,6 @@ from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, disc, rea
 
 __all__ = ["FillSettings", "fill_chart"]
 
-Float32 = NDArray[np.float32]
 FOOT_M = 0.3
 """How far from its sides the ground is not read for what its offset looks like; over twice as far it goes on as it is inside,
 metres."""

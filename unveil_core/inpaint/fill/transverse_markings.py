@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
+from unveil_core.base.types import Float32, Mask
+
 __all__ = ["continue_crossings"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 BIN_M = 0.2
 """Width of the strips along the street that lines are looked for in, metres."""
 CONTRAST = 0.1

@@ -12,13 +12,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 
 __all__ = ["Carrier", "ReferenceInpainter", "Shown"]
 
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 TOLERANCE = 0.1
 """Relative difference of depth within which two frames show the same place."""
@@ -35,7 +34,7 @@ class ReferenceInpainter(Protocol):
     """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB with what ``reference`` (H', W', 3) uint8 shows of the same place;
     pixels outside the mask come back unchanged."""
 
-    def __call__(self, image: Image, mask: Mask, reference: Image) -> Image: ...
+    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class Shown:
     """A cleaned frame: its camera, image (H, W, 3) uint8, and depth (H, W) along the optical axis, holes included."""
 
     camera: Camera
-    image: Image
+    image: Picture
     depth: NDArray[np.float32]
 
 
@@ -54,11 +53,11 @@ class Carrier:
         self._inpaint = inpaint
         self._frames: list[Shown] = []
 
-    def remember(self, camera: Camera, image: Image, depth: NDArray[np.floating]) -> None:
+    def remember(self, camera: Camera, image: Picture, depth: NDArray[np.floating]) -> None:
         """A frame that has invented something."""
         self._frames.append(Shown(camera, image, depth.astype(np.float32)))
 
-    def paint(self, camera: Camera, image: Image, hole: Mask, depth: NDArray[np.floating]) -> tuple[Image, Mask]:
+    def paint(self, camera: Camera, image: Picture, hole: Mask, depth: NDArray[np.floating]) -> tuple[Picture, Mask]:
         """Paint each hole by the frame that shows it best; what none shows is left.
 
         Args:
@@ -116,7 +115,7 @@ def _best(
     return best
 
 
-def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]) -> Image:
+def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]) -> Picture:
     """The part of a frame that shows what a part of another shows: the same place where it lies there, as much around it.
 
     Args:

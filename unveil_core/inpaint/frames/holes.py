@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
@@ -17,7 +18,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Behind", "FrameTask", "Hole", "hole_in_frame", "look_behind", "missing_depth", "open_hole"]
 
-Mask = NDArray[np.bool_]
 SOLID = 0.6
 """A pixel of the empty scene with more alpha than this shows a surface."""
 KNEE_SHARE = 0.28

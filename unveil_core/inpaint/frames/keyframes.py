@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.inpaint.frames.holes import Hole, Mask
+from unveil_core.base.types import Mask
+from unveil_core.inpaint.frames.holes import Hole
 
 __all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
 
@@ -29,7 +30,6 @@ LEAST_SHARE = 0.01
 LARGEST_SEED_PX = 12
 ASKED_PX = 3000
 """Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def plan_keyframes(
 
 
 def _greedy(
-    holes: Sequence[Hole], areas: Sequence[NDArray[np.float64]], counts: Sequence[Flags], late: NDArray[np.float64],
+    holes: Sequence[Hole], areas: Sequence[NDArray[np.float64]], counts: Sequence[Mask], late: NDArray[np.float64],
     least_px: int,
 ) -> list[int]:  # fmt: skip
     """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
@@ -130,7 +130,7 @@ def _greedy(
             newly[j], pixels[j] = float(areas[j][own].sum()), int(own.sum())
 
 
-def _take(holes: Sequence[Hole], i: int, own: Flags, free: list[Flags]) -> list[int]:
+def _take(holes: Sequence[Hole], i: int, own: Mask, free: list[Mask]) -> list[int]:
     """Mark in ``free`` what frame ``i`` carries to each frame when it invents its pixels ``own``; returns the frames changed."""
     changed = []
     free[i] = free[i] & ~own
@@ -156,7 +156,7 @@ def _near(one: Hole, other: Hole) -> bool:
 
 def _in_view(
     hole: Hole, points: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Flags, NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask, NDArray[np.float64]]:
     """Rows and columns of points (P, 3), 0 outside the view, whether they lie in the view, and their depth."""
     pixel, depth = hole.camera.project(points)
     inside = hole.camera.in_picture(pixel, depth)
@@ -164,7 +164,7 @@ def _in_view(
     return safe[:, 1], safe[:, 0], inside, depth
 
 
-def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole) -> Flags:
+def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole) -> Mask:
     """(P',) which pixels of another frame's hole show discs carried there, at ``points`` (P, 3) and as wide as ``size`` (P,)."""
     row, column, inside, depth = _in_view(other, points)
     row, column = row[inside], column[inside]
@@ -181,7 +181,7 @@ def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole)
     return shown[other.mask].astype(bool)
 
 
-def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_SHARPER) -> Flags:
+def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_SHARPER) -> Mask:
     """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
     step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
     row, column = np.nonzero(hole.mask)
@@ -199,5 +199,5 @@ def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_S
         row, column, inside, depth = _in_view(other, points[open_])
         finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
         found[open_[finer]] = True
-    answer: Flags = found[block.ravel()]
+    answer: Mask = found[block.ravel()]
     return answer

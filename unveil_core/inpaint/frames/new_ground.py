@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
@@ -15,7 +16,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["displaced_by", "ground_relit", "new_ground", "seed_ground", "texels_in_pixels"]
 
-Mask = NDArray[np.bool_]
 AROUND_M = 0.75
 """Ground is made anew so far around what was removed."""
 LOW_M = 0.15

@@ -12,12 +12,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["complete_crowns", "components"]
 
-Array = NDArray[np.float64]
 FOOT_M = (0.4, 1.6)
 """Heights between which a tree is a trunk, metres."""
 THICK_M = 0.9
@@ -67,7 +67,7 @@ def complete_crowns(plants: Surfels, ground: Ground, *, unit: float) -> Surfels:
     )
 
 
-def _trunks(low: Array, high: Array, unit: float) -> Array:
+def _trunks(low: Float64, high: Float64, unit: float) -> Float64:
     """(T, 2) middles of what is narrow near the ground and carries something, from horizontal positions (N, 2)."""
     if not len(low) or not len(high):
         return np.zeros((0, 2))

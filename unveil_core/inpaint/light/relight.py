@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade, disc
 
 __all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 PENUMBRA_M = 0.2
 """How far on either side of a shadow's border its light may be a mixture, metres."""
 BORDER_COUNTS = 0.02

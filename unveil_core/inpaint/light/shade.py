@@ -16,13 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
 __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 Profile = Callable[[Float32, Mask], Float32]
 """From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
 

@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64
 from unveil_core.surfels.surfels import Surfels, rotations
 
 __all__ = ["cast_shadows"]
 
-Array = NDArray[np.float64]
 REACH = 1.6
 """Of its standard deviations: how far a surfel is drawn."""
 OPAQUE = 0.3
@@ -23,7 +23,9 @@ OPAQUE = 0.3
 LARGEST_PX = 64
 
 
-def cast_shadows(points: Array, casters: Surfels, towards_sun: Array, *, cell: float, bias: float) -> NDArray[np.bool_]:
+def cast_shadows(
+    points: Float64, casters: Surfels, towards_sun: Float64, *, cell: float, bias: float
+) -> NDArray[np.bool_]:
     """Whether points lie in shadow.
 
     Args:

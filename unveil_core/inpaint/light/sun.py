@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 
 __all__ = ["Sun", "find_sun", "sun_towards"]
 
-Array = NDArray[np.float64]
 LEAST_SCORE = 0.25
 """Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight."""
 LARGEST_FALL = 30.0
@@ -31,13 +31,13 @@ class Sun:
     azimuth, elevation: degrees, see :func:`sun_towards`.
     """
 
-    towards: Array
+    towards: Float64
     score: float
     azimuth: float
     elevation: float
 
 
-def sun_towards(azimuth: float, elevation: float, up: Array) -> Array:
+def sun_towards(azimuth: float, elevation: float, up: Float64) -> Float64:
     """(3,) unit vector to a sun at an azimuth and elevation in degrees.
 
     Azimuth runs clockwise, seen from above, from the world's y axis, which is north where x is east and z is up; where y
@@ -50,12 +50,12 @@ def sun_towards(azimuth: float, elevation: float, up: Array) -> Array:
     north = north - (north @ up) * up
     north /= np.linalg.norm(north)
     a, e = np.radians(azimuth), np.radians(elevation)
-    direction: Array = np.sin(a) * np.cos(e) * np.cross(north, up) + np.cos(a) * np.cos(e) * north + np.sin(e) * up
+    direction: Float64 = np.sin(a) * np.cos(e) * np.cross(north, up) + np.cos(a) * np.cos(e) * north + np.sin(e) * up
     return direction
 
 
 def find_sun(
-    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Array, l: Array, ground: Ground, casters: Array, *, unit: float  # noqa: E741
+    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, l: Float64, ground: Ground, casters: Float64, *, unit: float  # noqa: E741
 ) -> Sun | None:  # fmt: skip
     """The direction whose shadows lie where the ground is dark.
 
@@ -102,7 +102,7 @@ def find_sun(
     return Sun(sun_towards(azimuth, elevation, up), found, float(azimuth % 360), float(elevation))
 
 
-def _shadow(casters: Array, towards_sun: Array, s: Array, l: Array, ground: Ground) -> NDArray[np.float32]:  # noqa: E741
+def _shadow(casters: Float64, towards_sun: Float64, s: Float64, l: Float64, ground: Ground) -> NDArray[np.float32]:  # noqa: E741
     """(A, B) 0 to 1, where the rays through the casters meet the ground."""
     up = ground.path.axes[2]
     fallen = casters

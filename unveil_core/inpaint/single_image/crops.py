@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
 
 __all__ = ["Window", "windows"]
 
-Mask = NDArray[np.bool_]
 
 CONTEXT_SHARE = 16
 """A hole needs the limit over this of known pixels on each side, else it counts as larger than the window."""

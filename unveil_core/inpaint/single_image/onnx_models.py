@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.onnx_files import check_readable, open_onnx, short
+from unveil_core.base.types import Mask, Picture
 from unveil_core.inpaint.single_image.crops import Window, windows
 from unveil_core.inpaint.single_image.onnx_signature import (
     BOTH,
@@ -31,8 +32,6 @@ from unveil_core.inpaint.single_image.onnx_signature import (
 
 __all__ = ["OnnxReference", "OnnxSingleImage", "load_reference", "load_single_image"]
 
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 WANTED = "give an ONNX file of image (1, 3, H, W) in [0, 1] and mask (1, 1, H, W), 1 = fill, or both as (1, 4, H, W), to image"
@@ -70,7 +69,7 @@ class OnnxSingleImage:
     def __init__(self, network: _Network) -> None:
         self._network = network
 
-    def __call__(self, image: Image, mask: Mask) -> Image:
+    def __call__(self, image: Picture, mask: Mask) -> Picture:
         """Fill ``mask`` (H, W) of ``image`` (H, W, 3); pixels outside the mask come back unchanged."""
         _check(image, mask)
         result = image.copy()
@@ -87,7 +86,7 @@ class OnnxReference:
     def __init__(self, network: _Network) -> None:
         self._network = network
 
-    def __call__(self, image: Image, mask: Mask, reference: Image) -> Image:
+    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture:
         """Fill ``mask`` (H, W) of ``image`` (H, W, 3) with what ``reference`` (H', W', 3) shows of the place; pixels outside
         the mask come back unchanged."""
         _check(image, mask)
@@ -100,7 +99,7 @@ class OnnxReference:
         return np.where(mask[..., None], filled, image).astype(np.uint8)
 
 
-def _check(image: Image, mask: Mask | None) -> None:
+def _check(image: Picture, mask: Mask | None) -> None:
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
         raise ValueError(f"an image must be (H, W, 3) uint8, not {image.shape} {image.dtype}")
     if mask is not None and (mask.shape != image.shape[:2] or mask.dtype != np.bool_):
@@ -113,7 +112,7 @@ def _within(shape: tuple[int, ...], limit: tuple[int, int]) -> tuple[int, int]:
     return max(1, min(limit[0], round(shape[0] * scale))), max(1, min(limit[1], round(shape[1] * scale)))
 
 
-def _shown(network: _Network, window: Window, image: Image, mask: Mask, reference: Image | None) -> Image:
+def _shown(network: _Network, window: Window, image: Picture, mask: Mask, reference: Picture | None) -> Picture:
     """What a network makes of a part of an image, (h, w, 3) of the part's own size."""
     part, hole = image[window.part], mask[window.part]
     full = hole.shape
@@ -165,7 +164,7 @@ class _Network:
         """To be raised about this file."""
         return SettingsError(problem, path=self.path, mend=self.wanted)
 
-    def fill(self, known: Image, hole: Mask, reference: Image | None) -> Image:
+    def fill(self, known: Picture, hole: Mask, reference: Picture | None) -> Picture:
         """(H, W, 3) uint8 from an image (H, W, 3) that is black in its ``hole`` (H, W), no larger than the limit."""
         height, width = hole.shape
         padded = (self._padded(height, 0), self._padded(width, 1))
@@ -177,7 +176,7 @@ class _Network:
         return self._size[axis] or -(-max(length, LEAST_PX) // self._multiple) * self._multiple
 
     def _run(
-        self, known: Image, hole: Mask, reference: Image | None, shown: tuple[int, int]
+        self, known: Picture, hole: Mask, reference: Picture | None, shown: tuple[int, int]
     ) -> list[NDArray[np.generic]]:
         """Its answers to an image of which ``shown`` (height, width) are no continuation."""
         image, mask = known.astype(np.float32) / 255, hole[..., None].astype(np.float32)
@@ -250,7 +249,7 @@ def _continued(picture: NDArray[Scalar], size: tuple[int, int]) -> NDArray[Scala
 
 
 def _fitted(
-    reference: Image | None, port: Port, shown: tuple[int, int], padded: tuple[int, ...]
+    reference: Picture | None, port: Port, shown: tuple[int, int], padded: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """A reference as its input wants it: as large as the image beside it is shown, with its proportions, then continued."""
     assert reference is not None

@@ -14,12 +14,11 @@ from collections.abc import Callable, Iterator
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask, Picture
 
 __all__ = ["classic", "fsr", "shift_map"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 WHOLE_IMAGE_PX = 400_000
 """Above this many pixels the patch offsets are looked for around each hole only: the whole image costs about 1 s at

@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32, Mask
+
 __all__ = ["PatchFillSettings", "patch_fill"]
 
-Float32 = NDArray[np.float32]
-Mask = NDArray[np.bool_]
 RADIUS = 3
 """Patches are 7x7."""
 LEAST_SPREAD = np.float32(4.0)

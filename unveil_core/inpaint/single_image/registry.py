@@ -7,9 +7,9 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
 from unveil_core.inpaint.single_image.opencv import classic, fsr, shift_map
@@ -26,27 +26,24 @@ __all__ = [
     "telea",
 ]
 
-Image = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
-
 
 class SingleImageInpainter(Protocol):
     """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB; pixels outside the mask come back unchanged."""
 
-    def __call__(self, image: Image, mask: Mask) -> Image: ...
+    def __call__(self, image: Picture, mask: Mask) -> Picture: ...
 
 
-def telea(image: Image, mask: Mask) -> Image:
+def telea(image: Picture, mask: Mask) -> Picture:
     """Fast marching (Telea 2004), OpenCV."""
     return classic(image, mask, 5, cv2.INPAINT_TELEA)
 
 
-def navier_stokes(image: Image, mask: Mask) -> Image:
+def navier_stokes(image: Picture, mask: Mask) -> Picture:
     """Fluid dynamics (Bertalmio et al. 2001), OpenCV."""
     return classic(image, mask, 5, cv2.INPAINT_NS)
 
 
-def exemplar(image: Image, mask: Mask) -> Image:
+def exemplar(image: Picture, mask: Mask) -> Picture:
     """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none."""
     filled = patch_fill(image, mask)
     return telea(image, mask) if filled is None else filled
@@ -80,7 +77,7 @@ def inpainter(name: str) -> SingleImageInpainter:
     return INPAINTERS[name]
 
 
-def fill_around(inpaint: SingleImageInpainter, image: Image, mask: Mask) -> Image:
+def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
     """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street.
 
     Networks are given the image as it is, and find the surroundings that they were made for.

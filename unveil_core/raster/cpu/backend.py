@@ -14,6 +14,7 @@ from torch import Tensor
 
 from unveil_core.base.array_pool import Buffers, borrow, give_back, lend
 from unveil_core.base.parallel import in_parallel, thread_count
+from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.cpu import binning, ellipsoids, per_surfel
 from unveil_core.raster.cpu.backward import row_size
@@ -25,8 +26,6 @@ from unveil_core.raster.records import SIZE as RECORD
 
 __all__ = ["Pass", "backward_pass", "forward_pass", "release"]
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 TILES_AT_ONCE = 8
 
 
