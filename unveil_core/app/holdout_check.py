@@ -28,8 +28,8 @@ from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.pictures import own_mask
 from unveil_core.ground.fit import fit_drive_ground
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.runner import Reporter, silent
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_labels

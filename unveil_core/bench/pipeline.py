@@ -25,8 +25,8 @@ from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import INPAINTERS, inpainter, is_file
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.runner import Reporter, silent
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]

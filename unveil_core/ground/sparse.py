@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["GROUND_NAMES", "GroundPoints", "find_ground"]
+__all__ = ["GroundPoints", "find_ground"]
 
-GROUND_NAMES = ("road", "sidewalk", "terrain")
 CELL_M, LOW_PERCENT = 0.5, 20
 """Of each cell of the plan the low points count: what floats over the ground is no ground."""
 NEIGHBOURS = 7
@@ -70,13 +70,6 @@ class GroundPoints:
         return np.where(down & near & (depth > 0) & (miss < 0.1 * self.unit), depth, np.inf)
 
 
-def _horizontal_axes(up: Float64) -> Float64:
-    up = up / np.linalg.norm(up)
-    east = np.cross([1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 1.0, 0.0], up)
-    east /= np.linalg.norm(east)
-    return np.stack([east, np.cross(up, east), up])
-
-
 def _one_per_cell(local: Float64, cell: float) -> Float64:
     """(C, 3) of each cell of the plan its low point: mean place, low percentile of the height."""
     key = np.floor(local[:, :2] / cell).astype(np.int64)
@@ -98,7 +91,7 @@ def find_ground(
         labels: (H, W) per frame, negative = unknown; ground, removable: the labels that mean these.
         unit: world units per metre.
     """
-    axes = _horizontal_axes(drive.up)
+    axes = up_frame(drive.up)
     points = drive.points.positions
     centres = np.stack([f.camera.centre for f in drive.frames])
     nearest = cKDTree(centres).query(points)[1]

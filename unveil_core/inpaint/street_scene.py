@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.geometry.camera import Camera
@@ -24,12 +25,10 @@ from unveil_core.inpaint.facade.facade_chart import invented_fronts, read_facade
 from unveil_core.inpaint.facade.poles import feet_of_uprights
 from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
 from unveil_core.inpaint.light.scene_light import light_of_scene
-from unveil_core.pipeline.runner import StageContext
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
+from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES, LabelSet
 from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import load_array
 
 __all__ = [
     "Views",
@@ -41,10 +40,6 @@ __all__ = [
     "ground_usable",
     "path_by_lines",
 ]
-
-SOLID_CLASSES = ("building", "wall")
-"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
-UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
 
 
 def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None) -> Ground | None:
@@ -84,9 +79,16 @@ def drive_views(
 
 
 def drive_ground_layer(
-    context: StageContext, drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_], views: Views
+    drive: Drive, scene: SceneLabels, surfels: Surfels, gone: Mask, of_surfel: Labels, views: Views, *,
+    shadows: bool = True, sun: tuple[float, float] | None = None, progress: Progress = no_progress,
 ) -> GroundLayer | None:  # fmt: skip
-    """The ground of the empty street, or None where the scene has none."""
+    """The ground of the empty street, or None where the scene has none.
+
+    Args:
+        surfels: the full scene; gone: (N,) those that are removed; of_surfel: (N,) the object that each belongs to.
+        shadows: whether the removed objects' shadows are removed too.
+        sun: its azimuth and elevation, degrees; None = looked for.
+    """
     limits = scene_range(drive)
     left = surfels.select(torch.from_numpy(~gone))
     ground = drive_ground(drive, scene, left)
@@ -107,15 +109,15 @@ def drive_ground_layer(
     ground = drive_ground(drive, scene, left, path) or ground
     usable = usable_for(ground)
     means = surfels.means.double().numpy()
-    of_surfel = np.where(gone, load_array(context.workspace.root / "surfels/instances.npy"), -1)
+    of_surfel = np.where(gone, of_surfel, -1)
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
-    fill = FillSettings(shadow_reach_m=5.0 if context.settings.shadows != "off" else 0.0)
+    fill = FillSettings() if shadows else FillSettings(shadow_reach_m=0.0)
     keep = torch.from_numpy(~gone)
     layer = build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
         unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
-        plants=scene.labels.indices(("vegetation",)), sun=context.settings.sun,
-        progress=context.progress,
+        plants=scene.labels.indices(("vegetation",)), sun=sun,
+        progress=progress,
     )  # fmt: skip
     return replace(layer, ground_labels=scene.labels.indices(GROUND_CLASSES))
 

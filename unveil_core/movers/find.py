@@ -17,20 +17,17 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import units_per_metre
-from unveil_core.ground.sparse import GROUND_NAMES, GroundPoints, find_ground
+from unveil_core.ground.sparse import GroundPoints, find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
 from unveil_core.movers.points import points_along_track, points_behind_contacts
 from unveil_core.movers.seen_through import MASKED, SLIM, WIDE, Body, Sight, sight_of, sticks
 from unveil_core.movers.shadows import mover_shadow
 from unveil_core.movers.tracks import Patch, find_patches, instance_moves, link_patches
-from unveil_core.semantics.classes import REMOVABLE
+from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SLIM_CLASSES, THIN_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 
 __all__ = ["FoundMovers", "Mover", "find_movers"]
-
-THIN_CLASSES = ("pole", "traffic light", "traffic sign")
-SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class _Search:
         self.labels = [frame_labels(f, scene).astype(np.int8) for f in drive.frames]
         known = {*REMOVABLE, "remove"}
         self.removable = tuple(k for k, n in enumerate(self.names) if n in known)
-        ground = tuple(k for k, n in enumerate(self.names) if n in GROUND_NAMES)
+        ground = tuple(k for k, n in enumerate(self.names) if n in GROUND_CLASSES)
         # Without classes all that is not to be removed may be ground.
         self.below_labels = ground or tuple(k for k, n in enumerate(self.names) if n == "keep")
         self.behind_labels = (*self.below_labels, *(k for k, n in enumerate(self.names) if n == "sky"))

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from unveil_core.pipeline.runner import Reporter
+from unveil_core.pipeline.stage import Reporter
 
 __all__ = ["reporting"]
 

@@ -11,8 +11,9 @@ from unveil_core.drives.check import check_drive
 from unveil_core.drives.marked import marked_objects
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
 from unveil_core.pipeline.graph import STAGES
-from unveil_core.pipeline.runner import Reporter, Stage, run_stages, silent
+from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, Stage, silent
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.workspace.workspace import Workspace
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from unveil_core.base.errors import UnveilError, WorkspaceError
+from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.graph import STAGES
-from unveil_core.pipeline.runner import Digests, depends_on, input_hash
+from unveil_core.pipeline.runner import depends_on
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 

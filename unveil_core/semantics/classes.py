@@ -15,10 +15,14 @@ __all__ = [
     "COLORS",
     "GROUND_CLASSES",
     "GROUPS",
-    "LabelSet",
     "REMOVABLE",
     "SIDE_CLASSES",
+    "SLIM_CLASSES",
+    "SOLID_CLASSES",
+    "THIN_CLASSES",
+    "UPRIGHT_CLASSES",
     "VOID",
+    "LabelSet",
     "expand_names",
 ]
 
@@ -42,6 +46,19 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "human": ("person", "rider"),
     "dynamic": REMOVABLE,
 }
+
+GROUND_CLASSES = ("road", "sidewalk", "terrain")
+"""What a removed object stands on."""
+SIDE_CLASSES = ("building", "wall", "fence")
+"""What bounds the ground beside the street."""
+SOLID_CLASSES = ("building", "wall")
+"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
+UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
+"""What stands on a foot that removed objects hide; it is continued down to the ground."""
+THIN_CLASSES = ("pole", "traffic light", "traffic sign")
+"""What is so thin that labels and depth miss each other there: no evidence for or against motion."""
+SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
+"""Objects about half a metre wide, in contrast to vehicles."""
 
 
 def expand_names(names: Iterable[str], known: Iterable[str] = CITYSCAPES) -> tuple[str, ...]:
@@ -105,7 +122,3 @@ class LabelSet:
     def keep_remove() -> LabelSet:
         """The two labels of a scene that knows only masks or boxes."""
         return LabelSet(("keep", "remove"), (0, 1))
-
-
-GROUND_CLASSES = ("road", "sidewalk", "terrain")
-SIDE_CLASSES = ("building", "wall", "fence")

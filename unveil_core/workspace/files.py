@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_label_image, write_atomic, write_image_atomic
+from unveil_core.base.files import read_json, read_label_image, write_atomic, write_image_atomic
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["frame_file", "load_array", "load_labels", "load_mask", "save_array", "save_mask"]
+__all__ = ["frame_file", "known_objects", "load_array", "load_labels", "load_mask", "save_array", "save_mask"]
 
 
 def load_labels(workspace: Workspace) -> SceneLabels:
@@ -48,3 +49,11 @@ def load_array(path: Path) -> NDArray[np.int64]:
 def frame_file(folder: Path, frame: Frame) -> Path:
     """Where a frame's picture lies in one of the per-frame folders."""
     return folder / frame.camera_name / f"{frame.name}.png"
+
+
+def known_objects(workspace: Workspace) -> tuple[int, ...] | None:
+    """Ids of the objects that a workspace lists, None where it does not list any yet."""
+    if not workspace.objects_json.is_file():
+        return None
+    listed: Any = read_json(workspace.objects_json)
+    return tuple(int(o["id"]) for o in listed["objects"])

@@ -14,10 +14,11 @@ from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.bench.rows.footage import Footage
-from unveil_core.pipeline.graph import asked_for, reconstruct_with
 from unveil_core.pipeline.run import stage_named
-from unveil_core.pipeline.runner import Stage, StageContext, run_stages
-from unveil_core.pipeline.steps.unveil import inpaint_with
+from unveil_core.pipeline.runner import run_stages
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.inpaint import inpaint_with
+from unveil_core.pipeline.steps.reconstruct import asked_for, reconstruct_with
 from unveil_core.workspace.files import frame_file
 from unveil_core.workspace.workspace import Workspace
 

@@ -1,0 +1,42 @@
+"""Stage ``mesh``: the full and the empty street as fused meshes."""
+
+from __future__ import annotations
+
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scene_range import scene_range
+from unveil_core.mesh import fuse, write_glb, write_ply
+from unveil_core.mesh.views import depth_views
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.surfels.ply import read_surfels
+
+__all__ = ["STAGE"]
+
+MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
+"""Edge of a voxel of the fused meshes, metres."""
+
+
+def run(context: StageContext) -> None:
+    """meshes/full.ply, meshes/empty.ply, meshes/empty.glb."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    limits = scene_range(drive)
+    voxel = MESH_VOXEL_M[context.settings.quality] * limits.unit
+    for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
+        surfels = read_surfels(path)
+        mesh = fuse(
+            depth_views(surfels, drive.frames, near=limits.near, far=limits.far), voxel_size=voxel, max_depth=30 * limits.unit,
+            progress=context.progress,
+        )  # fmt: skip
+        write_ply(mesh, context.output(f"meshes/{state}.ply"), offset=drive.offset)
+        if state == "empty":
+            write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset, up=drive.up)
+
+
+STAGE = Stage(
+    "mesh",
+    run,
+    inputs=("drive", "surfels/full.ply", "surfels/empty.ply"),
+    outputs=("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"),
+    settings=("quality",),
+    version=2,
+)

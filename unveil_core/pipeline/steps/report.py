@@ -1,0 +1,27 @@
+"""Stage ``report``: figures and the page."""
+
+from __future__ import annotations
+
+from unveil_core.evaluate import run_evaluation, write_metrics
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.report import write_report
+
+__all__ = ["STAGE"]
+
+
+def run(context: StageContext) -> None:
+    """metrics.json and report/."""
+    metrics = run_evaluation(context.workspace.root, None, context.progress)
+    write_metrics(metrics, context.output("metrics.json"))
+    write_report(context.workspace.root, context.output("report"), metrics, context.progress)
+
+
+STAGE = Stage(
+    "report",
+    run,
+    inputs=(
+        "drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes/full.ply",
+        "meshes/empty.ply", "meshes/empty.glb", "surfels/empty.ply", "surfels/sky.npz",
+    ),
+    outputs=("metrics.json", "report"),
+)  # fmt: skip
