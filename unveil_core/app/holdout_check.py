@@ -32,7 +32,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.files import load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
@@ -126,7 +126,7 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
             f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
         )
     drive = read_imported(workspace.drive_dir)
-    labels = load_labels(workspace)
+    labels = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
     limits = scene_range(drive)

@@ -83,6 +83,7 @@ class Drive:
         metric: True where world units are metres.
         semantic_classes: "cityscapes" or None.
         truth_root: folder of the true empty street, or None.
+        sources: the files that it was read from, beside those of the frames.
     """
 
     root: Path
@@ -93,6 +94,7 @@ class Drive:
     metric: bool = True
     semantic_classes: str | None = None
     truth_root: Path | None = None
+    sources: tuple[Path, ...] = ()
 
 
 def tracks(drive: Drive) -> list[list[int]]:

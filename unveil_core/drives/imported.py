@@ -51,6 +51,7 @@ def read_imported(folder: Path) -> Drive:
             metric=bool(data["metric"]),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
+            sources=(path, folder / "points.ply"),
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error

@@ -27,7 +27,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = [
@@ -118,7 +118,7 @@ def open_splats(footage: Footage) -> Splats:
     images = tuple(exposures.of(f).canonical(p) for f, p in zip(frames, footage.photographs, strict=True))
     return Splats(
         full, gone, full.select(torch.from_numpy(~gone)), load_sky(workspace.root / "surfels/sky.npz"),
-        load_labels(workspace), scene_range(footage.drive), exposures, images,
+        load_selection(workspace), scene_range(footage.drive), exposures, images,
     )  # fmt: skip
 
 

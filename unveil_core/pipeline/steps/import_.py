@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import import_drive
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
@@ -18,4 +22,13 @@ def run(context: StageContext) -> None:
     import_drive(open_drive(context.drive), context.output("drive"), max_side=side, progress=context.progress)
 
 
-STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality"), drive_digest=True)
+def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """Everything that a drive consists of. Where it lies counts too: the workspace refers to its ground truth."""
+    opened = open_drive(drive)
+    files = [*opened.sources]
+    for f in opened.frames:
+        files += [p for p in (f.image_path, f.semantic_path, f.instance_path, f.mask_path) if p is not None]
+    return [(str(path), path) for path in files]
+
+
+STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality"), outside=files_of_drive)

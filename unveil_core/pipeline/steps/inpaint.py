@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.onnx_files import files_of
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scene_range import scene_range
@@ -17,13 +20,15 @@ from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import drive_continued, drive_ground_layer, drive_views
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
-from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
+from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
@@ -43,7 +48,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     """
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
@@ -112,17 +117,46 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
 
 
+def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """The networks that the settings name, with the weights that lie beside them."""
+    found = []
+    for name, path in settings.networks.items():
+        found += [(name + file.name.removeprefix(path.name), file) for file in files_of(path)]
+    return found
+
+
+def check_networks(settings: RunSettings) -> None:
+    """Raise a SettingsError unless the named networks are there and are such networks."""
+    inpainter(settings.inpainter)
+    if "reference_inpainter" in settings.networks:
+        load_reference(settings.networks["reference_inpainter"])
+
+
 STAGE = Stage(
     "inpaint",
     run,
     inputs=(
-        "drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
-        "masks/removed", "masks/unobserved",
+        "drive",
+        "labels.json",
+        "selection.json",
+        "movers",
+        "surfels/full.ply",
+        "surfels/sky.npz",
+        "surfels/exposure.json",
+        "surfels/removed.npy",
+        "surfels/instances.npy",
+        "masks/removed",
+        "masks/unobserved",
     ),
-    optional=("surfels/exposure.json", "movers"),
     outputs=(
-        "inpainted", "inpaint/keyframes.json", "masks/shadows", "surfels/seeds.ply", "surfels/displaced.npy",
+        "inpainted",
+        "inpaint/keyframes.json",
+        "masks/shadows",
+        "surfels/seeds.ply",
+        "surfels/displaced.npy",
         "surfels/relit.npy",
     ),
+    outside=files_of_networks,
+    check=check_networks,
     settings=("quality", "shadows", "inpainter", "reference_inpainter", "order", "keyframes"),
-)  # fmt: skip
+)

@@ -16,13 +16,14 @@ from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.geometry.axes import up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_array, load_labels, save_array
+from unveil_core.workspace.files import load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -32,7 +33,7 @@ def run(context: StageContext) -> None:
     """instances.json and surfels/instances.npy: the listed objects among the scene's surfels."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     limits = scene_range(drive)
     labels = surfels.labels.numpy()
@@ -108,9 +109,8 @@ def _give_to_marked(
 STAGE = Stage(
     "instances",
     run,
-    inputs=("drive", "labels.json", "selection.json", "objects.json", "objects", "surfels/full.ply"),
-    optional=("movers",),
+    inputs=("drive", "labels.json", "movers", "selection.json", "objects.json", "objects", "surfels/full.ply"),
     outputs=("instances.json", "instances", "surfels/instances.npy"),
     settings=("marked",),
-    version=2,
+    outside=files_of_marked,
 )

@@ -38,5 +38,4 @@ STAGE = Stage(
     inputs=("drive", "surfels/full.ply", "surfels/empty.ply"),
     outputs=("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"),
     settings=("quality",),
-    version=2,
 )

@@ -11,6 +11,7 @@ from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scene_range import scene_range
 from unveil_core.geometry.axes import up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
 from unveil_core.semantics.labels import SceneLabels, find_labels
 from unveil_core.semantics.objects import (
@@ -76,4 +77,4 @@ def _classes(scene: SceneLabels, found: FoundObjects) -> list[dict[str, object]]
     ]  # fmt: skip
 
 
-STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), version=2)
+STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked)

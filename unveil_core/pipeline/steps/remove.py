@@ -17,6 +17,7 @@ from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.street_scene import drive_ground
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.observed import never_seen, seen_view
@@ -27,7 +28,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_labels, save_array, save_mask
+from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -78,7 +79,7 @@ def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     limits = scene_range(drive)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
@@ -124,9 +125,16 @@ def run(context: StageContext) -> None:
 STAGE = Stage(
     "remove",
     run,
-    inputs=("drive", "labels.json", "selection.json", "objects.json", "surfels/full.ply", "surfels/instances.npy"),
-    optional=("movers",),
+    inputs=(
+        "drive",
+        "labels.json",
+        "movers",
+        "selection.json",
+        "objects.json",
+        "surfels/full.ply",
+        "surfels/instances.npy",
+    ),
     outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
     settings=("marked",),
-    version=3,
+    outside=files_of_marked,
 )
