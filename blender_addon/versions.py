@@ -11,19 +11,12 @@ from typing import Any
 
 import bpy
 
-__all__ = [
-    "eevee", "fcurve_of", "has_window", "set_modifier_input", "show_in_sequencer", "strip_files", "strips_of",
-]  # fmt: skip
+__all__ = ["fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
 
 
 def has_window() -> bool:
     """Whether events and timers run: not with ``--background``, nor in Blender as a Python module."""
     return not bpy.app.background and not getattr(bpy.app, "module", False)
-
-
-def eevee() -> str:
-    """The identifier of EEVEE: it had another one from 4.2 to 4.5."""
-    return "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT"
 
 
 def fcurve_of(datablock: Any, action: Any, data_path: str, index: int = 0) -> Any:
@@ -43,15 +36,6 @@ def fcurve_of(datablock: Any, action: Any, data_path: str, index: int = 0) -> An
     else:
         curves = action.fcurves
     return curves.find(data_path, index=index) or curves.new(data_path, index=index)
-
-
-def set_modifier_input(modifier: Any, name: str, value: Any) -> None:
-    """Set an input of a geometry nodes modifier by its identifier, as ``Socket_1``; 5.2 keeps them elsewhere."""
-    inputs = getattr(getattr(modifier, "properties", None), "inputs", None)
-    if inputs is not None:
-        getattr(inputs, name).value = value
-    else:
-        modifier[name] = value
 
 
 def strips_of(scene: Any) -> Any:
