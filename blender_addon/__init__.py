@@ -15,6 +15,7 @@ MODULES = (
     "properties",
     "selection",
     "view",
+    "operators_view",
     "previews",
     "preferences",
     "operators_import",

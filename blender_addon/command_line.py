@@ -17,9 +17,9 @@ from typing import Any
 
 import bpy
 
-from . import results
 from .files import one_line
 from .jobs import WINDOWS, unveil_command, worker_environment
+from .loading import load
 from .preferences import unveil_interpreter
 from .session import interrupts
 
@@ -80,7 +80,7 @@ def _load_and_save(workspace: Path, save: Path) -> int:
     drive = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
     context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
     try:
-        results.load(context, workspace)
+        load(context, workspace)
     except (OSError, ValueError) as error:
         return _refuse(one_line(error, workspace), 1)
     try:

@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from . import blocks, cameras, classes, meshes, plates, selection, sequences, splats
-from .drive_files import ImportedDrive, read_drive, read_json
+from . import blocks, cameras, classes, meshes, plates, sequences, splats
+from .drive_files import ImportedDrive, read_json
 from .ply_file import read_ply
 
-__all__ = ["MOST_POINTS", "load", "looks_through_camera", "show_cameras_view", "tracks_of"]
+__all__ = ["MOST_POINTS", "Placed", "looks_through_camera", "place", "set_up", "show_cameras_view", "tracks_of"]
 
 MOST_POINTS = 150_000
 """More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
@@ -20,18 +21,35 @@ RADIUS_PER_METRE, RADIUS_M = 0.005, (0.03, 0.35)
 """Size of a shown point by its distance from the drive: LiDAR thins out with it."""
 
 
-def load(context: bpy.types.Context, workspace: str | Path) -> bpy.types.Collection:
-    """Bring the drive of a workspace into the scene, or up to date where it is there.
+@dataclass(frozen=True)
+class Placed:
+    """A drive in the scene.
+
+    Attributes:
+        collection: that holds it.
+        tracks: its cameras, in the drive's order.
+        resized: those of them whose pictures have another size than when the drive was placed before.
+        frames: of the longest track.
+        new: whether the drive was not there before.
+    """
+
+    collection: bpy.types.Collection
+    tracks: list[bpy.types.Object]
+    resized: list[bpy.types.Object]
+    frames: int
+    new: bool
+
+
+def place(scene: bpy.types.Scene, drive: ImportedDrive) -> Placed:
+    """Bring a drive into the scene, or up to date where it is there: its cameras with the photographs, and its points.
 
     Raises:
-        ValueError: the workspace holds no imported drive, or a file of it is damaged; one line that names it.
+        ValueError: a file of it is damaged; one line that names it.
         OSError: a file cannot be read or a link not be made.
     """
-    scene = context.scene
-    drive = read_drive(Path(bpy.path.abspath(str(workspace))))
-    place = str(drive.workspace.resolve())
-    before = blocks.drive_collection(scene, place)
-    collection = before or blocks.drive_collection(scene, place, drive.name, drive.source)
+    workspace = str(drive.workspace.resolve())
+    before = blocks.drive_collection(scene, workspace)
+    collection = before or blocks.drive_collection(scene, workspace, drive.name, drive.source)
     assert collection is not None
     mark = blocks.drive_of(collection)
     collection["unveil_offset"] = [float(v) for v in drive.offset]  # double precision
@@ -39,18 +57,23 @@ def load(context: bpy.types.Context, workspace: str | Path) -> bpy.types.Collect
     sizes = {c.name: list(c["unveil_size"]) for c in tracks_of(collection)}
     tracks = _cameras(collection, mark, drive)
     _points(collection, mark, drive)
-    selection.fill(scene, drive)
-    if before is None:
-        _first_look(context, tracks)
+    resized = [c for c in tracks if sizes.get(c.name) != list(c["unveil_size"])]
     longest = max(len(frames) for frames in drive.tracks.values())
-    if collection.get("unveil_frames") != longest:  # what the artist has set since then stays
-        collection["unveil_frames"] = longest
-        scene.frame_start, scene.frame_end = 0, max(longest - 1, 1)
-    if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and before is None):
+    return Placed(collection, tracks, resized, longest, before is None)
+
+
+def set_up(context: bpy.types.Context, placed: Placed) -> None:
+    """Fit the scene to a drive: camera, frame range, picture size and, the first time, how the views show it."""
+    scene, collection, tracks = context.scene, placed.collection, placed.tracks
+    if placed.new:
+        _first_look(context, tracks)
+    if collection.get("unveil_frames") != placed.frames:  # what the artist has set since then stays
+        collection["unveil_frames"] = placed.frames
+        scene.frame_start, scene.frame_end = 0, max(placed.frames - 1, 1)
+    if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and placed.new):
         scene.camera = tracks[0]
-    if scene.camera in tracks and sizes.get(scene.camera.name) != list(scene.camera["unveil_size"]):
+    if scene.camera in placed.resized:
         cameras.fit_scene_to(scene, scene.camera)
-    return collection
 
 
 def tracks_of(collection: bpy.types.Collection) -> list[bpy.types.Object]:

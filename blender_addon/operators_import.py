@@ -9,24 +9,14 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cameras, drive_scene, results, selection, view
+from . import selection
 from .drive_files import read_json
-from .files import one_line
 from .job_operator import JobOperator, UserError
 from .job_state import JobState
+from .loading import loaded
 from .run_arguments import default_workspace, selection_arguments, settings_arguments
 
-__all__ = ["loaded"]
-
-
-def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: str) -> bool:
-    """Bring a workspace into the scene; what is wrong with it is reported in one line."""
-    try:
-        results.load(context, workspace)
-    except (OSError, ValueError) as error:
-        operator.report({"ERROR"}, one_line(error, _absolute(workspace)))
-        return False
-    return True
+__all__: list[str] = []
 
 
 class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
@@ -146,32 +136,11 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class UNVEIL_OT_look_through(bpy.types.Operator):
-    """Look through this camera, with the size and pixel shape of its pictures"""
-
-    bl_idname = "unveil.look_through"
-    bl_label = "Look through camera"
-    bl_options = {"REGISTER", "UNDO"}
-
-    track: StringProperty(options={"SKIP_SAVE"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        collection = view.shown_drive(context.scene)
-        tracks = [] if collection is None else drive_scene.tracks_of(collection)
-        camera = next((c for c in tracks if not self.track or c["unveil_track"] == self.track), None)
-        if camera is None:
-            self.report({"ERROR"}, f"There is no camera {self.track}")
-            return {"CANCELLED"}
-        cameras.fit_scene_to(context.scene, camera)
-        drive_scene.show_cameras_view(context)
-        return {"FINISHED"}
-
-
 def _menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.operator(UNVEIL_OT_open_drive.bl_idname, text="Street drive (Unveil)")
 
 
-CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_OT_load_workspace, UNVEIL_OT_look_through)
+CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_OT_load_workspace)
 
 
 def register() -> None:

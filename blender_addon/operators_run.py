@@ -11,7 +11,7 @@ from bpy.props import EnumProperty
 from . import logs, selection, workspace_state
 from .job_operator import JobOperator, UserError, redraw
 from .job_state import JobState
-from .operators_import import loaded
+from .loading import loaded
 from .run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
 from .session import session
 

@@ -27,16 +27,15 @@ MOST_SPLATS = 150_000
 """More Gaussians of a scene are thinned evenly."""
 
 
-def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
-    """Bring the drive of a workspace and whatever stages have made of it into the scene.
+def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[str]:
+    """Bring whatever stages have made of a drive into the scene, into the collection that the drive has there.
 
     Returns:
-        what of the results is there, by kind.
+        what is there, by kind.
     Raises:
-        ValueError: the workspace holds no imported drive, or a file is damaged; one line that names it.
+        ValueError: a file is damaged; one line that names it.
         OSError: a file cannot be read, or a link not be made.
     """
-    collection = drive_scene.load(context, workspace)
     drive = read_drive(Path(blocks.workspace_of(collection)))
     scene, mark = context.scene, blocks.drive_of(collection)
     found: list[str] = []

@@ -89,27 +89,7 @@ def apply(scene: bpy.types.Scene) -> None:
         meshes.show_colors(points, "Class" if view.points == "CLASS" else "Colour")
 
 
-class UNVEIL_OT_before_after(bpy.types.Operator):
-    """Switch between the street as it was and the empty one: background and meshes at once"""
-
-    bl_idname = "unveil.before_after"
-    bl_label = "Before / after"
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return shown_drive(context.scene) is not None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        shown = context.scene.unveil_view
-        after = shown.state == "BEFORE"
-        shown.state = "AFTER" if after else "BEFORE"
-        shown.background = "clean" if after else "original"
-        return {"FINISHED"}
-
-
 def register() -> None:
-    bpy.utils.register_class(UNVEIL_OT_before_after)
     bpy.utils.register_class(UnveilView)
     bpy.types.Scene.unveil_view = PointerProperty(type=UnveilView)
 
@@ -117,4 +97,3 @@ def register() -> None:
 def unregister() -> None:
     del bpy.types.Scene.unveil_view
     bpy.utils.unregister_class(UnveilView)
-    bpy.utils.unregister_class(UNVEIL_OT_before_after)

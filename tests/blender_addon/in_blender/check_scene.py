@@ -172,7 +172,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
 
 
 def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
-    addon.module("drive_scene").load(__import__("bpy").context, made / "ws")
+    addon.module("loading").load(__import__("bpy").context, made / "ws")
     camera = scene.camera
     places = []
     for frame, part in ((2, 0.0), (2, 0.5), (3, 0.0)):
@@ -182,10 +182,10 @@ def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) 
 
 
 def test_points_are_coloured_faces(addon, scene, made: Path) -> None:
-    import bpy
 
     scene.unveil.workspace = str(made / "ws")
-    collection = addon.module("drive_scene").load(bpy.context, made / "ws")
+    drive = addon.module("drive_files").read_drive(made / "ws")
+    collection = addon.module("drive_scene").place(scene, drive).collection
     (thing,) = [o for o in collection.all_objects if o.name == "Points"]
     mesh = thing.data
     count = len(np.load(made / "ws/objects/point_labels.npy"))
