@@ -6,6 +6,7 @@ Importing this package imports nothing else, so that the modules without bpy can
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from importlib import import_module
 
 __all__ = ["register", "unregister"]
@@ -29,24 +30,31 @@ MODULES = (
     "handlers",
     "command_line",
 )
-"""Modules with ``register()`` and ``unregister()``, in the order of registration. Nothing but registration happens there."""
+"""Whatever is registered stands in one of these, in this order: Blender's classes in ``CLASSES``, all else in ``register()`` and
+``unregister()``, either of which may be missing."""
+
+_steps_back = ExitStack()
+"""What takes back what was registered, the latest first."""
 
 
 def register() -> None:
-    """Register all classes; what was registered is taken back when one of them fails."""
-    done = []
-    try:
+    """Register everything; where one step fails, those before it are taken back."""
+    global _steps_back
+    import bpy
+
+    with ExitStack() as steps_back:
         for name in MODULES:
             module = import_module(f".{name}", __package__)
-            module.register()
-            done.append(module)
-    except Exception:
-        for module in reversed(done):
-            module.unregister()
-        raise
+            for cls in getattr(module, "CLASSES", ()):
+                bpy.utils.register_class(cls)
+                steps_back.callback(bpy.utils.unregister_class, cls)
+            if hasattr(module, "register"):
+                module.register()
+            if hasattr(module, "unregister"):
+                steps_back.callback(module.unregister)
+        _steps_back = steps_back.pop_all()
 
 
 def unregister() -> None:
-    """The reverse, which also ends a job that still runs."""
-    for name in reversed(MODULES):
-        import_module(f".{name}", __package__).unregister()
+    """Take everything back, which also ends a job that still runs."""
+    _steps_back.close()

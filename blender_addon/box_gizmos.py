@@ -137,5 +137,3 @@ class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
 
 
 CLASSES = (UNVEIL_GT_boxes, UNVEIL_GGT_boxes)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -136,13 +136,3 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
 
 
 CLASSES = (UNVEIL_OT_check_python, UNVEIL_OT_create_environment)
-
-
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

@@ -144,12 +144,8 @@ CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_OT_load_workspac
 
 
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(_menu)
 
 
 def unregister() -> None:
     bpy.types.TOPBAR_MT_file_import.remove(_menu)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

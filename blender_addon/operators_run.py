@@ -165,12 +165,5 @@ def stage_states(scene: bpy.types.Scene) -> workspace_state.WorkspaceState | Non
 CLASSES = (UNVEIL_OT_run, UNVEIL_OT_stage, UNVEIL_OT_cancel, UNVEIL_OT_show_log)
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
 def unregister() -> None:
     _cache.clear()
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

@@ -227,5 +227,3 @@ CLASSES = (
     UNVEIL_OT_add_mattes,
     UNVEIL_OT_remove_mark,
 )
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -52,5 +52,3 @@ class UNVEIL_OT_look_through(bpy.types.Operator):
 
 
 CLASSES = (UNVEIL_OT_before_after, UNVEIL_OT_look_through)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

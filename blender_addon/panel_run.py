@@ -154,4 +154,3 @@ def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
 
 
 CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

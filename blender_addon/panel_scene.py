@@ -214,5 +214,3 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
 
 
 CLASSES = (UNVEIL_PT_drive, UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection, UNVEIL_PT_results)
-
-register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -30,9 +30,4 @@ class Section:
     bl_parent_id = "UNVEIL_PT_main"
 
 
-def register() -> None:
-    bpy.utils.register_class(UNVEIL_PT_main)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(UNVEIL_PT_main)
+CLASSES = (UNVEIL_PT_main,)

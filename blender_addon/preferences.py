@@ -133,10 +133,8 @@ def unveil_interpreter(context: bpy.types.Context, *, full: bool = False) -> Fou
     return found
 
 
-def register() -> None:
-    bpy.utils.register_class(UnveilPreferences)
+CLASSES = (UnveilPreferences,)
 
 
 def unregister() -> None:
     forget()
-    bpy.utils.unregister_class(UnveilPreferences)

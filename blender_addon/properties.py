@@ -94,11 +94,12 @@ class UnveilSettings(bpy.types.PropertyGroup):
     show_more: BoolProperty(name="More settings", default=False, options={"SKIP_SAVE"})
 
 
+CLASSES = (UnveilSettings,)
+
+
 def register() -> None:
-    bpy.utils.register_class(UnveilSettings)
     bpy.types.Scene.unveil = PointerProperty(type=UnveilSettings)
 
 
 def unregister() -> None:
     del bpy.types.Scene.unveil
-    bpy.utils.unregister_class(UnveilSettings)

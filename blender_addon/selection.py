@@ -266,12 +266,8 @@ CLASSES = (UnveilObject, UnveilClass, UnveilSelection)
 
 
 def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
     bpy.types.Scene.unveil_selection = PointerProperty(type=UnveilSelection)
 
 
 def unregister() -> None:
     del bpy.types.Scene.unveil_selection
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)

@@ -89,11 +89,12 @@ def apply(scene: bpy.types.Scene) -> None:
         meshes.show_colors(points, "Class" if view.points == "CLASS" else "Colour")
 
 
+CLASSES = (UnveilView,)
+
+
 def register() -> None:
-    bpy.utils.register_class(UnveilView)
     bpy.types.Scene.unveil_view = PointerProperty(type=UnveilView)
 
 
 def unregister() -> None:
     del bpy.types.Scene.unveil_view
-    bpy.utils.unregister_class(UnveilView)
