@@ -442,7 +442,7 @@ def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path
     from mathutils import Vector
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    gizmos, panels = addon.module("box_gizmos"), addon.module("panel_scene")
+    gizmos, panels = addon.module("box_gizmos"), addon.module("panel_selection")
     ((ends, color, width),) = gizmos.lines_of(bpy.context, None)
     assert len(ends) == 24 and color == gizmos.GOES and width == gizmos.ACTIVE_PX
     bpy.ops.unveil.toggle_object(number=5)

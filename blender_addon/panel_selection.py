@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sections Drive, What goes, and Results of the sidebar."""
+"""The section What goes of the sidebar: lists of classes and objects."""
 
 from __future__ import annotations
 
@@ -8,49 +8,10 @@ from typing import Any
 
 import bpy
 
-from . import cameras, previews, selection, view
+from . import previews, selection
 from .panels import Section
 
-__all__ = ["measures"]
-
-
-class UNVEIL_PT_drive(Section, bpy.types.Panel):
-    """What is imported."""
-
-    bl_idname = "UNVEIL_PT_drive"
-    bl_label = "Drive"
-    bl_order = 1
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, scene = self.layout, context.scene
-        layout.operator("unveil.open_drive", icon="IMPORT")
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(scene.unveil, "drive")
-        row = layout.row(align=True)
-        row.operator(
-            "unveil.import_drive", text="Import again" if selection.current(scene) else "Import", icon="FILE_REFRESH"
-        )
-        row.operator("unveil.load_workspace", text="Open workspace", icon="FILE_FOLDER").ask = True
-        collection = view.shown_drive(scene)
-        if collection is None:
-            return
-        tracks = [o for o in collection.all_objects if cameras.track_of(o) is not None]
-        if len(tracks) > 1:
-            flow = layout.grid_flow(columns=2, align=True)
-            for camera in tracks:
-                flow.operator(
-                    "unveil.look_through",
-                    text=camera["unveil_track"],
-                    icon="VIEW_CAMERA",
-                    depress=camera == scene.camera,
-                ).track = camera["unveil_track"]
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.row().prop(scene.unveil_view, "points", expand=True)
-
-
-# ------------------------------------------------------------------------------------------------------------------ what goes
+__all__ = ["UNVEIL_PT_selection", "measures"]
 
 
 class UNVEIL_UL_classes(bpy.types.UIList):
@@ -190,27 +151,4 @@ def _summary(scene: bpy.types.Scene) -> str:
     return "Goes: " + ", ".join(parts)
 
 
-# -------------------------------------------------------------------------------------------------------------------- results
-
-
-class UNVEIL_PT_results(Section, bpy.types.Panel):
-    """What is shown of the results."""
-
-    bl_idname = "UNVEIL_PT_results"
-    bl_label = "Results"
-    bl_order = 4
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return view.shown_drive(context.scene) is not None
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, shown = self.layout, context.scene.unveil_view
-        layout.row(align=True).prop(shown, "shown")
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(shown, "background")
-        layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
-
-
-CLASSES = (UNVEIL_PT_drive, UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection, UNVEIL_PT_results)
+CLASSES = (UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection)
