@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unveil in Blender: a drive in, the empty street out. The heavy work runs in a Python of its own (see ``jobs``).
+"""Unveil in Blender: a drive in, the empty street out. The heavy work runs in a Python of its own (see ``worker/``).
 
-Importing this package imports nothing else, so that the modules without bpy can be used, and tested, without Blender.
+Importing this package imports nothing else, so that the folders without bpy can be used, and tested, without Blender.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ from importlib import import_module
 __all__ = ["register", "unregister"]
 
 MODULES = (
-    "session",
-    "properties",
-    "selection",
-    "view",
-    "operators_view",
-    "previews",
-    "preferences",
-    "operators_import",
-    "operators_selection",
-    "operators_run",
-    "operators_environment",
-    "panels",
-    "panel_drive",
-    "panel_selection",
-    "panel_run",
-    "panel_results",
-    "box_gizmos",
-    "handlers",
-    "command_line",
+    "worker.session",
+    "scene.settings",
+    "scene.view",
+    "scene.operators_view",
+    "choice.selection",
+    "choice.operators_selection",
+    "choice.box_gizmos",
+    "work.preferences",
+    "work.operators_import",
+    "work.operators_run",
+    "work.operators_environment",
+    "work.handlers",
+    "work.command_line",
+    "ui.previews",
+    "ui.panels",
+    "ui.panel_drive",
+    "ui.panel_selection",
+    "ui.panel_run",
+    "ui.panel_results",
 )
 """Whatever is registered stands in one of these, in this order: Blender's classes in ``CLASSES``, all else in ``register()`` and
 ``unregister()``, either of which may be missing."""
