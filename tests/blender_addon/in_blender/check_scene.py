@@ -110,7 +110,7 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     assert background.show_background_image and background.image.source == "SEQUENCE"
     user = background.image_user  # frame 0 of the timeline shows file 0
     assert (user.frame_start, user.frame_duration, user.frame_offset) == (0, 4, -1)
-    files = addon.module("plates").files_of(camera, "original")
+    files = addon.module("scene.plates").files_of(camera, "original")
     originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
     assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
     assert [Path(f).name for f in files] == [f"{i:06d}.png" for i in range(4)]
@@ -121,13 +121,13 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
     import bpy
 
     bpy.ops.unveil.import_drive(filepath=str(made / "rig/transforms.json"), workspace=str(tmp_path / "ws"))
-    tracks = {c["unveil_track"]: c for c in addon.module("drive_scene").tracks_of(scene.collection.children[0])}
+    tracks = {c["unveil_track"]: c for c in addon.module("scene.drive_scene").tracks_of(scene.collection.children[0])}
     assert set(tracks) == {"front", "left"} and scene.frame_end == 1
     points = np.random.default_rng(3).uniform((0, -4, -3), (25, 4, 3), (300, 3))
     for track, camera in tracks.items():
         bpy.ops.unveil.look_through(track=track)
         assert scene.camera == camera
-        files = addon.module("plates").files_of(camera, "original")
+        files = addon.module("scene.plates").files_of(camera, "original")
         assert (
             len(files) == 2
             and Path(files[0]).read_bytes() == (made / f"rig/images/0{track == 'left':d}.png").read_bytes()
@@ -148,7 +148,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     ws = tmp_path / "ws"
     done = bpy.ops.unveil.open_drive(filepath=str(made / "colmap/sparse/0/images.bin"), workspace=str(ws))
     assert done == {"FINISHED"} and scene.unveil.drive == str(made / "colmap")
-    drive = addon.module("drive_files").read_drive(ws)
+    drive = addon.module("formats.drive_files").read_drive(ws)
     assert drive.units_per_metre != 1 and not np.allclose(drive.rotation, np.eye(3), atol=0.1)
     generator = np.random.default_rng(3)
     entries = json.loads((ws / "drive/cameras.json").read_text())["frames"]
@@ -156,7 +156,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     points = generator.uniform((-1, -1, 1), (1, 1, 8), (300, 3)) @ ahead[:3, :3].T + ahead[:3, 3]
     assert greatest_error(addon, scene.camera, ws, points, drive.to_scene) < 0.01
     assert all(abs(o.matrix_world[1][0]) < 1 and o.matrix_world.translation.z > 0 for o in [scene.camera])
-    pick = addon.module("operators_import")._drive_of
+    pick = addon.module("work.operators_import")._drive_of
     for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
         (made / folder / "cameras.txt").touch()
         assert pick(made / folder / "cameras.txt") == made / "colmap"
@@ -172,7 +172,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
 
 
 def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
-    addon.module("drive_scene").load(__import__("bpy").context, made / "ws")
+    addon.module("work.loading").load(__import__("bpy").context, made / "ws")
     camera = scene.camera
     places = []
     for frame, part in ((2, 0.0), (2, 0.5), (3, 0.0)):
@@ -182,10 +182,10 @@ def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) 
 
 
 def test_points_are_coloured_faces(addon, scene, made: Path) -> None:
-    import bpy
 
     scene.unveil.workspace = str(made / "ws")
-    collection = addon.module("drive_scene").load(bpy.context, made / "ws")
+    drive = addon.module("formats.drive_files").read_drive(made / "ws")
+    collection = addon.module("scene.drive_scene").place(scene, drive).collection
     (thing,) = [o for o in collection.all_objects if o.name == "Points"]
     mesh = thing.data
     count = len(np.load(made / "ws/objects/point_labels.npy"))
@@ -216,7 +216,7 @@ def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path)
 def test_choices_become_options(addon, scene, made: Path) -> None:
     import bpy
 
-    selection = addon.module("selection")
+    selection = addon.module("choice.selection")
     assert selection.arguments(scene) == [] and selection.problem(scene) == ""  # nothing is imported yet
     # The workspace's own run took all cars; what it took is chosen here, too.
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
@@ -248,7 +248,7 @@ def test_boxes_lie_around_their_objects(addon, scene, made: Path) -> None:
     import bpy
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    selection, ply_file = addon.module("selection"), addon.module("ply_file")
+    selection, ply_file = addon.module("choice.selection"), addon.module("formats.ply_file")
     points = ply_file.read_ply(made / "ws/drive/points.ply").positions
     own = points[np.load(made / "ws/objects/point_objects.npy") == 5]
     corners = selection.box_of(scene.unveil_selection.objects[0]).corners
@@ -269,7 +269,7 @@ def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Pat
     assert marker.display_type == "WIRE" and marker.select_get()
     marker.location = (7.25, -2.55, -0.9)
     marker.scale, marker.rotation_euler = (3.8, 2.0, 1.6), Euler((0, 0, 0.1))
-    selection = addon.module("selection")
+    selection = addon.module("choice.selection")
     arguments = selection.arguments(scene)
     assert arguments == ["--instances", "1001", "--marked", str(ws / "marked.json")]
     (entry,) = json.loads((ws / "marked.json").read_text())
@@ -307,11 +307,11 @@ def test_mattes_become_an_instance(addon, scene, made: Path, tmp_path: Path) -> 
     with pytest.raises(RuntimeError, match="holds no pictures"):
         bpy.ops.unveil.add_mattes(directory=str(made / "tiny/nothing"))
     bpy.ops.unveil.add_mattes(directory=str(made / "street/truth/removed"), class_name="van")
-    arguments = addon.module("selection").arguments(scene)
+    arguments = addon.module("choice.selection").arguments(scene)
     assert arguments[:2] == ["--instances", "1001"]
     assert json.loads((ws / "marked.json").read_text())[0]["mattes"] == str(made / "street/truth/removed")
     bpy.ops.unveil.remove_mark(number=1001)
-    assert json.loads(Path(addon.module("selection").arguments(scene)[-1]).read_text()) == []
+    assert json.loads(Path(addon.module("choice.selection").arguments(scene)[-1]).read_text()) == []
 
 
 # ------------------------------------------------------------------------------------------------------------------- results
@@ -321,7 +321,7 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
     import bpy
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    plates, versions = addon.module("plates"), addon.module("versions")
+    plates, versions = addon.module("scene.plates"), addon.module("scene.versions")
     camera = scene.camera
     kinds = ["original", "clean", "render", "inpainted", "regions", "removed", "shadows", "unobserved"]
     assert plates.kinds_of(camera) == kinds
@@ -331,7 +331,7 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
     assert clips["camera clean"] == 8 and all(c.use_fake_user for c in bpy.data.movieclips)
     for state, count in (("before", "full"), ("after", "empty")):
         mesh = bpy.data.objects[f"Mesh {state}"].data
-        ply = addon.module("ply_file").read_ply(made / f"ws/meshes/{count}.ply")
+        ply = addon.module("formats.ply_file").read_ply(made / f"ws/meshes/{count}.ply")
         assert len(mesh.vertices) == len(ply.vertices) and len(mesh.polygons) == len(ply.triangles)
         offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["offset"])
         assert np.allclose(mesh.vertices[7].co, ply.positions[7] - offset, atol=1e-4)
@@ -379,7 +379,7 @@ def test_nothing_is_there_twice(addon, scene, made: Path, tmp_path: Path) -> Non
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
     first = blocks()
-    strips = addon.module("versions").strips_of
+    strips = addon.module("scene.versions").strips_of
     counts = len(strips(scene)), len(scene.timeline_markers)
     bpy.ops.unveil.load_workspace()
     assert blocks() == first and (len(strips(scene)), len(scene.timeline_markers)) == counts
@@ -406,7 +406,7 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
     shutil.rmtree(tmp_path / "ws/frames")
     shutil.rmtree(tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))  # what is there of an unfinished run
-    assert "clean" not in addon.module("plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
+    assert "clean" not in addon.module("scene.plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
     shutil.copytree(made / "ws/frames", tmp_path / "ws/frames")
     shutil.copytree(made / "ws/meshes", tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace()
@@ -442,7 +442,7 @@ def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path
     from mathutils import Vector
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    gizmos, panels = addon.module("box_gizmos"), addon.module("panel_scene")
+    gizmos, panels = addon.module("choice.box_gizmos"), addon.module("ui.panel_selection")
     ((ends, color, width),) = gizmos.lines_of(bpy.context, None)
     assert len(ends) == 24 and color == gizmos.GOES and width == gizmos.ACTIVE_PX
     bpy.ops.unveil.toggle_object(number=5)
