@@ -122,8 +122,9 @@ def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> list[dict[str, Any]
         if "mattes" in entry:
             found.append({**common, "source": "mattes", "mattes": str(drive.workspace / entry["mattes"])})
             continue
-        local = np.asarray(entry["centre"], np.float64) - drive.offset
         size = np.asarray(entry["size"], np.float64) / drive.units_per_metre
-        box = SceneBox(tuple(drive.to_scene(local)), tuple(size), float(entry.get("yaw", 0.0)))
+        box = SceneBox(
+            tuple(drive.from_drive(np.asarray(entry["centre"], np.float64))), tuple(size), float(entry.get("yaw", 0.0))
+        )
         found.append({**common, "source": "box", "marker": new_marker(collection, number, name, box)})
     return found

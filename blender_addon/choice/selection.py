@@ -251,8 +251,8 @@ def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
     box = entry["box"]
     thing.boxed = box is not None and thing.source != "box"
     if thing.boxed:
-        thing.centre = drive.to_scene(np.asarray(box["centre"], np.float64))
-        thing.size = np.asarray(box["size"]) / drive.units_per_metre
+        thing.centre = np.asarray(box["centre"], np.float64)
+        thing.size = np.asarray(box["size"])
         thing.yaw = float(box["yaw"]) - math.pi / 2  # the files count from east, the scene's x is north
 
 

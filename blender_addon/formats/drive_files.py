@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An imported drive, as the files of its workspace tell it, in Blender's conventions. No bpy here.
 
-Scene coordinates are metres with z up: for a drive that has those they are its own, relative to its offset; else they are
-turned so that north of the drive's horizontal axes is x, and scaled.
+Scene coordinates are those of the workspace: metres, z up, an origin amid the cameras.
 """
 
 from __future__ import annotations
@@ -65,15 +64,13 @@ class DriveFrame:
 
 @dataclass(frozen=True, eq=False)
 class ImportedDrive:
-    """A drive in scene coordinates.
+    """A drive in scene coordinates. Those of its files are ``units_per_metre * rotation @ scene + offset``.
 
     Attributes:
         workspace: its folder.
         source: what was imported.
         tracks: frames by camera name, in time.
-        offset: (3,) float64; drive coordinates = local coordinates + offset.
-        units_per_metre: of the drive's coordinates.
-        axes: (3, 3) rows east, north, up in the drive's coordinates.
+        offset: (3,) float64; rotation: (3, 3) float64.
     """
 
     workspace: Path
@@ -81,7 +78,7 @@ class ImportedDrive:
     tracks: dict[str, tuple[DriveFrame, ...]]
     offset: np.ndarray
     units_per_metre: float
-    axes: np.ndarray
+    rotation: np.ndarray
 
     @property
     def name(self) -> str:
@@ -89,20 +86,13 @@ class ImportedDrive:
         path = Path(self.source)
         return path.parent.name if path.suffix else path.name
 
-    @property
-    def rotation(self) -> np.ndarray:
-        """(3, 3) from the drive's axes to the scene's: x north, y west, z up."""
-        return np.stack([self.axes[1], -self.axes[0], self.axes[2]])
-
-    def to_scene(self, local: np.ndarray) -> np.ndarray:
-        """Points (..., 3) relative to the offset, in the scene."""
-        if np.array_equal(self.rotation, np.eye(3)) and self.units_per_metre == 1:
-            return local
-        return local @ self.rotation.T / self.units_per_metre
-
     def to_drive(self, scene: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the scene in the drive's own coordinates, as its files have them."""
-        return scene @ self.rotation * self.units_per_metre + self.offset
+        return scene @ self.rotation.T * self.units_per_metre + self.offset
+
+    def from_drive(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the drive's own coordinates in the scene."""
+        return (points - self.offset) @ self.rotation / self.units_per_metre
 
 
 def read_json(path: Path) -> Any:
@@ -119,15 +109,6 @@ def read_json(path: Path) -> Any:
         raise ValueError(f"{path}: cannot be read: {error}") from error
 
 
-def _axes(up: np.ndarray) -> np.ndarray:
-    """(3, 3) rows east, north, up, as the workspace's boxes count them."""
-    up = up / np.linalg.norm(up)
-    helper = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    east = np.cross(helper, up)
-    east /= np.linalg.norm(east)
-    return np.stack([east, np.cross(up, east), up])
-
-
 def read_drive(workspace: str | Path) -> ImportedDrive:
     """The imported drive of a workspace.
 
@@ -140,10 +121,10 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
     if data is None:
         raise ValueError(f"{workspace}: holds no imported drive (import one first)")
     try:
-        axes = _axes(np.array(data["up"], dtype=np.float64))
-        listed = read_json(workspace / "objects.json") or {}
-        unit = float(listed.get("units_per_metre", 1.0))
-        drive = ImportedDrive(workspace, str(data["source"]), {}, np.array(data["offset"], np.float64), unit, axes)
+        told = data["to_world"]
+        offset = np.array(told["translation"], np.float64).reshape(3)
+        rotation = np.array(told["rotation"], np.float64).reshape(3, 3)
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(told["scale"]), rotation)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
             tracks.setdefault(entry["camera"], []).append(_frame(entry, drive))
@@ -156,8 +137,8 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
 def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     pose = np.array(entry["world_to_camera"], dtype=np.float64).reshape(4, 4)
     placed = np.eye(4)
-    placed[:3, :3] = drive.rotation @ pose[:3, :3].T
-    placed[:3, 3] = drive.to_scene(-pose[:3, :3].T @ pose[:3, 3])
+    placed[:3, :3] = pose[:3, :3].T
+    placed[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return DriveFrame(
         str(entry["name"]), drive.workspace / "drive" / entry["image"], int(entry["width"]), int(entry["height"]),
         float(entry["fx"]), float(entry["fy"]), float(entry["cx"]), float(entry["cy"]), placed @ FLIP,

@@ -101,7 +101,7 @@ def _cameras(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) 
 def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> None:
     ply = read_ply(drive.workspace / "drive" / "points.ply")
     chosen = splats.fair_share(len(ply.vertices), MOST_POINTS)
-    places = drive.to_scene(ply.positions[chosen])
+    places = ply.positions[chosen]
     centres = np.array([f.camera_to_scene[:3, 3] for frames in drive.tracks.values() for f in frames])
     distance = _nearest(places, centres[splats.fair_share(len(centres), 64)])
     radius = np.clip(distance * RADIUS_PER_METRE, *RADIUS_M)

@@ -11,7 +11,7 @@ import numpy as np
 from ..formats import sequences, splats
 from ..formats.drive_files import ImportedDrive, read_drive, read_json
 from ..formats.files import write_whole
-from ..formats.ply_file import Ply, read_ply
+from ..formats.ply_file import read_ply
 from . import blocks, drive_scene, meshes, plates, versions, view
 
 __all__ = ["FOLDERS", "load"]
@@ -181,7 +181,7 @@ def _mesh(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, sta
     if mesh.get("unveil_stamp") == _stamp(path):
         return [role]
     ply = read_ply(path)
-    meshes.fill_mesh(mesh, drive.to_scene(ply.positions - _offset(ply)), ply.triangles)
+    meshes.fill_mesh(mesh, drive.from_drive(ply.positions), ply.triangles)
     colors = ply.colors
     meshes.set_colors(mesh, "Col", np.full((len(ply.vertices), 3), 160, np.uint8) if colors is None else colors)
     _finish(mesh, mark, path)
@@ -204,8 +204,7 @@ def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, s
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     chosen = splats.fair_share(len(centres), MOST_SPLATS)
-    turn = drive.to_scene
-    meshes.fill_mesh(mesh, *splats.discs(turn(centres[chosen]), turn(first[chosen]), turn(second[chosen])))
+    meshes.fill_mesh(mesh, *splats.discs(centres[chosen], first[chosen], second[chosen]))
     meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
     opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
     meshes.set_face_values(mesh, "opacity", opacity)
@@ -213,12 +212,6 @@ def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, s
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
     _finish(mesh, mark, path)
     return [role]
-
-
-def _offset(ply: Ply) -> np.ndarray:
-    """(3,) that a mesh file's coordinates have beyond the workspace's."""
-    told = ply.comment("offset")
-    return np.zeros(3) if told is None else np.array([float(v) for v in told.split()[:3]])
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, path: Path) -> None:

@@ -139,7 +139,7 @@ def test_the_workspace_is_complete(done: Workspace) -> None:
     (car,) = json.loads((done.root / "instances.json").read_text())
     assert car["id"] == 5 and car["class"] == "car" and car["removed"]
     # Only two sides of the car were ever seen; its middle is known to within a metre all the same.
-    offset = json.loads((done.root / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((done.root / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert np.abs(np.array(car["box"]["centre"])[:2] + offset[:2] - (10.75, -2.55)).max() < 1.0
     stages = done.state()["stages"]
     assert all(stage["status"] == "done" for stage in stages.values()) and len(stages) == 11

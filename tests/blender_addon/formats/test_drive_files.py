@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,10 @@ import pytest
 from blender_addon.formats.boxes import SceneBox
 from blender_addon.formats.drive_files import read_drive
 from tests.drives.tiny_drive import edit, make_tiny_drive
-from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.imported import read_imported
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import up_frame, upright
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.pipeline.run import run
 from unveil_core.semantics.objects import marked_box
 
@@ -37,31 +36,29 @@ def test_cameras_agree_whatever_is_up_and_however_long_a_unit(turned: bool, tmp_
     workspace = run(
         make_tiny_drive(tmp_path / "drive", offset=(352155, 5812961, 36)), tmp_path / "ws", until="objects"
     ).root
+    up = np.array([0.48, -0.64, 0.6])
     if turned:
-        listed = json.loads((workspace / "objects.json").read_text())
-        write_json_atomic(workspace / "objects.json", {**listed, "units_per_metre": 2.5})
-        edit(workspace / "drive/cameras.json", lambda d: d.update(up=[0.48, -0.64, 0.6], metric=False))
+        known = Similarity(2.5, upright(up), np.array([352155.0, 5812961, 36]))
+        edit(workspace / "drive/cameras.json", lambda d: d.update(to_world=known.to_json()))
     drive, real = read_drive(workspace), read_imported(workspace / "drive")
     generator = np.random.default_rng(1)
     local = generator.uniform((4, -2, -1), (20, 2, 1), (50, 3))
-    placed = drive.to_scene(local)
-    assert np.allclose(drive.to_drive(placed), local + real.offset, atol=1e-6)
+    assert np.allclose(drive.to_drive(local), real.to_world.to_world(local), atol=1e-6)
+    assert np.allclose(drive.from_drive(drive.to_drive(local)), local, atol=1e-6)
     (frames,) = drive.tracks.values()
     for frame, own in zip(frames, real.frames, strict=True):
         pixels, depth = own.camera.project(local)
         assert (depth > 0).all()
-        assert np.allclose([blender_projection(frame, p) for p in placed], pixels, atol=1e-6)
+        assert np.allclose([blender_projection(frame, p) for p in local], pixels, atol=1e-6)
     if turned:
-        assert np.allclose(drive.to_scene(real.up * 2.5), (0, 0, 1))
+        assert np.allclose(drive.to_drive(np.array([0, 0, 1.0])) - drive.to_drive(np.zeros(3)), 2.5 * up)
         # A box that the artist draws is the same box for the command.
         box = SceneBox((3.0, 1.0, 0.5), (4.0, 2.0, 1.5), 0.3)
         size = tuple(2.5 * v for v in box.size)
         tracked = TrackedBox(7, "car", tuple(drive.to_drive(np.array(box.centre))), size, box.yaw)
         corners = marked_box(tracked, real).corners(up_frame(real.up))
-        found = sorted(map(tuple, np.round(drive.to_scene(corners), 6)))
+        found = sorted(map(tuple, np.round(corners, 6)))
         assert np.allclose(found, sorted(map(tuple, np.round(box.corners, 6))), atol=1e-5)
-    else:
-        assert np.array_equal(placed, local)
 
 
 def test_a_missing_or_damaged_drive_is_one_line(tmp_path: Path) -> None:

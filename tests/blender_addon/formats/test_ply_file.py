@@ -10,6 +10,7 @@ import pytest
 from blender_addon.formats.ply_file import read_ply
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.mesh import Mesh, write_ply
 
 
@@ -21,7 +22,7 @@ def test_files_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert np.array_equal(ply.positions, points.positions) and np.array_equal(ply.colors, points.colors)
     vertices, faces = generator.normal(size=(30, 3)), generator.integers(0, 30, (12, 3))
     colors = generator.integers(0, 256, (30, 3), dtype=np.uint8)
-    write_ply(Mesh(vertices, faces, colors), tmp_path / "mesh.ply", offset=np.array([1e6, 0, 0.5]))
+    write_ply(Mesh(vertices, faces, colors), tmp_path / "mesh.ply", Similarity(translation=np.array([1e6, 0, 0.5])))
     ply = read_ply(tmp_path / "mesh.ply")
     assert np.array_equal(ply.triangles, faces) and np.array_equal(ply.colors, colors)
     assert [float(v) for v in ply.comment("offset").split()] == [1e6, 0.0, 0.5]

@@ -65,7 +65,7 @@ def undo() -> None:
         bpy.ops.ed.undo()
 
 
-def greatest_error(addon, camera, workspace: Path, points: np.ndarray, to_scene=lambda p: p) -> float:  # type: ignore[no-untyped-def]
+def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:  # type: ignore[no-untyped-def]
     """Pixels between Blender's projection and the drive's own of points (N, 3) of its local coordinates, over its frames."""
     import bpy
     from bpy_extras.object_utils import world_to_camera_view
@@ -82,7 +82,7 @@ def greatest_error(addon, camera, workspace: Path, points: np.ndarray, to_scene=
         use = (seen[2] > 0.5) & (np.abs(u) < 2 * e["width"]) & (np.abs(v) < 2 * e["height"])
         assert use.sum() > 5
         for i in np.flatnonzero(use)[:40]:
-            x, y, _ = world_to_camera_view(scene, camera, Vector(to_scene(points[i])))
+            x, y, _ = world_to_camera_view(scene, camera, Vector(points[i]))
             worst = max(worst, abs(x * e["width"] - u[i]), abs((1 - y) * e["height"] - v[i]))
     return worst
 
@@ -97,7 +97,7 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     assert bpy.ops.unveil.import_drive(filepath=str(made / "tiny/transforms.json"), workspace=str(ws)) == {"FINISHED"}
     (collection,) = scene.collection.children
     assert collection.name == "tiny" and scene.unveil.drive == str(made / "tiny/transforms.json")
-    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((ws / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert list(collection["unveil_offset"]) == offset and offset[1] > 5_000_000
     camera = scene.camera
     generator = np.random.default_rng(3)
@@ -150,11 +150,12 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     assert done == {"FINISHED"} and scene.unveil.drive == str(made / "colmap")
     drive = addon.module("formats.drive_files").read_drive(ws)
     assert drive.units_per_metre != 1 and not np.allclose(drive.rotation, np.eye(3), atol=0.1)
+    assert np.allclose(drive.from_drive(drive.to_drive(np.eye(3))), np.eye(3))
     generator = np.random.default_rng(3)
     entries = json.loads((ws / "drive/cameras.json").read_text())["frames"]
     ahead = np.linalg.inv(entries[0]["world_to_camera"])
     points = generator.uniform((-1, -1, 1), (1, 1, 8), (300, 3)) @ ahead[:3, :3].T + ahead[:3, 3]
-    assert greatest_error(addon, scene.camera, ws, points, drive.to_scene) < 0.01
+    assert greatest_error(addon, scene.camera, ws, points) < 0.01
     assert all(abs(o.matrix_world[1][0]) < 1 and o.matrix_world.translation.z > 0 for o in [scene.camera])
     pick = addon.module("work.operators_import")._drive_of
     for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
@@ -273,7 +274,7 @@ def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Pat
     arguments = selection.arguments(scene)
     assert arguments == ["--instances", "1001", "--marked", str(ws / "marked.json")]
     (entry,) = json.loads((ws / "marked.json").read_text())
-    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((ws / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert np.allclose(entry["centre"], np.array((7.25, -2.55, -0.9)) + offset, atol=1e-5)
     assert np.allclose(entry["size"], (3.8, 2.0, 1.6), atol=1e-5) and abs(entry["yaw"] - 0.1) < 1e-5
     # Importing again keeps it, chosen or not, and what the command finds in it comes back into the list.
@@ -333,7 +334,7 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
         mesh = bpy.data.objects[f"Mesh {state}"].data
         ply = addon.module("formats.ply_file").read_ply(made / f"ws/meshes/{count}.ply")
         assert len(mesh.vertices) == len(ply.vertices) and len(mesh.polygons) == len(ply.triangles)
-        offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["offset"])
+        offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["to_world"]["translation"])
         assert np.allclose(mesh.vertices[7].co, ply.positions[7] - offset, atol=1e-4)
         color = np.array(mesh.color_attributes["Col"].data[7].color_srgb[:3]) * 255
         assert np.abs(color - ply.colors[7]).max() < 0.6 and mesh.materials[0] is not None

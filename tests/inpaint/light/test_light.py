@@ -26,7 +26,7 @@ UP = np.array([0.0, 0.0, 1.0])
 def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.ndarray, Light]:
     """Chart, truth and footprint of a sunny street, and the light found on it."""
     chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
-    light = light_of_scene(chart, kept, car, unit=1.0)
+    light = light_of_scene(chart, kept, car)
     assert light is not None
     return chart, truth, footprint, light
 
@@ -80,12 +80,12 @@ def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
 
 def test_an_overcast_street_has_no_sun() -> None:
     chart, *_, kept, car = sunny_chart(None)
-    assert light_of_scene(chart, kept, car, unit=1.0) is None
+    assert light_of_scene(chart, kept, car) is None
 
 
 def test_a_given_sun_is_taken() -> None:
     chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
-    light = light_of_scene(chart, kept, car, unit=1.0, given=(123.0, 33.0))
+    light = light_of_scene(chart, kept, car, given=(123.0, 33.0))
     assert light is not None
     assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
 
@@ -104,7 +104,7 @@ def test_shade_is_read_with_its_ratio() -> None:
 @pytest.mark.parametrize("sun", SUNS)
 def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
     chart, truth, footprint, light = lit_street(sun)
-    lit, blind = (fill_chart(chart, footprint, FillSettings(), unit=1.0, light=given) for given in (light, None))
+    lit, blind = (fill_chart(chart, footprint, FillSettings(), light=given) for given in (light, None))
     hole = (chart.source == OUTSIDE) & (lit.source == INVENTED)
     assert hole.sum() > 5_000
 
@@ -118,7 +118,7 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     towards = sun_towards(*SUNS[0], UP)
     chart, truth, footprint, light = lit_street(SUNS[0])
-    result = fill_chart(chart, footprint, FillSettings(), unit=1.0, light=light)
+    result = fill_chart(chart, footprint, FillSettings(), light=light)
     world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
     of_car, of_others = (
         np.any([in_shadow(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)

@@ -1,4 +1,4 @@
-"""Stage ``import``: the drive in one layout, undistorted, recentred, at the working size."""
+"""Stage ``import``: the drive in one layout, undistorted, in metres, at the working size."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 
 
 def run(context: StageContext) -> None:
-    """drive/: undistorted, recentred."""
+    """drive/: undistorted, in metres with z up."""
     side = context.settings.max_side or MAX_SIDE[context.settings.quality]
     import_drive(open_drive(context.drive), context.output("drive"), max_side=side, progress=context.progress)
 

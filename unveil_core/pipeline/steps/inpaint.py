@@ -11,7 +11,7 @@ from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.onnx_files import files_of
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
@@ -52,7 +52,6 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     surfels = read_surfels(workspace.surfels_full)
     sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
-    limits = scene_range(drive)
     exposures = read_exposures(workspace.exposure_json)
     images = [exposures.read(f) for f in drive.frames]
     removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
@@ -72,9 +71,9 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     if layer is not None:
         places = surfels.means.double().numpy()[gone]
-        anew = new_ground(layer.chart, places, cameras, removed, unit=limits.unit)
+        anew = new_ground(layer.chart, places, cameras, removed)
         displaced = ~gone & displaced_by(layer.chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
-        relit = ground_relit(layer.chart, surfels, unit=limits.unit)
+        relit = ground_relit(layer.chart, surfels)
     left = surfels.select(torch.from_numpy(~(gone | displaced)))
     goes_on: list[Surfels] = []
     if layer is not None:
@@ -88,14 +87,14 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     network = context.settings.networks.get("reference_inpainter")
     order, names = context.settings.order, context.settings.keyframes
     plan = plan_drive(
-        drive.frames, tasks, known, layer, order=order, names=names, near=limits.near, far=limits.far,
+        drive.frames, tasks, known, layer, order=order, names=names, near=NEAR_M, far=FAR_M,
         progress=context.progress,
     )  # fmt: skip
-    told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
+    told = plan_json(plan, drive.frames, order=order, given=bool(names))
     write_json_atomic(context.output("inpaint/keyframes.json"), told)
     painted, seeds = paint_along(
         tasks, known, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
-        near=limits.near, far=limits.far, plan=plan,
+        near=NEAR_M, far=FAR_M, plan=plan,
         reference=None if network is None else load_reference(network), progress=context.progress,
     )  # fmt: skip
     for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
@@ -107,12 +106,12 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         default = scene.labels.index("road")
         parts.append(
             seed_ground(
-                layer.chart, anew, spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                layer.chart, anew, spacing=preset.ground_spacing_m, up=drive.up,
                 sh_degree=left.sh_degree, default_label=0 if default is None else default,
             )
         )  # fmt: skip
     seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
-    write_surfels(seeds, context.output("surfels/seeds.ply"), offset=drive.offset)
+    write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
 

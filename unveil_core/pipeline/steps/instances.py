@@ -13,7 +13,7 @@ from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
@@ -35,7 +35,6 @@ def run(context: StageContext) -> None:
     drive = read_imported(workspace.drive_dir)
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    limits = scene_range(drive)
     labels = surfels.labels.numpy()
     positions = surfels.means.double().numpy()
     spacing = surfels.log_scales.exp().amax(dim=1).double().numpy() * 1.5
@@ -46,11 +45,11 @@ def run(context: StageContext) -> None:
     if any(image is not None for image in images):
         of_surfel[removable] = vote_instances(
             positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v],
-            near=limits.near,
+            near=NEAR_M,
         )  # fmt: skip
     else:
         of_points = load_array(workspace.root / "objects/point_objects.npy").astype(np.int64)
-        of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M * limits.unit)
+        of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M)
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
     axes = up_frame(drive.up)
@@ -61,7 +60,7 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, len(listed["objects"]), "naming objects")
         if not own.any():
             continue
-        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=limits.unit).to_json()
+        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=1.0).to_json()
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
@@ -92,16 +91,16 @@ def _give_to_marked(
     positions: NDArray[np.float64], spacing: NDArray[np.float64], labels: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Surfels of marked objects, whatever their label, but not the ground they stand on."""
-    axes, limits = up_frame(drive.up), scene_range(drive)
+    axes = up_frame(drive.up)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
     views = None
     for mark in marked_objects(context.settings.marked):
         if mark.box is not None:
             box = marked_box(mark.box, drive)
-            of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M * limits.unit)] = mark.id
+            of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
         elif mark.mattes is not None:
-            views = views or [points_in_view(positions, spacing, f.camera, near=limits.near) for f in drive.frames]
+            views = views or [points_in_view(positions, spacing, f.camera, near=NEAR_M) for f in drive.frames]
             mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
             of_surfel[above & vote_mattes(len(positions), views, mattes)] = mark.id
 

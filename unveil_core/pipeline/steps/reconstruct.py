@@ -56,7 +56,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
         progress=context.progress,
     )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
-    write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
+    write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
     return {"choices": done.choices}
 

@@ -12,7 +12,7 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.street_scene import drive_ground
@@ -71,7 +71,7 @@ def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArra
     labels = [frame_labels(f, scene) for f in drive.frames]
     cameras = [f.camera for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
     masks = [np.isin(label, scene.removed_labels) for label in labels if (label >= 0).any()]
-    reach = LOOSE_M * scene_range(drive).unit
+    reach = LOOSE_M
     return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
 
 
@@ -81,11 +81,8 @@ def run(context: StageContext) -> None:
     drive = read_imported(workspace.drive_dir)
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    limits = scene_range(drive)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
-    gone = select_removed(
-        surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
-    )
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(drive.up))
     on_ground = scene.labels.indices(GROUND_CLASSES)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
@@ -103,7 +100,7 @@ def run(context: StageContext) -> None:
     for done, frame in enumerate(drive.frames):
         planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(told, frame.camera, planes, label_count=3, near=limits.near, far=limits.far)
+            full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
         assert full.alpha is not None and full.depth is not None and full.semantics is not None
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
