@@ -15,7 +15,7 @@ from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.fit import fit_drive_ground
 from unveil_core.ground.street import Ground, StreetPath, straighten_path
 from unveil_core.inpaint.chart.layer import GroundLayer
@@ -100,7 +100,8 @@ def drive_ground_layer(
         for i, camera in enumerate(cameras):
             depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
             shape = (camera.height, camera.width)
-            usable.append(ground_usable(labels[i], scene.labels, grow(removed[i], 1), depth.reshape(shape), depths[i]))
+            gone = grow(removed[i], border_px(camera.width, 1))
+            usable.append(ground_usable(labels[i], scene.labels, gone, depth.reshape(shape), depths[i]))
         return usable
 
     path = path_by_lines(ground, cameras, images, labels, usable_for(ground))
@@ -181,8 +182,9 @@ def ground_usable(
     usable = ~removed & np.isfinite(ground_depth)
     if wanted:
         on_ground = np.isin(label, wanted)
-        # Labels say it; depth only has to be no contradiction. One pixel of border mixes two things.
-        inner = cv2.erode(on_ground.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        # Labels say it; depth only has to be no contradiction. The border mixes two things.
+        side = 2 * border_px(label.shape[1], 1) + 1
+        inner = cv2.erode(on_ground.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
         return usable & inner
     return usable & agree
 

@@ -16,6 +16,7 @@ from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.sparse import GroundPoints, find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
@@ -210,7 +211,6 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
         return tuple(np.zeros(n.shape, dtype=bool) for n in search.numbers)
     grays: dict[int, NDArray[np.float32]] = {}
     plains: dict[int, Mask] = {}
-    border = np.ones((5, 5), np.uint8)
 
     def gray(v: int) -> NDArray[np.float32]:
         if v not in grays:
@@ -220,7 +220,8 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
 
     def plain(v: int) -> Mask:
         if v not in plains:
-            own = cv2.dilate((search.numbers[v] > 0).astype(np.uint8), border).astype(bool)
+            side = 2 * border_px(frames[v].camera.width) + 1
+            own = cv2.dilate((search.numbers[v] > 0).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
             plains[v] = search.below(v) & ~own
         return plains[v]
 

@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.sparse import GroundPoints
 from unveil_core.movers.contacts import Contacts
 
 __all__ = ["MASKED", "SLIM", "Body", "Evidence", "Sight", "WIDE", "look_through", "sight_of", "sticks"]
-
-EDGE_PX = 3
-"""A pixel counts where a square of so many pixels around it agrees."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,12 @@ class Evidence:
 
 
 def sight_of(camera: Camera, behind: Mask, removable: Mask) -> Sight:
-    """From the pixels (H, W) that show ground or sky, and those of what may stand in the street."""
-    kernel = np.ones((EDGE_PX, EDGE_PX), np.uint8)
+    """From the pixels (H, W) that show ground or sky, and those of what may stand in the street.
+
+    A pixel counts as ground or sky where all around it agrees, as far as a border reaches.
+    """
+    side = 2 * border_px(camera.width, 1) + 1
+    kernel = np.ones((side, side), np.uint8)
     clear = cv2.erode(behind.astype(np.uint8), kernel).astype(bool)
     return Sight(camera, clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.sparse import GroundPoints
 
 __all__ = ["mover_shadow"]
@@ -28,7 +29,7 @@ AROUND = 400
 ALMOST_LIT, ALIKE = 0.9, 1.25
 """Shadow goes on where brightness is less than so many times its median and others do not show that it is lit, by this share."""
 TOUCH_PX = 4
-BORDER_PX = 2
+"""So far from a mover its shadow may begin, pixels at 384, see :func:`unveil_core.geometry.images.border_px`."""
 
 
 def mover_shadow(
@@ -93,13 +94,15 @@ def mover_shadow(
     dark = none.copy()
     dark[row[: near.sum()], column[: near.sum()]] = ratio[: near.sum()] < DARK * exposure
     dark = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)).astype(bool)
-    seed = cv2.dilate(mask.astype(np.uint8), np.ones((2 * TOUCH_PX + 1,) * 2, np.uint8)).astype(bool)
+    seed = cv2.dilate(
+        mask.astype(np.uint8), np.ones((2 * border_px(camera.width, TOUCH_PX) + 1,) * 2, np.uint8)
+    ).astype(bool)
     count, component = cv2.connectedComponents((dark | mask).astype(np.uint8), connectivity=8)
     touching = np.zeros(count, dtype=bool)
     touching[np.unique(component[seed & (dark | mask)])] = True
     touching[0] = False
     shadow = _whole(touching[component] & dark, near, (row, column), ratio / exposure, gray(frame))
-    grown = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)).astype(bool)
+    grown = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * border_px(camera.width) + 1,) * 2, np.uint8)).astype(bool)
     return grown & (here | seed) & ~mask
 
 

@@ -19,15 +19,12 @@ from unveil_core.base.files import read_instance_image, read_json, write_image_a
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame, PointCloud
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.movers.find import find_movers
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 
 __all__ = ["Moving", "read_moving", "write_moving"]
-
-BORDER_PX = 2
-"""Antialiased borders carry a mover's colour so far beyond its label."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Moving:
         """(H, W) per frame, pixels that say nothing of what stands: movers with their borders, and their shadows."""
         if not self.count:
             return None
-        return [grow(self.pixels(f), BORDER_PX) | self.shadow(f) for f in drive.frames]
+        return [grow(self.pixels(f), border_px(f.camera.width)) | self.shadow(f) for f in drive.frames]
 
     def standing(self, drive: Drive) -> Drive:
         """The drive without the points that lie on movers."""

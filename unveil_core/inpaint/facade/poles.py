@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.light.crowns import components
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -102,5 +102,6 @@ def _hidden(
         x, y = pixel[inside].astype(np.int64).T
         asked[inside[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.
-        through[inside[~grow(gone, 1)[y, x] & (depth[y, x] > BEHIND * z[inside])]] = True
+        clear = ~grow(gone, border_px(camera.width, 1))[y, x]
+        through[inside[clear & (depth[y, x] > BEHIND * z[inside])]] = True
     return asked & ~through
