@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
 
-__all__ = ["border_px", "grow", "luminance", "masked_blur"]
+__all__ = ["border_px", "disc", "grow", "luminance", "masked_blur"]
 
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
@@ -27,13 +27,16 @@ def border_px(width: int, least: int = 2) -> int:
     return max(least, round(least * width / BORDER_WIDTH))
 
 
-def grow(mask: NDArray[np.bool_], radius_px: int) -> NDArray[np.bool_]:
-    """A mask (H, W) grown by a disc."""
-    if radius_px <= 0:
+def disc(radius: float) -> NDArray[np.uint8]:
+    """A round structuring element (2 r + 1, 2 r + 1), its radius rounded down to whole pixels."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(radius) + 1,) * 2).astype(np.uint8)
+
+
+def grow(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """A mask (H, W) dilated by a :func:`disc`; the mask itself where the radius is less than a pixel."""
+    if radius < 1:
         return mask
-    size = 2 * radius_px + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return cv2.dilate(mask.astype(np.uint8), kernel).astype(bool)
+    return cv2.dilate(mask.astype(np.uint8), disc(radius)).astype(bool)
 
 
 def luminance(color: Float32) -> Float32:
