@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.clusters import FEW_PAIRS, connected_points
+from unveil_core.memory import peak_memory_mb
 
 
 def by_all_pairs(positions: np.ndarray, radius: float) -> np.ndarray:
@@ -128,3 +132,60 @@ def test_what_is_given_stays_as_it_is() -> None:
     assert np.array_equal(first, connected_points(points, 0.05))
     turn = np.random.default_rng(1).permutation(len(points))
     assert np.array_equal(renumbered(first[turn]), connected_points(points[turn], 0.05))
+
+
+FIVE_MILLION = """
+import sys, time
+import numpy as np
+from unveil_core.memory import peak_memory_mb
+from unveil_core.semantics.instances import cluster_points, fit_box
+
+def car(rng, count, x):
+    points = rng.uniform(-0.5, 0.5, (count, 3)).astype(np.float32)
+    side = rng.integers(0, 3, count, dtype=np.uint8)
+    for k in range(3):
+        points[side == k, k] = np.sign(points[side == k, k]) / 2
+    points *= (4.4, 1.8, 1.5)
+    points += rng.normal(0, 0.01, points.shape).astype(np.float32)
+    return points + np.array([x, 0.0, 0.75])
+
+def street(rng, count):
+    points = np.empty((count, 3))
+    half = count // 2
+    for k, extent in enumerate((500.0, 30.0, 0.02)):
+        points[:half, k] = rng.uniform(0, extent, half)
+    for parked in np.array_split(np.arange(half, count), 60):
+        points[parked] = car(rng, len(parked), 8.0 * parked[0] / len(parked)) + (0.0, 35.0, 0.0)
+    return points
+
+def work(kind, count):
+    rng = np.random.default_rng(0)
+    if kind == "object":
+        points = car(rng, count, 6e5)
+        began = time.process_time()
+        size = fit_box(points, np.eye(3), gap=1.0).size
+        assert np.allclose(size, (4.4, 1.8, 1.5), atol=0.1), size
+    else:
+        points = street(rng, count)
+        began = time.process_time()
+        found = cluster_points(points, 0.4)
+        assert count < 1e6 or found.max() == 61, found.max()
+    return time.process_time() - began
+
+work(sys.argv[1], 50_000)  # compiles
+before = peak_memory_mb()
+seconds = work(sys.argv[1], 5_000_000)
+print(seconds, peak_memory_mb() - before)
+"""
+
+
+@pytest.mark.skipif(peak_memory_mb() is None, reason="this system does not tell how much memory was used")
+@pytest.mark.parametrize("kind", ["object", "street"])
+def test_five_million_points_take_less_than_a_gigabyte_and_ten_seconds(kind: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FIVE_MILLION, kind], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    seconds, megabytes = (float(word) for word in done.stdout.split())
+    # Of the processor, so that what else runs does not count; the points themselves are 120 MB of the memory.
+    assert seconds < 10 and megabytes < 1000, done.stdout
