@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.crowns import components
+from unveil_core.geometry.clusters import connected_points
 from unveil_core.inpaint.street import Ground
 from unveil_core.remove.regions import grow
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -51,7 +50,7 @@ def feet_of_uprights(
     if len(low) < LEAST:
         return None
     across = (means[low] @ path.axes.T)[:, :2]
-    group = components(len(low), cKDTree(across).query_pairs(LINK_M * unit, output_type="ndarray"))
+    group = connected_points(across, LINK_M * unit)
     parts = []
     for g in np.unique(group):
         own = np.flatnonzero(group == g)
