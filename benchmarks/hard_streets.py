@@ -25,14 +25,14 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 from benchmarks.staged_streets import Box, Car, GlassFront, Person, Staged, empty_street, stage  # noqa: E402
+from unveil_core.base.errors import UnveilError  # noqa: E402
+from unveil_core.base.files import read_image, read_label_image, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
-from unveil_core.errors import UnveilError  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
+from unveil_core.evaluate.holdout.virtual_cars import VirtualCar  # noqa: E402
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim_map  # noqa: E402
-from unveil_core.evaluate.virtual_cars import VirtualCar  # noqa: E402
-from unveil_core.files import read_image, read_label_image, write_json_atomic  # noqa: E402
-from unveil_core.pipeline import run  # noqa: E402
-from unveil_core.settings import RunSettings  # noqa: E402
+from unveil_core.pipeline.run import run  # noqa: E402
+from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 
 RESULTS = HERE / "results" / "hard_streets.json"
 BLACK = 8

@@ -17,19 +17,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.files import (
+    read_image,
+    read_instance_image,
+    read_label_image,
+    write_image_atomic,
+    write_json_atomic,
+)
+from unveil_core.base.types import Float64, Picture
 from unveil_core.drives.drive import PointCloud
+from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.points import write_points
-from unveil_core.drives.transforms_json import read_transforms_json
 from unveil_core.evaluate.flicker import STEPS_A_METRE
-from unveil_core.evaluate.virtual_cars import VirtualCar, cast_car, paint_car
-from unveil_core.files import read_image, read_instance_image, read_label_image, write_image_atomic, write_json_atomic
+from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.classes import CITYSCAPES
 
 __all__ = ["Box", "Car", "GlassFront", "Person", "Staged", "Street", "empty_street", "stage"]
 
-Float64 = NDArray[np.float64]
-Picture = NDArray[np.uint8]
 
 SCENE = Path(__file__).resolve().parent.parent / "sample_scenes" / "parked_street"
 GROUND = tuple(CITYSCAPES.index(n) for n in ("road", "sidewalk", "terrain"))

@@ -23,8 +23,8 @@ _HOMES = {
     "Camera": "geometry.camera",
     "Surfels": "surfels.surfels",
     "render": "raster",
-    "Workspace": "workspace",
-    "run": "pipeline",
+    "Workspace": "workspace.workspace",
+    "run": "pipeline.run",
 }
 
 

@@ -10,13 +10,13 @@ import cv2
 import pytest
 import torch
 
+from unveil_core.app.cli import main
+from unveil_core.base.errors import UnveilError
 from unveil_core.bench.plot import pareto_front
 from unveil_core.bench.raster import Plan, bench_raster, write_plot
 from unveil_core.bench.rivals import GsplatReference, Yardstick, gsplat_is_there
 from unveil_core.bench.scenes import corridor, corridor_camera
 from unveil_core.bench.timing import alternate
-from unveil_core.cli import main
-from unveil_core.errors import UnveilError
 from unveil_core.raster.api import render
 
 TINY = Plan(

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from tests.small_street import make_small_street
+from unveil_core.app.cli import main
+from unveil_core.base.errors import SettingsError
 from unveil_core.bench import reconstruction
 from unveil_core.bench.reconstruction import bench_reconstruction
-from unveil_core.cli import main
-from unveil_core.errors import SettingsError
 from unveil_core.optimize.reconstruct import ReconstructSettings
 from unveil_core.optimize.start import StartSettings
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.base.errors import SettingsError
 from unveil_core.bench.plot import spread
 from unveil_core.bench.rows import ROWS, chosen_rows
 from unveil_core.bench.rows.flow import bilinear, complete_smoothly, inpaint_along_flow
 from unveil_core.bench.rows.footage import fill_around
 from unveil_core.bench.rows.reverse import transferred
-from unveil_core.errors import SettingsError
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.losses import depth_prior
+from unveil_core.optimize.training.losses import depth_prior
 
 WIDTH, HEIGHT = 96, 64
 

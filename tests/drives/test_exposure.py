@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from unveil_core.base.errors import WorkspaceError
 from unveil_core.drives.exposure import IDENTITY, Exposure, Exposures, read_exposures, write_exposures
-from unveil_core.errors import WorkspaceError
 
 DIM = Exposure(np.array([0.6, 0.7, 0.65]), np.array([0.02, -0.01, 0.0]))
 

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 
 from tests.mesh.street import Car, cast, street_camera
+from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import import_drive
-from unveil_core.files import write_image_atomic, write_json_atomic
 from unveil_core.geometry.camera import Camera
-from unveil_core.remove.regions import grow, region_map
+from unveil_core.geometry.images import grow
+from unveil_core.remove.regions import region_map
 
 CARS = (Car(9.0, 2.1), Car(15.5, -2.2, color=(0.12, 0.20, 0.55)), Car(22.0, 2.1, color=(0.75, 0.75, 0.72)))
 OFFSET = np.array([500_000.0, 6_000_000.0, 50.0])

@@ -12,10 +12,10 @@ import pytest
 
 from tests.evaluate.street_workspace import build_workspace
 from tests.mesh.street import cast, street_camera
-from unveil_core.errors import Cancelled, WorkspaceError
+from unveil_core.base.errors import Cancelled, WorkspaceError
+from unveil_core.base.files import read_image, read_label_image, write_image_atomic
 from unveil_core.evaluate import psnr, run_evaluation, ssim, write_metrics
 from unveil_core.evaluate.baselines import telea
-from unveil_core.files import read_image, read_label_image, write_image_atomic
 
 
 @pytest.fixture(scope="module")

@@ -13,15 +13,15 @@ import pytest
 import torch
 
 from tests.exact_scene import build_exact_workspace
+from unveil_core.app.render_views import render_views
+from unveil_core.base.errors import DriveError, UnveilError, WorkspaceError
+from unveil_core.base.files import read_image, read_label_image, write_image_atomic, write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import DriveError, UnveilError, WorkspaceError
 from unveil_core.evaluate import run_evaluation, ssim
 from unveil_core.evaluate.free_views import measure_free_views
-from unveil_core.files import read_image, read_label_image, write_image_atomic, write_json_atomic
-from unveil_core.rendering import render_views
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace import Workspace
+from unveil_core.workspace.workspace import Workspace
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import torch
 from tests.small_street import make_small_street
 from unveil_core.drives import open_drive
 from unveil_core.evaluate.held_out import class_iou, evaluate_views, split_drive
-from unveil_core.semantics.segment import choose_labels
+from unveil_core.semantics.labels import choose_labels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 

@@ -15,8 +15,8 @@ from scipy.linalg import sqrtm
 
 from tests.evaluate.street_workspace import build_workspace
 from tests.evaluate.test_evaluation import stacked
-from unveil_core.cli import main
-from unveil_core.errors import SettingsError
+from unveil_core.app.cli import main
+from unveil_core.base.errors import SettingsError
 from unveil_core.evaluate import run_evaluation
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 

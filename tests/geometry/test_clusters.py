@@ -13,8 +13,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.geometry.clusters import FEW_PAIRS, connected_points
-from unveil_core.memory import peak_memory_mb
 
 
 def by_all_pairs(positions: np.ndarray, radius: float) -> np.ndarray:
@@ -137,7 +137,7 @@ def test_what_is_given_stays_as_it_is() -> None:
 FIVE_MILLION = """
 import sys, time
 import numpy as np
-from unveil_core.memory import peak_memory_mb
+from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.semantics.instances import cluster_points, fit_box
 
 def car(rng, count, x):

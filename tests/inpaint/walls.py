@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.holes import FrameTask, Hole
+from unveil_core.inpaint.frames.holes import FrameTask, Hole
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 

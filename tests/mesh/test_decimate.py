@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.mesh.test_tsdf import ball_views
-from unveil_core.errors import SettingsError
+from unveil_core.base.errors import SettingsError
 from unveil_core.mesh import Mesh, decimate, fuse
 
 

@@ -11,9 +11,9 @@ import pytest
 import torch
 
 from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
-from unveil_core import buffers
+from unveil_core.base import array_pool
+from unveil_core.base.parallel import threads
 from unveil_core.geometry.camera import Camera
-from unveil_core.parallel import threads
 from unveil_core.raster.api import PLANES, render
 from unveil_core.raster.passes import group_for
 from unveil_core.surfels.surfels import Surfels
@@ -143,17 +143,17 @@ def test_two_live_passes_do_not_disturb_each_other() -> None:
 def test_buffers_come_back_to_the_pool() -> None:
     surfels = random_surfels(50, 1)
     render(surfels, camera())
-    assert 1 <= len(buffers._pool) <= buffers.POOL_SIZE
-    before = len(buffers._pool)
+    assert 1 <= len(array_pool._pool) <= array_pool.POOL_SIZE
+    before = len(array_pool._pool)
     out = render(with_gradients(surfels), camera())
-    assert len(buffers._pool) == before - 1, "held while the graph lives"
+    assert len(array_pool._pool) == before - 1, "held while the graph lives"
     del out
     gc.collect()
-    assert len(buffers._pool) == before, "returned when the graph is dropped without backward"
+    assert len(array_pool._pool) == before, "returned when the graph is dropped without backward"
     lives = [render(with_gradients(surfels), camera()) for _ in range(4)]
     for out in lives:
         out.alpha.sum().backward()  # type: ignore[union-attr, no-untyped-call]
-    assert len(buffers._pool) == buffers.POOL_SIZE
+    assert len(array_pool._pool) == array_pool.POOL_SIZE
 
 
 def test_no_graph_without_gradients() -> None:

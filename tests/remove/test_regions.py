@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.geometry.images import grow
 from unveil_core.remove import selection
-from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, grow, region_map, unobserved_mask
+from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.instances import Box, fit_box
-from unveil_core.semantics.segment import SceneLabels
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
 

@@ -13,11 +13,11 @@ import pytest
 from PIL import Image
 
 from tests.evaluate.street_workspace import build_workspace
+from unveil_core.base.errors import Cancelled, WorkspaceError
+from unveil_core.base.files import read_image
+from unveil_core.base.progress import no_progress
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import Cancelled, WorkspaceError
 from unveil_core.evaluate import run_evaluation, write_metrics
-from unveil_core.files import read_image
-from unveil_core.progress import no_progress
 from unveil_core.report import video
 from unveil_core.report.collect import gather
 from unveil_core.report.page import build_page

@@ -15,14 +15,14 @@ import pytest
 
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import cast, street_camera
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate import run_evaluation, write_metrics
-from unveil_core.files import read_image, write_json_atomic
 from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_ply
 from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera
-from unveil_core.report.pictures import REGION_COLORS, page_size, pick
+from unveil_core.report.pictures import REGION_COLORS, fitted, page_size, pick
 
 VOID = {"meta", "link", "img", "input", "br", "line", "polyline"}
 
@@ -83,8 +83,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
             seen = cast(camera, cars)
             views.append(DepthView(camera, seen["depth"], seen["rgb"]))
         mesh = fuse(views, voxel_size=0.2, max_depth=15.0)
-        shifted = (mesh.vertices.astype(np.float64) + OFFSET - local.offset).astype(np.float32)
-        write_ply(Mesh(shifted, mesh.faces, mesh.colors), workspace / f"meshes/{state}.ply", offset=local.offset)
+        shifted = (mesh.vertices.astype(np.float64) + OFFSET - local.to_world.translation).astype(np.float32)
+        write_ply(Mesh(shifted, mesh.faces, mesh.colors), workspace / f"meshes/{state}.ply", local.to_world)
     write_metrics(run_evaluation(workspace), workspace / "metrics.json")
     return workspace
 
@@ -227,7 +227,7 @@ def test_damaged_json_is_one_line(workspace: Path) -> None:
 def test_the_mesh_is_seen_in_both_views(finished: Path) -> None:
     drive = read_imported(finished / "drive")
     camera = bird_camera(drive)
-    centre = np.array([[8.0, 0.0, 0.0]]) + OFFSET - drive.offset
+    centre = np.array([[8.0, 0.0, 0.0]]) + OFFSET - drive.to_world.translation
     pixel, depth = camera.project(centre)
     assert depth[0] > 0
     assert 0 < pixel[0, 0] < camera.width
@@ -250,6 +250,15 @@ def test_pages_stay_small(width: int, height: int, count: int) -> None:
     assert wide / tall == pytest.approx(width / height, rel=0.05)
     if (width, height) == (384, 256):
         assert (wide, tall) == (width, height)
+
+
+def test_regions_stay_in_place_when_the_page_shrinks_them() -> None:
+    wide = np.zeros((1280, 1920), np.uint8)
+    wide[401:704, 601:1404] = 3
+    small = fitted(wide, (768, 512), labels=True)
+    rows, columns = np.nonzero(small == 3)
+    assert abs(columns.mean() + 0.5 - 1002.5 * 0.4) < 0.25 and abs(rows.mean() + 0.5 - 552.5 * 0.4) < 0.25
+    assert set(np.unique(small)) == {0, 3}
 
 
 def test_free_viewpoints_stand_beside_the_recorded_ones(finished: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.initialize import (
     SH_C0,
@@ -14,7 +15,7 @@ from unveil_core.surfels.initialize import (
     surfels_from_points,
     thin_points,
 )
-from unveil_core.surfels.sky import Sky, fit_sky, up_frame
+from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import rotations
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from unveil_core.base.parallel import threads
 from unveil_core.geometry.camera import Camera
-from unveil_core.parallel import threads
 from unveil_core.surfels.sweep import SweepSettings, sweep_depth, sweep_points
 
 NORMAL, OFFSET = np.array([0.45, 0.1, 1.0]), 6.0

@@ -1,1 +1,1 @@
-"""Measurements: milliseconds against error, side by side with others, in one run."""
+"""Measurements behind ``unveil bench``: speed against error."""

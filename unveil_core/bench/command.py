@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 from typing import Any
 
-from unveil_core.files import write_json_atomic
+from unveil_core.base.files import write_json_atomic
 
 __all__ = ["run_bench"]
 
@@ -33,8 +33,8 @@ def run_bench(arguments: argparse.Namespace) -> int:
         )
     elif arguments.what == "pipeline":
         from unveil_core.bench.pipeline import bench_pipeline, write_pipeline_plot
-        from unveil_core.console import reporting
-        from unveil_core.settings import RunSettings
+        from unveil_core.pipeline.console import reporting
+        from unveil_core.pipeline.settings import RunSettings
 
         settings = RunSettings(
             quality=arguments.quality, inpainter=arguments.inpainter, seed=arguments.seed,

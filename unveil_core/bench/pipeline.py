@@ -9,24 +9,26 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.progress import Progress
+from unveil_core.base.types import Picture
 from unveil_core.bench.measure import measure_frames
 from unveil_core.bench.plot import Point, quality_plot
 from unveil_core.bench.rows import ROWS, Row, chosen_rows
-from unveil_core.bench.rows.footage import Footage, Picture, open_footage
+from unveil_core.bench.rows.footage import Footage, open_footage
 from unveil_core.bench.timing import forget_peak_memory, machine
 from unveil_core.drives import open_drive
-from unveil_core.errors import WorkspaceError
 from unveil_core.evaluate.pictures import truth_file
-from unveil_core.files import write_image_atomic
-from unveil_core.inpaint.by_reference import ReferenceInpainter
-from unveil_core.inpaint.onnx_models import load_reference
-from unveil_core.inpaint.single_image import INPAINTERS, inpainter, is_file
-from unveil_core.memory import peak_memory_mb
-from unveil_core.pipeline import run
-from unveil_core.progress import Progress
-from unveil_core.settings import RunSettings
-from unveil_core.stages import Reporter, silent
-from unveil_core.workspace_files import frame_file
+from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
+from unveil_core.inpaint.single_image.onnx_models import load_reference
+from unveil_core.inpaint.single_image.registry import inpainter
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, silent
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from unveil_core.errors import UnveilError
+from unveil_core.base.errors import UnveilError
 
 __all__ = ["Point", "pareto_front", "pareto_plot", "quality_plot", "spread"]
 

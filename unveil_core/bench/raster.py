@@ -11,12 +11,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench import rivals
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
 from unveil_core.bench.timing import alternate, machine
 from unveil_core.geometry.camera import Camera
-from unveil_core.memory import peak_memory_mb
-from unveil_core.progress import Progress, no_progress
 from unveil_core.raster.api import PLANES, render
 from unveil_core.raster.reference import render_reference_in_tiles
 from unveil_core.raster.spec import ALPHA_MIN, TRANSMITTANCE_MIN, Limits

@@ -14,28 +14,29 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.importing import recentred
-from unveil_core.errors import SettingsError
+from unveil_core.drives.importing import localized
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
-from unveil_core.files import read_instance_image, read_label_image, write_image_atomic
-from unveil_core.memory import peak_memory_mb
+from unveil_core.geometry.images import grow
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
-from unveil_core.optimize.adapt import CHOICES
+from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.losses import LossWeights
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
+from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster import render
-from unveil_core.remove.regions import grow, unobserved_mask
+from unveil_core.remove.regions import unobserved_mask
 from unveil_core.remove.selection import select_removed
-from unveil_core.semantics.segment import SceneLabels, choose_labels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 from unveil_core.surfels.initialize import thin_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -117,22 +118,21 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
     """The fused mesh of what stays, against the true surface; empty without a truth."""
     if drive.truth_root is None or not (drive.truth_root / "depth").is_dir():
         return {}
-    limits = scene_range(drive)
     removable = np.array(scene.removable_labels, np.int64)
     without = [np.isin(frame_labels(f, scene), removable) for f in frames]
-    views = depth_views(surfels, frames, near=limits.near, far=limits.far, without=without)
-    mesh = fuse(views, voxel_size=VOXEL_M * limits.unit, max_depth=DEPTH_M * limits.unit)
+    views = depth_views(surfels, frames, near=NEAR_M, far=FAR_M, without=without)
+    mesh = fuse(views, voxel_size=VOXEL_M, max_depth=DEPTH_M)
     corners = mesh.vertices.astype(np.float64)
-    found = corners[thin_points(corners, SAMPLE_M * limits.unit)]
-    reference, depth = _true_surface(drive, REACH_M * limits.unit)
-    true = reference[depth < DEPTH_M * limits.unit]
-    reference, true = (p[thin_points(p, SAMPLE_M * limits.unit)] for p in (reference, true))
-    distances = surface_distances(found, true, reference=reference, crop=CROP_M * limits.unit)
+    found = corners[thin_points(corners, SAMPLE_M)]
+    reference, depth = _true_surface(drive, REACH_M)
+    true = reference[depth < DEPTH_M]
+    reference, true = (p[thin_points(p, SAMPLE_M)] for p in (reference, true))
+    distances = surface_distances(found, true, reference=reference, crop=CROP_M)
     return {
-        "chamfer_m": round(distances.chamfer / limits.unit, 4),
-        **{f"f_score_{t}": round(distances.f_score(t * limits.unit), 4) for t in (0.05, 0.25)},
-        **{f"precision_{t}": round(distances.precision(t * limits.unit), 4) for t in (0.05, 0.25)},
-        **{f"recall_{t}": round(distances.recall(t * limits.unit), 4) for t in (0.05, 0.25)},
+        "chamfer_m": round(distances.chamfer, 4),
+        **{f"f_score_{t}": round(distances.f_score(t), 4) for t in (0.05, 0.25)},
+        **{f"precision_{t}": round(distances.precision(t), 4) for t in (0.05, 0.25)},
+        **{f"recall_{t}": round(distances.recall(t), 4) for t in (0.05, 0.25)},
         "points": [len(found), len(true)],
         "cropped": len(found) - len(distances.to_true),
     }
@@ -140,8 +140,7 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
 
 def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
     """What the alpha maps call never seen when the removable classes go, against what truly was; empty without a truth."""
-    limits = scene_range(drive)
-    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M * limits.unit)
+    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M)
     left = surfels.select(torch.from_numpy(~gone))
     both = either = 0
     for frame in frames:
@@ -151,7 +150,7 @@ def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: 
         alpha = []
         for part in (surfels, left):
             with torch.no_grad():
-                plane = render(part, frame.camera, ("alpha",), near=limits.near, far=limits.far).alpha
+                plane = render(part, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
             assert plane is not None
             alpha.append(plane.numpy())
         removed = grow(np.isin(frame_labels(frame, scene), scene.removed_labels), 2)
@@ -197,7 +196,7 @@ def bench_reconstruction(
         raise SettingsError(f"no variant is called {variant!r}", mend=f"use {', '.join(VARIANTS)}")
     drive = open_drive(path)
     check_drive(drive)
-    drive = recentred(drive)
+    drive = localized(drive)
     if any(f.distortion is not None for f in drive.frames):
         raise SettingsError(
             "the drive's images are distorted", mend="import it first and name the workspace's drive folder"
@@ -215,7 +214,7 @@ def bench_reconstruction(
             told, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
         )
     seconds, cpu_seconds = time.perf_counter() - begun, time.process_time() - begun_cpu
-    surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
+    surfels, sky = done.surfels, done.sky
     return {
         "machine": before, "drive": path.name, "quality": quality, "without": list(without),
         "variant": variant, "salt": salt, "seed": seed,
@@ -223,7 +222,7 @@ def bench_reconstruction(
         "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(
-            surfels, sky, held, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity
+            surfels, sky, held, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity
         ),
         "geometry": _geometry(drive, scene, surfels, training.frames)
         | _unobserved_iou(drive, scene, surfels, training.frames), "choices": done.choices,

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from unveil_core.errors import UnveilError
+from unveil_core.base.errors import UnveilError
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import records as rec
 from unveil_core.raster.reference import render_reference_in_tiles

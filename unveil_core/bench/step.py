@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import torch
 
+from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.bench import rivals
 from unveil_core.bench.raster import plane_gradients
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera
 from unveil_core.bench.timing import machine, second_process_seconds
-from unveil_core.memory import peak_memory_mb
-from unveil_core.optimize.parameters import LearningRates
-from unveil_core.optimize.trainer import Optimization, TrainSettings
-from unveil_core.optimize.views import training_view
+from unveil_core.optimize.training.parameters import LearningRates
+from unveil_core.optimize.training.trainer import Optimization, TrainSettings
+from unveil_core.optimize.training.views import training_view
 from unveil_core.raster.api import PLANES, render
 from unveil_core.surfels.sky import Sky
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from unveil_core.drives.colmap import find_model, read_colmap
+from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.formats.colmap import find_model, read_colmap
+from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.transforms_json import read_transforms_json
-from unveil_core.errors import DriveError
 
 __all__ = ["Drive", "Frame", "PointCloud", "open_drive"]
 

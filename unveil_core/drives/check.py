@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive
-from unveil_core.errors import DriveError
-from unveil_core.files import read_image, read_instance_image, read_label_image
 from unveil_core.geometry.transforms import nearest_rotation
-from unveil_core.progress import Progress, no_progress
 
 __all__ = ["check_drive"]
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives.drive import Frame
-from unveil_core.errors import WorkspaceError
-from unveil_core.files import read_image, write_json_atomic
 
 __all__ = ["IDENTITY", "Exposure", "Exposures", "read_exposures", "write_exposures"]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from plyfile import PlyData, PlyElement, PlyParseError
 
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import write_atomic
 from unveil_core.drives.drive import PointCloud
-from unveil_core.errors import DriveError
-from unveil_core.files import write_atomic
 
 __all__ = ["read_points", "write_points"]
 

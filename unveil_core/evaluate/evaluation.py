@@ -19,26 +19,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
-from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.evaluate.baselines import BASELINES, with_border
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel, frechet_distance
 from unveil_core.evaluate.pictures import REGIONS, fitted, own_mask, regions_of, truth_file, truth_mask
-from unveil_core.files import read_image, write_json_atomic
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
-from unveil_core.remove.regions import grow
+from unveil_core.geometry.images import grow
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace_files import frame_file
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["METHODS", "run_evaluation", "write_metrics"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 METHODS: dict[str, str] = {
     "ours": "Unveil", "render": "Unveil, rendered", "input": "input, untouched", "telea": "Telea",
@@ -236,7 +235,7 @@ def _measure_against_truth(
             started = time.perf_counter()
             pictures[name] = fill(photograph, region)
             result.seconds[name] = time.perf_counter() - started
-            result.filled[name] = pictures[name][grow(region, GROWN_PX)]
+            result.filled[name] = pictures[name][with_border(region)]
     elif with_baselines and region is not None:
         pictures.update(dict.fromkeys(BASELINES, photograph))
         result.filled = dict.fromkeys(BASELINES, photograph[region])
@@ -265,7 +264,6 @@ def _flicker(
     root: Path, drive: Drive, truth: Path | None, results: Mapping[Frame, _FrameResult], progress: Progress
 ) -> dict[str, Any]:
     """Empty where nothing says how far away the street is."""
-    limits = scene_range(drive)
     exact = truth is not None and any(truth_file(truth / "depth", f) is not None for f in drive.frames)
     if not exact and not (root / "surfels/empty.ply").is_file():
         return {}
@@ -273,9 +271,9 @@ def _flicker(
 
     def depth_of(frame: Frame) -> DepthGrid | None:
         if scene is not None:
-            return rendered_depth(scene, frame.camera, near=limits.near, far=limits.far)
+            return rendered_depth(scene, frame.camera, near=NEAR_M, far=FAR_M)
         path = None if truth is None else truth_file(truth / "depth", frame)
-        return None if path is None else read_depth(path, frame.camera, limits.unit)
+        return None if path is None else read_depth(path, frame.camera)
 
     def region_of(frame: Frame) -> Mask | None:
         shape = (frame.camera.height, frame.camera.width)
@@ -293,7 +291,7 @@ def _flicker(
         assert region is not None
         for name, colors in results[frame].filled.items():
             pictures[name] = read_image(frame.image_path)
-            pictures[name][grow(region, GROWN_PX)] = colors
+            pictures[name][with_border(region)] = colors
         return pictures
 
     found = measure_flicker(drive.frames, depth_of, region_of, pictures_of, progress)

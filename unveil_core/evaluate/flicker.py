@@ -14,22 +14,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.files import read_instance_image
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
-from unveil_core.files import read_instance_image
 from unveil_core.geometry.camera import Camera
-from unveil_core.progress import Progress, no_progress
 from unveil_core.raster import render
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["DepthGrid", "Matches", "differences", "match_pixels", "measure_flicker", "read_depth", "rendered_depth"]
 
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 AGREEMENT = 0.03
 """Depths within this share of each other are of one surface."""
@@ -45,7 +43,7 @@ class DepthGrid:
 
     Attributes:
         camera: of the whole picture.
-        depth: (h, w) along the optical axis, world units; 0 where there is none.
+        depth: (h, w) along the optical axis, metres; 0 where there is none.
         step: n; sample k belongs to pixel ``step * k + step - 1``, along rows and columns alike.
     """
 
@@ -73,23 +71,40 @@ class Matches:
     y: NDArray[np.float64]
 
 
-def read_depth(path: Path, camera: Camera, unit: float) -> DepthGrid:
+def read_depth(path: Path, camera: Camera) -> DepthGrid:
     """A 16-bit depth image with 256 steps a metre and 0 for none.
 
-    As large as the picture or a whole number of times smaller it is used as it is; of another size, each pixel takes the
-    nearest sample, which is exact to that sample's size.
+    As large as the picture or a whole number of times smaller it is used as it is; of another size it is read between its
+    samples where these are of one surface.
 
     Args:
-        camera: of the picture; unit: world units per metre.
+        camera: of the picture.
     Raises:
         DriveError: it cannot be read.
     """
-    depth = read_instance_image(path).astype(np.float64) / STEPS_A_METRE * unit
+    depth = read_instance_image(path).astype(np.float64) / STEPS_A_METRE
     step = max(1, camera.width // depth.shape[1])
     if (camera.height / step, camera.width / step) != depth.shape:
         step = 1
-        depth = cv2.resize(depth, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST).astype(np.float64)
+        depth = _at_size(depth, camera.height, camera.width)
     return DepthGrid(camera, depth, step)
+
+
+def _at_size(depth: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
+    """(height, width) of a depth image (h, w) at pixel centres: between samples of one surface inverse depth, which is linear
+    over a plane; across an edge, or beside a sample without depth, the nearest sample."""
+    rows, columns = (
+        (np.arange(n) + 0.5) * have / n - 0.5 for n, have in zip((height, width), depth.shape, strict=True)
+    )
+    near = depth[np.clip(np.round(rows), 0, None).astype(int)[:, None], np.clip(np.round(columns), 0, None).astype(int)]
+    v, u = (p.ravel() for p in np.meshgrid(rows, columns, indexing="ij"))
+    inverse = np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), np.nan)
+    around = np.stack([inverse, inverse**2], axis=-1)
+    mean, square = _sampled(around, u, v).reshape(height, width, 2).transpose(2, 0, 1)
+    with np.errstate(invalid="ignore"):
+        # One surface: the neighbours lie within what two frames may disagree by, on either side of their mean.
+        alike = square - mean**2 < (AGREEMENT * mean) ** 2
+        return np.where(alike, 1.0 / np.where(alike, mean, 1.0), near)
 
 
 def rendered_depth(surfels: Surfels, camera: Camera, *, near: float, far: float) -> DepthGrid:

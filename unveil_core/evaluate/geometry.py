@@ -11,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["SurfaceDistances", "depth_points", "surface_distances"]
 
-Points = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class SurfaceDistances:
-    """Distances between two sets of points, world units.
+    """Distances between two sets of points, metres.
 
     Attributes:
         to_true: (P,) from each found point to the nearest true one; to_found: (Q,) the other way.
@@ -51,7 +50,7 @@ class SurfaceDistances:
 
 
 def surface_distances(
-    found: Points, true: Points, *, reference: Points | None = None, crop: float | None = None
+    found: Float64, true: Float64, *, reference: Float64 | None = None, crop: float | None = None
 ) -> SurfaceDistances:
     """Nearest distances both ways.
 
@@ -68,7 +67,7 @@ def surface_distances(
     return SurfaceDistances(to_true if crop is None else to_true[to_true <= crop], to_found)
 
 
-def depth_points(camera: Camera, depth: NDArray[np.floating], keep: NDArray[np.bool_]) -> Points:
+def depth_points(camera: Camera, depth: NDArray[np.floating], keep: NDArray[np.bool_]) -> Float64:
     """(P, 3) world points of a depth image, (H, W) along the optical axis; the camera may have another resolution.
 
     Args:
@@ -77,5 +76,5 @@ def depth_points(camera: Camera, depth: NDArray[np.floating], keep: NDArray[np.b
     height, width = depth.shape
     view = camera if (camera.width, camera.height) == (width, height) else camera.resized(width, height)
     good = keep & np.isfinite(depth) & (depth > 0)
-    points: Points = view.centre + depth[good].astype(np.float64)[:, None] * view.rays()[good]
+    points: Float64 = view.centre + depth[good].astype(np.float64)[:, None] * view.rays()[good]
     return points

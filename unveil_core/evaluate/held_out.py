@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.files import read_image
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim
-from unveil_core.files import read_image
 from unveil_core.optimize.exposure import affine_between
 from unveil_core.raster import render
-from unveil_core.semantics.segment import SceneLabels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 

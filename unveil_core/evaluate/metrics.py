@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
+from unveil_core.base.types import Mask
+
 __all__ = ["as_unit_float", "mask_iou", "psnr", "psnr_of_mse", "squared_error", "ssim", "ssim_map"]
 
 Image = NDArray[np.uint8] | NDArray[np.floating]
-Mask = NDArray[np.bool_]
 
 SSIM_WINDOW = 11
 

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.errors import SettingsError
-from unveil_core.onnx_files import check_readable, open_onnx, short
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.onnx_files import check_readable, open_onnx, short
+from unveil_core.base.types import Picture
 
 __all__ = ["FeatureModel", "LpipsModel", "frechet_distance"]
 
-Picture = NDArray[np.uint8]
 Run = Callable[..., NDArray[np.generic]]
 
 TORCHSCRIPT_SUFFIXES = (".pt", ".pts", ".torchscript")

@@ -8,14 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.files import read_label_image
+from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
-from unveil_core.files import read_label_image
-from unveil_core.workspace_files import frame_file
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["REGIONS", "fitted", "fitted_mask", "own_mask", "regions_of", "truth_file", "truth_mask"]
-
-Picture = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 
 REGIONS = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole")

@@ -1,1 +1,1 @@
-"""Cameras and transforms; numpy and torch only."""
+"""Cameras, transforms, and helpers on images and point sets that know nothing of streets."""

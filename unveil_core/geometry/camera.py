@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Camera"]
+from unveil_core.base.types import Float64
 
-Float64 = NDArray[np.float64]
+__all__ = ["Camera"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ class Camera:
 
         Args:
             pixels: (N, 2); depth: (N,).
-            nearest: depth that a point must exceed, world units.
+            nearest: depth that a point must exceed, metres.
         """
         inside: NDArray[np.bool_] = (depth > nearest) & (pixels >= 0).all(axis=1)
         return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)

@@ -15,9 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64
+
 __all__ = ["connected_points"]
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 SHRINK = 1 - 1e-6
 """The side of a cell as a share of what its diagonal would allow, so that rounding puts no two points farther apart than the radius
@@ -32,7 +33,7 @@ DEEPEST = 256
 and 30 times that go from the radius down to ``FINE`` of it: 180."""
 
 
-def connected_points(positions: Array, radius: float) -> Index:
+def connected_points(positions: Float64, radius: float) -> Index:
     """Number the connected clusters of points, where points no farther apart than ``radius`` are connected.
 
     Two points are in one cluster if and only if steps of at most ``radius`` from point to point lead from one to the other. Steps
@@ -63,7 +64,7 @@ def connected_points(positions: Array, radius: float) -> Index:
     return _numbers(parent, order, first)
 
 
-def _cells(positions: Array, side: float) -> tuple[Index, Index, Index]:
+def _cells(positions: Float64, side: float) -> tuple[Index, Index, Index]:
     """Points sorted by cell: the order (P,), stable; where each cell's points begin in it (C + 1,); the sorted cells (C, D)."""
     columns = [np.floor((x - x.min()) / side).astype(np.int64) for x in positions.T]
     order = np.lexsort(columns[::-1]).astype(np.int64)

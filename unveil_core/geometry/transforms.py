@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from unveil_core.base.types import Float64
 
 __all__ = ["estimate_up", "nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rotation_to_quat"]
-
-Float64 = NDArray[np.float64]
 
 
 def quat_to_rotation(quat: Sequence[float] | Float64) -> Float64:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.errors import SettingsError
+from unveil_core.base.errors import SettingsError
 from unveil_core.mesh.mesh import Mesh
 
 __all__ = ["FEWEST_TRIANGLES", "decimate"]

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from unveil_core.base.files import read_image
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposure, Exposures
-from unveil_core.files import read_image
-from unveil_core.optimize.scene_range import scene_range
-from unveil_core.progress import Progress, no_progress
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 
@@ -44,14 +45,12 @@ CAP = 0.1
 LEAST_GAIN, LEAST_SPREAD = 0.10, 0.02
 """The model is used where it takes more than this share of the error away, and where mid grey differs by more than this."""
 
-Float = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
     """What the views show of the points: colours (M, 3) in [0, 1], point (M,) and view (M,) of each."""
 
-    color: Float
+    color: Float64
     point: NDArray[np.int64]
     view: NDArray[np.int64]
 
@@ -61,9 +60,8 @@ class _Samples:
 
 def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress: Progress) -> _Samples:
     """Colours of points that at least two views see well exposed."""
-    limits = scene_range(drive)
     positions = drive.points.positions
-    cell = 0.02 * limits.unit
+    cell = 0.02
     while len(positions) > HIDING_POINTS:
         positions = positions[thin_points(positions, cell)]
         cell *= 1.3
@@ -72,7 +70,7 @@ def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress:
     spacing = np.minimum(spacing, 4 * np.median(spacing))
     found = []
     for v, frame in enumerate(drive.frames):
-        seen = points_in_view(positions, spacing, frame.camera, near=limits.near, normals=normals)
+        seen = points_in_view(positions, spacing, frame.camera, near=NEAR_M, normals=normals)
         blur = min(2.0, BLUR_SHARE * frame.camera.width)
         color = cv2.GaussianBlur(read_image(frame.image_path), (0, 0), blur)[seen.rows, seen.columns]
         good = (color > DARKEST).all(axis=1) & (color < BRIGHTEST).all(axis=1)
@@ -90,14 +88,16 @@ def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress:
     return _Samples(every.color, number[every.point], every.view).where(number[every.point] >= 0)
 
 
-def _robust(residual: Float) -> Float:
+def _robust(residual: Float64) -> Float64:
     """Huber's weights, with the scale of most residuals."""
     scale = max(0.005, 1.4826 * float(np.median(np.abs(residual))))
-    weight: Float = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
+    weight: Float64 = np.minimum(1.0, 1.345 * scale / np.maximum(np.abs(residual), 1e-12))
     return weight
 
 
-def _point_colors(value: Float, samples: _Samples, gain: Float, bias: Float, rounds: int = 3) -> tuple[Float, Float]:
+def _point_colors(
+    value: Float64, samples: _Samples, gain: Float64, bias: Float64, rounds: int = 3
+) -> tuple[Float64, Float64]:
     """Colours of the points in one channel for given exposures, and the robust weights (M,) of the samples."""
     g = gain[samples.view]
     weight = np.ones(len(value))
@@ -109,7 +109,7 @@ def _point_colors(value: Float, samples: _Samples, gain: Float, bias: Float, rou
     return color, weight
 
 
-def _fitted_channel(value: Float, samples: _Samples, views: int) -> tuple[Float, Float]:
+def _fitted_channel(value: Float64, samples: _Samples, views: int) -> tuple[Float64, Float64]:
     """Gain (V,) and bias (V,) of one channel, by Gauss-Newton steps with the points' colours eliminated.
 
     A drive is a chain of views, each of which overlaps with the next few: to alternate between views and points would carry
@@ -147,7 +147,7 @@ def _fitted_channel(value: Float, samples: _Samples, views: int) -> tuple[Float,
     return gain.round(5), bias.round(5)
 
 
-def _fitted(samples: _Samples, views: int) -> tuple[Float, Float, NDArray[np.bool_]]:
+def _fitted(samples: _Samples, views: int) -> tuple[Float64, Float64, NDArray[np.bool_]]:
     """Gains (V, 3), biases (V, 3), and which views (V,) had samples enough for their own."""
     enough = np.bincount(samples.view, minlength=views) >= FEWEST_SAMPLES
     gain, bias = np.ones((views, 3)), np.zeros((views, 3))
@@ -161,7 +161,7 @@ def _fitted(samples: _Samples, views: int) -> tuple[Float, Float, NDArray[np.boo
     return gain, bias, enough
 
 
-def _error(samples: _Samples, gain: Float, bias: Float) -> float:
+def _error(samples: _Samples, gain: Float64, bias: Float64) -> float:
     """RMS of the residuals in [0, 1], none counted beyond ``CAP``, with the points' best colours."""
     squares = []
     for channel in range(3):
@@ -216,7 +216,7 @@ def fit_exposures(
     return Exposures(known, told | {"used": True})
 
 
-def affine_between(canonical: Float, photograph: NDArray[np.uint8]) -> tuple[Float, Float]:
+def affine_between(canonical: Float64, photograph: NDArray[np.uint8]) -> tuple[Float64, Float64]:
     """Gain (3,) and bias (3,) that bring a picture nearest to a photograph, by least squares over what is not clipped.
 
     Args:

@@ -1,1 +1,1 @@
-"""remove."""
+"""Which surfels and pixels go with the chosen objects, and what of the street behind them no frame shows."""

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["SeenView", "depth_behind", "never_seen", "places_seen", "seen_view", "sky_seen"]
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 AGREEMENT, GROUND_AGREEMENT, UNTOLD_AGREEMENT = 0.1, 0.5, 0.25
 """Share of its depth by which what a frame shows may be nearer than a place and still not be called in front of it: depth is
 known so well. Ground stands in front of a place only across a crest, so where the frame's label says ground more is allowed:
@@ -62,7 +61,7 @@ def seen_view(
     return SeenView(camera, (limit / (1 - agreement)).astype(np.float32), sky, hidden)
 
 
-def _pixel_reach(depth: NDArray[np.floating]) -> Array:
+def _pixel_reach(depth: NDArray[np.floating]) -> Float64:
     """(H, W) greatest depth that the surface at each pixel's centre has within that pixel.
 
     A pixel shows a patch, at a grazing angle metres of it, and its depth is that of one point. Over a plane inverse depth is
@@ -81,14 +80,14 @@ def _pixel_reach(depth: NDArray[np.floating]) -> Array:
     return np.where(reach > 1e-9, 1 / np.maximum(reach, 1e-9), np.inf)
 
 
-def _pixels(camera: Camera, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array, NDArray[np.int64]]:
+def _pixels(camera: Camera, points: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64, NDArray[np.int64]]:
     """Rows, columns and depths of the points that lie in the picture, and which those are."""
     pixel, depth = camera.project(points)
     index = np.flatnonzero(camera.in_picture(pixel, depth))
     return pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index], index
 
 
-def places_seen(points: Array, views: Sequence[SeenView]) -> Mask:
+def places_seen(points: Float64, views: Sequence[SeenView]) -> Mask:
     """(P,) bool, whether some view shows the place (P, 3), world, and not something in front of it."""
     seen = np.zeros(len(points), dtype=bool)
     for view in views:
@@ -101,7 +100,7 @@ def places_seen(points: Array, views: Sequence[SeenView]) -> Mask:
     return seen
 
 
-def sky_seen(directions: Array, views: Sequence[SeenView]) -> Mask:
+def sky_seen(directions: Float64, views: Sequence[SeenView]) -> Mask:
     """(P,) bool, whether some view shows sky in the direction (P, 3), world."""
     seen = np.zeros(len(directions), dtype=bool)
     for view in views:
@@ -112,9 +111,9 @@ def sky_seen(directions: Array, views: Sequence[SeenView]) -> Mask:
 
 
 def depth_behind(
-    left: tuple[NDArray[np.float32], NDArray[np.float32]], chart_depth: Array,
-    standing: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None, terrain_depth: Array | None = None,
-) -> Array:  # fmt: skip
+    left: tuple[NDArray[np.float32], NDArray[np.float32]], chart_depth: Float64,
+    standing: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None, terrain_depth: Float64 | None = None,
+) -> Float64:  # fmt: skip
     """(H, W) depth of what lies behind the removed, inf for the sky.
 
     Where the terrain is known it ends every ray that nothing standing ends before: it is as sure as its points, while the
@@ -132,11 +131,11 @@ def depth_behind(
     return np.minimum(_surface(*standing), np.where(np.isfinite(terrain_depth), terrain_depth, behind))
 
 
-def _surface(alpha: NDArray[np.float32], depth: NDArray[np.float32]) -> Array:
+def _surface(alpha: NDArray[np.float32], depth: NDArray[np.float32]) -> Float64:
     return np.where(alpha > SURFACE, depth.astype(np.float64), np.inf)
 
 
-def never_seen(camera: Camera, hidden: Mask, depth: Array, views: Sequence[SeenView]) -> Mask:
+def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: Sequence[SeenView]) -> Mask:
     """Pixels (H, W) of a removed object behind which lies what no frame shows.
 
     Args:

@@ -10,18 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NOTHING", "OBSERVED", "SEEN_ELSEWHERE", "UNOBSERVED", "grow", "region_map", "unobserved_mask"]
+__all__ = ["NOTHING", "OBSERVED", "SEEN_ELSEWHERE", "UNOBSERVED", "region_map", "unobserved_mask"]
 
 NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED = 0, 1, 2, 3
-
-
-def grow(mask: NDArray[np.bool_], radius_px: int) -> NDArray[np.bool_]:
-    """A mask (H, W) grown by a disc."""
-    if radius_px <= 0:
-        return mask
-    size = 2 * radius_px + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return cv2.dilate(mask.astype(np.uint8), kernel).astype(bool)
 
 
 def unobserved_mask(

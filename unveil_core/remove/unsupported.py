@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["unsupported"]
 
-Mask = NDArray[np.bool_]
 LEAST_FRAMES = 2
 """So many frames must show the object where a loose end would be."""
 
@@ -28,7 +28,7 @@ def unsupported(
     Args:
         means: (N, 3); gone: (N,).
         cameras, masks: of the frames that say what they show; (H, W) True where that goes.
-        reach: how far from what goes is looked, world units.
+        reach: how far from what goes is looked, metres.
     """
     found = np.zeros(len(means), dtype=bool)
     if not gone.any() or gone.all():

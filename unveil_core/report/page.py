@@ -13,9 +13,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.files import write_bytes_atomic
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.evaluate import FREE_REGIONS, METHODS
-from unveil_core.files import write_bytes_atomic
-from unveil_core.progress import Progress, no_progress
 from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather
 from unveil_core.report.pictures import REGION_NAMES

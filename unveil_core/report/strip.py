@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, read_label_image, write_image_atomic
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
-from unveil_core.files import read_image, read_label_image, write_image_atomic
 from unveil_core.report.pictures import fitted
 
 __all__ = ["write_strip"]

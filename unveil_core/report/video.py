@@ -9,19 +9,18 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.errors import WorkspaceError
-from unveil_core.files import read_image
-from unveil_core.progress import Progress, no_progress
 from unveil_core.report.pictures import fitted
 
 __all__ = ["write_video"]
 
-Picture = NDArray[np.uint8]
 
 GAP_PX = 4
 FORMATS = (".mp4", ".webp")

@@ -1,1 +1,1 @@
-"""Classes, label lifting, instances."""
+"""Classes, labels per frame and per point, visibility, objects."""

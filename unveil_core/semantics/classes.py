@@ -8,9 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.errors import SelectionError
+from unveil_core.base.errors import SelectionError
 
-__all__ = ["CITYSCAPES", "COLORS", "GROUPS", "REMOVABLE", "VOID", "LabelSet", "expand_names"]
+__all__ = [
+    "CITYSCAPES",
+    "COLORS",
+    "GROUND_CLASSES",
+    "GROUPS",
+    "REMOVABLE",
+    "SIDE_CLASSES",
+    "SLIM_CLASSES",
+    "SOLID_CLASSES",
+    "THIN_CLASSES",
+    "UPRIGHT_CLASSES",
+    "VOID",
+    "LabelSet",
+    "expand_names",
+]
 
 CITYSCAPES: tuple[str, ...] = (
     "road", "sidewalk", "building", "wall", "fence", "pole", "traffic light", "traffic sign", "vegetation", "terrain",
@@ -32,6 +46,19 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "human": ("person", "rider"),
     "dynamic": REMOVABLE,
 }
+
+GROUND_CLASSES = ("road", "sidewalk", "terrain")
+"""What a removed object stands on."""
+SIDE_CLASSES = ("building", "wall", "fence")
+"""What bounds the ground beside the street."""
+SOLID_CLASSES = ("building", "wall")
+"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
+UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
+"""What stands on a foot that removed objects hide; it is continued down to the ground."""
+THIN_CLASSES = ("pole", "traffic light", "traffic sign")
+"""What is so thin that labels and depth miss each other there: no evidence for or against motion."""
+SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
+"""Objects about half a metre wide, in contrast to vehicles."""
 
 
 def expand_names(names: Iterable[str], known: Iterable[str] = CITYSCAPES) -> tuple[str, ...]:

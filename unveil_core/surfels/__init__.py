@@ -1,1 +1,1 @@
-"""The scene: semantic 2D Gaussian surfels and the sky."""
+"""The scene: 2D Gaussians, the sky, their files, and the start from points."""

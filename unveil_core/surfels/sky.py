@@ -16,20 +16,12 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.errors import UnveilError
-from unveil_core.files import write_atomic
+from unveil_core.base.errors import UnveilError
+from unveil_core.base.files import write_atomic
+from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["Sky", "fit_sky", "load_sky", "save_sky", "up_frame"]
-
-
-def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) rotation whose rows are two horizontal axes and ``up``."""
-    up = up / np.linalg.norm(up)
-    helper = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    east = np.cross(helper, up)
-    east /= np.linalg.norm(east)
-    return np.stack([east, np.cross(up, east), up])
+__all__ = ["Sky", "fit_sky", "load_sky", "save_sky"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,14 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import in_parallel
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
-from unveil_core.parallel import in_parallel
-from unveil_core.progress import Progress, no_progress
 from unveil_core.surfels.sweep_kernels import BAND, NOTHING, sweep_bands
 
 __all__ = ["SweepSettings", "sweep_depth", "sweep_points"]
-
-Float32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def sweep_points(
     Args:
         cameras: of the track, in order of travel.
         images: (H, W, 3) uint8 per frame; usable: (H, W) bool per frame, False where no point should come from (sky).
-        near, far: depth range, world units.
+        near, far: depth range, metres.
         stride: one sweep pixel in so many per direction becomes a point.
     Returns:
         points (P, 3) and the world size of their pixel footprint (P,).

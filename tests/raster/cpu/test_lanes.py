@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from numba import njit, types
-from numpy.typing import NDArray
 
+from unveil_core.base.types import Float32
 from unveil_core.raster.cpu.lanes import LANES, Vector, add_across, lane_function, lane_type
 
-Array = NDArray[np.float32]
 A = np.linspace(-3, 3, LANES).astype(np.float32)
 B = np.cos(np.arange(LANES)).astype(np.float32) * 2
 
 
-def apply(body: Callable[[Vector, Vector], Vector]) -> Array:
+def apply(body: Callable[[Vector, Vector], Vector]) -> Float32:
     """What a function of two vectors makes of A and B, compiled."""
 
     @lane_function(lambda: types.void)
@@ -49,7 +48,7 @@ def apply(body: Callable[[Vector, Vector], Vector]) -> Array:
         (lambda a, b: add_across([a, b, a * b]), np.r_[A.sum(), B.sum(), (A * B).sum(), np.zeros(13)]),
     ],
 )
-def test_operations(body: Callable[[Vector, Vector], Vector], expected: Array) -> None:
+def test_operations(body: Callable[[Vector, Vector], Vector], expected: Float32) -> None:
     np.testing.assert_allclose(apply(body), expected, rtol=2e-6, atol=2e-6)
 
 

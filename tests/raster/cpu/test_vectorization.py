@@ -10,7 +10,7 @@ import torch
 from numba import njit
 
 from tests.raster.scenes import camera, random_surfels, with_gradients
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster.api import PLANES, render
 from unveil_core.raster.cpu.groups import kernels_for
 

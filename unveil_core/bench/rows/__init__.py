@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.progress import Progress
+from unveil_core.base.types import Picture
 from unveil_core.bench.rows import flow, reverse, runs, single_frames, splats
-from unveil_core.bench.rows.footage import Footage, Picture
-from unveil_core.errors import SettingsError
-from unveil_core.progress import Progress
+from unveil_core.bench.rows.footage import Footage
 
 __all__ = ["ROWS", "Row", "chosen_rows"]
 

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from unveil_core.bench.rows.footage import Footage, Mask, Picture, deliver, fill_around
-from unveil_core.inpaint.single_image import SingleImageInpainter
-from unveil_core.optimize.start import tracks
-from unveil_core.progress import Progress, no_progress
-from unveil_core.remove.regions import grow
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.bench.rows.footage import Footage, deliver, fill_around
+from unveil_core.drives.drive import tracks
+from unveil_core.geometry.images import grow
+from unveil_core.inpaint.single_image.registry import SingleImageInpainter
 
 __all__ = ["Carried", "bilinear", "carry", "complete_smoothly", "flow", "inpaint_along_flow", "optical_flow"]
 
-Float32 = NDArray[np.float32]
 
 PLATE_SIDE = 256
 """Longer side at which flow is completed: a thin plate has no finer detail."""

@@ -1,1 +1,1 @@
-"""The numba backend."""
+"""The rasterizer on the processor (numba)."""

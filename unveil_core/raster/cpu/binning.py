@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 
 __all__ = ["arrange", "fill_tiles"]
 

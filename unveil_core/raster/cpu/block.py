@@ -11,16 +11,31 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 
-from unveil_core.parallel import FAST
+from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function
 from unveil_core.raster.passes import TILE
 from unveil_core.raster.spec import ALPHA_MAX
 
 __all__ = [
-    "AHEAD", "BLOCK", "BLOCKS", "KEPT_LABEL", "Splat", "TILE", "aligned", "expect", "get", "get_next", "kept_planes",
-    "kept_size", "offsets_of", "put", "put_next", "reached", "sources",
-]  # fmt: skip
+    "AHEAD",
+    "BLOCK",
+    "BLOCKS",
+    "KEPT_LABEL",
+    "Splat",
+    "TILE",
+    "aligned",
+    "expect",
+    "get",
+    "get_next",
+    "kept_planes",
+    "kept_size",
+    "offsets_of",
+    "put",
+    "put_next",
+    "reached",
+    "sources",
+]
 
 u64 = np.uint64
 BLOCK, BLOCKS = 4, 16

@@ -1,1 +1,1 @@
-"""The Triton backend, for NVIDIA GPUs; importing it needs ``triton``."""
+"""The rasterizer on NVIDIA GPUs (Triton)."""

@@ -1,0 +1,111 @@
+"""``unveil export``: the same street in every format, where the drive says it is."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.evaluate.street_workspace import OFFSET, build_workspace
+from tests.mesh.test_tsdf import street_views
+from unveil_core.app.cli import main
+from unveil_core.drives.imported import read_imported
+from unveil_core.mesh import Mesh, fuse, write_glb, write_ply
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    workspace = build_workspace(tmp_path_factory.mktemp("street"), count=2, truth=False)
+    drive = read_imported(workspace / "drive")
+    mesh = fuse(street_views(2), voxel_size=0.15, max_depth=12.0)
+    write_ply(mesh, workspace / "meshes/full.ply", drive.to_world)
+    less = Mesh(mesh.vertices, mesh.faces[: len(mesh.faces) // 2], mesh.colors)
+    write_ply(less, workspace / "meshes/empty.ply", drive.to_world)
+    write_glb(less, workspace / "meshes/empty.glb", drive.to_world)
+    return workspace
+
+
+@pytest.fixture
+def workspace(finished: Path, tmp_path: Path) -> Path:
+    shutil.copytree(finished, tmp_path / "workspace")
+    return tmp_path / "workspace"
+
+
+def opened(path: Path) -> trimesh.Trimesh:
+    loaded = trimesh.load(path, process=False)
+    if isinstance(loaded, trimesh.Scene):
+        loaded = loaded.to_mesh()
+        loaded.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # y up to z up
+    return loaded
+
+
+@pytest.mark.parametrize("kind", ["ply", "obj", "glb"])
+def test_every_format_holds_the_mesh_in_the_world(
+    kind: str, workspace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(workspace), "--to", kind, "--state", "full"]) == 0
+    path = workspace / f"meshes/full_all.{kind}"
+    assert capsys.readouterr().out == f"{path}\n"
+    ours, theirs = opened(workspace / "meshes/full.ply"), opened(path)
+    np.testing.assert_allclose(theirs.vertices, ours.vertices, atol=1e-5)
+    np.testing.assert_array_equal(theirs.faces, ours.faces)
+    assert np.abs(ours.vertices[:, :2] - OFFSET[:2]).max() < 100
+    if kind != "glb":  # which has linear colours, see the tests of write_glb
+        np.testing.assert_array_equal(theirs.visual.vertex_colors, ours.visual.vertex_colors)
+
+
+def test_fewer_triangles_and_a_place_of_ones_own(
+    workspace: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "deep/er/street.obj"
+    assert main(["export", str(workspace), "--triangles", "500", "-o", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"file": str(path)}
+    assert 400 < len(opened(path).faces) <= 500
+    assert [p.name for p in path.parent.iterdir()] == ["street.obj"]
+    assert main(["export", str(workspace), "--triangles", "500", "--to", "ply"]) == 0
+    np.testing.assert_allclose(opened(workspace / "meshes/empty_500.ply").bounds, opened(path).bounds, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ([], "no format is named (give one with --to"),
+        (["--to", "stl"], "invalid choice"),
+        (["-o", "x/street.stl"], "street.stl: is no mesh file (use ply, obj, glb)"),
+        (["-o", "x/street"], "street: is no mesh file"),
+        (["--to", "obj", "-o", "x/street.glb"], "street.glb: is no obj file (name it .obj)"),
+        (["--to", "obj", "--triangles", "3"], "empty.ply: 3 triangles make no surface (ask for at least 4)"),
+        (["--to", "obj", "--triangles", "0"], "0 triangles make no surface"),
+        (["--to", "obj", "--triangles", "-1"], "-1 triangles make no surface"),
+        (["-o", "workspace/meshes/empty.ply"], "empty.ply: is the workspace's own mesh"),
+        (["-o", "file/street.ply"], "street.ply: cannot be written"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    arguments: list[str],
+    line: str,
+    workspace: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(workspace.parent)
+    Path("file").touch()
+    before = {p: p.stat().st_mtime_ns for p in workspace.parent.rglob("*")}
+    assert main(["export", "workspace", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert line in error and error.count("\n") == 1
+    assert {p: p.stat().st_mtime_ns for p in workspace.parent.rglob("*")} == before
+
+
+def test_no_mesh_yet(workspace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_ply(Mesh.empty(), workspace / "meshes/full.ply")
+    assert main(["export", str(workspace), "--to", "glb", "--state", "full"]) == 2
+    assert "full.ply: has no triangles" in capsys.readouterr().err
+    (workspace / "meshes/empty.ply").unlink()
+    assert main(["export", str(workspace), "--to", "glb"]) == 2
+    error = capsys.readouterr().err
+    assert "empty.ply: cannot be read" in error and "run `unveil mesh`" in error and error.count("\n") == 1

@@ -1,0 +1,267 @@
+"""The drive with virtual cars: nothing of what they hide is left in it, and everything else is."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.small_street import make_small_street
+from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.drives import open_drive
+from unveil_core.drives.drive import Drive, PointCloud
+from unveil_core.drives.importing import import_drive
+from unveil_core.evaluate.holdout.drive import (
+    AddedLabels,
+    added_labels,
+    moved_points,
+    seen_elsewhere,
+    write_holdout_drive,
+)
+from unveil_core.evaluate.holdout.placement import CarPixels, Sight, see_cars
+from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
+from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
+from unveil_core.semantics.classes import LabelSet
+from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
+
+CAR_AT = np.array([11.0, 2.6, 0.0])
+
+
+def ground_sight(drive: Drive, index: int) -> Sight:
+    """A street that is nothing but its ground at z = 0, in the drive's local frame."""
+    camera = drive.frames[index].camera
+    rise = camera.rays() @ np.array([0, 0, 1.0])
+    height = camera.centre[2] + drive.to_world.translation[2]
+    depth = np.where(rise < -1e-3, -height / np.where(rise < -1e-3, rise, -1), np.inf)
+    return Sight(camera, depth, np.zeros(depth.shape, dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
+    folder = tmp_path_factory.mktemp("holdout")
+    return import_drive(open_drive(make_small_street(folder / "street")), folder / "imported")
+
+
+@pytest.fixture(scope="module")
+def masks_drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
+    folder = tmp_path_factory.mktemp("masks")
+    path = make_small_street(folder / "street", masks_only=True)
+    return import_drive(open_drive(path), folder / "imported")
+
+
+def parked(drive: Drive) -> VirtualCar:
+    return VirtualCar(CAR_AT - drive.to_world.translation, np.eye(3), 1, 11.0, 2.6)
+
+
+def seen(drive: Drive) -> tuple[list[Sight], list[CarPixels]]:
+    sights = [ground_sight(drive, i) for i in range(len(drive.frames))]
+    return sights, [see_cars([parked(drive)], s) for s in sights]
+
+
+# ------------------------------------------------------------------------------------------------------------------ labels
+
+
+def test_the_cars_get_a_class_that_goes(drive: Drive, masks_drive: Drive) -> None:
+    assert added_labels(drive, choose_labels(drive)) == AddedLabels(13, 6, False)
+    assert added_labels(masks_drive, choose_labels(masks_drive)) == AddedLabels(None, None, False)
+    labels = LabelSet.cityscapes([0, 11, 13])
+    people = SceneLabels(labels, "semantics", ("person",), (), (1, 1, 1))
+    assert added_labels(drive, people).disk_id == 11  # cars stay in this run, people go
+    single = SceneLabels(labels, "semantics", (), (5,), (1, 1, 1))
+    assert added_labels(drive, single) == AddedLabels(13, 6, True)
+
+
+def test_instance_ids_are_new_even_where_the_largest_is_taken(drive: Drive, tmp_path: Path) -> None:
+    image = np.zeros((4, 4), np.uint16)
+    image[0, :3] = (7, 40_000, 65_535)
+    write_image_atomic(tmp_path / "ids.png", image)
+    taken = replace(drive, frames=(replace(drive.frames[0], instance_path=tmp_path / "ids.png"),))
+    first = added_labels(taken, choose_labels(drive)).first_instance
+    assert first is not None and not {first + k for k in range(9)} & {7, 40_000, 65_535} and first + 9 < 65_535
+
+
+# ------------------------------------------------------------------------------------------------------------------- drive
+
+
+def test_every_file_has_the_car_and_nothing_else_changes(drive: Drive, tmp_path: Path) -> None:
+    _, pixels = seen(drive)
+    gone = [np.zeros((80, 128), bool)] * len(drive.frames)
+    written = write_holdout_drive(drive, pixels, gone, drive.points, AddedLabels(13, 6, False), tmp_path / "drive")
+    assert sum((p.number > 0).any() for p in pixels) >= 5
+    for before, after, own in zip(drive.frames, written.frames, pixels, strict=True):
+        covered = own.number > 0
+        photograph, image = read_image(before.image_path), read_image(after.image_path)
+        assert np.array_equal(image[~covered], photograph[~covered])
+        assert np.array_equal(image[covered], own.color[covered])
+        semantics, instances = read_label_image(after.semantic_path), read_instance_image(after.instance_path)
+        assert (semantics[covered] == 13).all() and (instances[covered] == 6).all()
+        assert np.array_equal(semantics[~covered], read_label_image(before.semantic_path)[~covered])
+        assert np.array_equal(instances[~covered], read_instance_image(before.instance_path)[~covered])
+        assert np.allclose(after.camera.world_to_camera, before.camera.world_to_camera)
+    assert written.truth_root is None and drive.truth_root is not None
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["drive"]
+    reopened = open_drive(tmp_path / "drive")
+    assert len(reopened.frames) == len(drive.frames) and np.allclose(
+        reopened.to_world.translation, drive.to_world.translation
+    )
+    assert np.array_equal(frame_labels(reopened.frames[0], choose_labels(reopened)) >= 0, np.ones((80, 128), bool))
+
+
+def test_frames_without_a_mask_get_what_goes_there_and_the_car(masks_drive: Drive, tmp_path: Path) -> None:
+    _, pixels = seen(masks_drive)
+    really = np.zeros((80, 128), bool)
+    really[50:60, 90:110] = True
+    gone = [really] * len(masks_drive.frames)
+    written = write_holdout_drive(
+        masks_drive, pixels, gone, masks_drive.points, AddedLabels(None, None, False), tmp_path / "drive"
+    )
+    scene = choose_labels(written)
+    for i, (before, after, own) in enumerate(zip(masks_drive.frames, written.frames, pixels, strict=True)):
+        covered = own.number > 0
+        assert covered.any() == (after.mask_path is not None and before.mask_path is None or covered.any())
+        if not covered.any():
+            continue
+        label = frame_labels(after, scene)
+        assert (label[covered] == 1).all()
+        known = really if i % 2 else read_label_image(before.mask_path) == 0
+        assert np.array_equal(label[~covered] == 1, known[~covered])
+
+
+# ---------------------------------------------------------------------------------------------------------------- evidence
+
+
+def test_points_behind_the_car_are_measured_on_it(drive: Drive) -> None:
+    sights, pixels = seen(drive)
+    car = parked(drive)
+    beside = np.array([12.0, -1.0, 0.0])  # on the free ground
+    under = np.array([11.0, 2.6, 0.0])
+    nowhere = np.array([-30.0, 0.0, 0.0])  # behind all cameras
+    points = np.stack([beside, under, nowhere]) - drive.to_world.translation
+    colors = np.full((3, 3), 77, np.uint8)
+    moved = moved_points(PointCloud(points, colors), sights, pixels, [car])
+    assert len(moved.positions) == 3
+    assert np.array_equal(moved.positions[[0, 2]], points[[0, 2]])
+    local = (moved.positions[1] - car.centre) @ car.axes.T
+    assert np.abs(local[0]) <= 2.2 and np.abs(local[1]) <= 0.9 and 0 <= local[2] <= 1.5
+    assert np.max(np.abs(local) / (2.2, 0.9, 1.5)) > 0.4  # on its outside
+    assert (moved.colors[[0, 2]] == 77).all() and not (moved.colors[1] == 77).all()
+
+
+def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
+    """All over the ground: a point stays exactly where some frame shows it beside the car."""
+    sights, pixels = seen(drive)
+    car = parked(drive)
+    x, y = np.meshgrid(np.arange(4, 30, 0.4), np.arange(-5, 6, 0.4))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - drive.to_world.translation
+    moved = moved_points(PointCloud(points), sights, pixels, [car])
+    assert moved.colors is None
+    stayed = {tuple(p) for p in moved.positions} & {tuple(p) for p in points}
+    shown_somewhere, covered_somewhere = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    for sight, own in zip(sights, pixels, strict=True):
+        pixel, depth = sight.camera.project(points)
+        inside = (depth > 0.2) & (pixel >= 0).all(1) & (pixel[:, 0] < 128) & (pixel[:, 1] < 80)
+        index = np.flatnonzero(inside)
+        on_car = own.number[pixel[index, 1].astype(int), pixel[index, 0].astype(int)] > 0
+        near = own.depth[pixel[index, 1].astype(int), pixel[index, 0].astype(int)] > depth[index] + 0.1
+        shown_somewhere[index[~on_car | near]] = True
+        covered_somewhere[index[on_car]] = True
+    hidden = covered_somewhere & ~shown_somewhere
+    assert hidden.sum() > 10
+    assert {tuple(p) for p in points[~hidden]} == stayed
+
+
+def test_seen_elsewhere_is_what_another_frame_shows_beside_the_car(drive: Drive) -> None:
+    sights, pixels = seen(drive)
+    with_car = max(range(len(pixels)), key=lambda i: int((pixels[i].number > 0).sum()))
+    found = seen_elsewhere(sights, pixels, far=100.0)[with_car]
+    covered = pixels[with_car].number > 0
+    assert not found[~covered].any() and 0 < found.sum() < covered.sum()
+    # The ground under the car: no frame sees it. Its top hides what lies beyond, which others see.
+    points = sights[with_car].camera.unproject(np.where(np.isfinite(sights[with_car].depth), sights[with_car].depth, 0))
+    under = covered & (np.abs(points + drive.to_world.translation - CAR_AT) < (1.6, 0.6, 0.1)).all(axis=2)
+    assert under.sum() > 5 and not found[under].any()
+    (alone,) = seen_elsewhere([sights[with_car]], [pixels[with_car]], far=100.0)
+    assert not alone.any()
+
+
+def test_a_removed_object_is_no_evidence(drive: Drive) -> None:
+    sights, pixels = seen(drive)
+    barred = [Sight(s.camera, s.depth, np.ones_like(s.barred)) for s in sights]
+    assert not any(seen.any() for seen in seen_elsewhere(barred, pixels, far=100.0))
+
+
+# ----------------------------------------------------------------------------------------------------------------- scores
+
+
+@pytest.fixture
+def delivered(drive: Drive, tmp_path: Path) -> tuple[list[HoldoutFrame], Drive, Path]:
+    """A workspace whose delivery is the photograph with 5 levels added behind the car, 3 of them in the unseen part."""
+    sights, pixels = seen(drive)
+    gone = [np.zeros((80, 128), bool) for _ in drive.frames]
+    written = write_holdout_drive(drive, pixels, gone, drive.points, AddedLabels(13, 6, False), tmp_path / "drive")
+    frames, known = [], seen_elsewhere(sights, pixels, far=100.0)
+    for i, frame in enumerate(drive.frames):
+        elsewhere = known[i]
+        frames.append(HoldoutFrame(frame, sights[i], pixels[i], gone[i], elsewhere))
+        photograph = read_image(frame.image_path).astype(int)
+        covered = pixels[i].number > 0
+        error = np.where(covered, np.where(elsewhere, 5, -3), 0)[..., None]
+        clean = np.clip(photograph + error, 0, 255).astype(np.uint8)
+        write_image_atomic(tmp_path / f"ws/frames/{frame.camera_name}/{frame.name}.png", clean)
+        unobserved = np.where(covered & ~elsewhere, 255, 0).astype(np.uint8)
+        write_image_atomic(tmp_path / f"ws/masks/unobserved/{frame.camera_name}/{frame.name}.png", unobserved)
+    return frames, written, tmp_path / "ws"
+
+
+def test_scores_are_those_of_the_pixels(delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive) -> None:
+    frames, written, root = delivered
+    found = measure_holdout(frames, [parked(drive)], written, root)
+    regions = found["regions"]
+    assert regions["seen_elsewhere"]["methods"]["ours"]["psnr"] == pytest.approx(20 * np.log10(255 / 5), abs=0.01)
+    assert regions["unseen"]["methods"]["ours"]["psnr"] == pytest.approx(20 * np.log10(255 / 3), abs=0.01)
+    assert regions["removed"]["pixels"] == sum(int((f.cars.number > 0).sum()) for f in frames)
+    assert regions["removed"]["pixels"] == regions["seen_elsewhere"]["pixels"] + regions["unseen"]["pixels"]
+    for method in ("telea", "shift_map"):
+        assert 8 < regions["removed"]["methods"][method]["psnr"] < regions["removed"]["methods"]["ours"]["psnr"]
+    assert found["unobserved_mask_iou"] == 1.0 and found["outside"] == {"changed": 0.0, "mean": 0.0}
+    (car,) = found["cars"]
+    assert car["pixels"] == regions["removed"]["pixels"] and car["along_m"] == 11.0 and car["left_m"] == 2.6
+    assert car["psnr"]["ours"] == regions["removed"]["methods"]["ours"]["psnr"]
+    flicker = found["flicker"]["methods"]
+    assert flicker["truth"]["absolute"] <= flicker["ours"]["absolute"] < flicker["shift_map"]["absolute"]
+
+
+def test_barred_pixels_do_not_count_and_changes_elsewhere_are_found(
+    delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive
+) -> None:
+    frames, written, root = delivered
+    bars = np.zeros((80, 128), bool)
+    bars[:, :64] = True
+    barred = [replace(f, sight=replace(f.sight, barred=bars)) for f in frames]
+    expected = sum(int((f.cars.number[:, 64:] > 0).sum()) for f in frames)
+    path = root / "frames" / frames[4].frame.camera_name / f"{frames[4].frame.name}.png"
+    picture = read_image(path)
+    picture[2:6, 110:120] ^= 16
+    write_image_atomic(path, picture)
+    found = measure_holdout(barred, [parked(drive)], written, root)
+    assert found["regions"].get("removed", {"pixels": 0})["pixels"] == expected
+    whole = measure_holdout(frames, [parked(drive)], written, root)
+    assert 0 < whole["outside"]["changed"] < 0.01 and whole["outside"]["mean"] == 16
+
+
+def test_strips_show_the_four_pictures(delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive) -> None:
+    frames, written, root = delivered
+    paths = write_strips(frames, [parked(drive)], written, root, root / "pictures")
+    assert 1 <= len(paths) <= 2
+    strip = read_image(paths[0])
+    assert strip.shape == (80, 4 * 128 + 3 * 4, 3)
+    name = paths[0].stem.partition("_")[2]
+    own = next(f for f in frames if f.frame.name == name)
+    assert np.array_equal(strip[:, :128], read_image(own.frame.image_path))
+    assert np.array_equal(
+        strip[:, 2 * 132 : 2 * 132 + 128], read_image(root / f"frames/{paths[0].name.replace('_', '/')}")
+    )
+    shutil.rmtree(root)

@@ -1,0 +1,154 @@
+"""The street chart on a painted street with a known truth: reading, shadows, filling."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.ground.test_street import UP, drive_on_circle, street_points, true_street
+from unveil_core.geometry.camera import Camera
+from unveil_core.ground.street import Ground, fit_ground, fit_path
+from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
+from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
+from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
+from unveil_core.inpaint.light.relight import object_shadows
+from unveil_core.raster.picture import render_numpy
+
+RADIUS = 60.0
+
+
+def paint(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+    """True colours: asphalt, an edge line at -2.2 m, a walk beyond the kerb at 4 m with joints every 60 cm."""
+    grain = 0.03 * np.sin(13 * s + 7 * l) * np.cos(11 * l - 5 * s)
+    color = np.repeat((0.35 + grain)[..., None], 3, axis=-1)
+    color[np.abs(l + 2.2) < 0.1] = 0.85
+    walk = np.abs(l) > 4
+    color[walk] = np.array([0.6, 0.57, 0.52])
+    color[walk & (np.abs((s / 0.6) % 1) < 0.08)] = 0.42
+    return color
+
+
+def in_car(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+    return (s > 9) & (s < 13.5) & (l < -1.6) & (l > -3.5)
+
+
+def in_shadow(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+    return (s > 9) & (s < 13.5) & (l >= -1.6) & (l < -0.6)
+
+
+@pytest.fixture(scope="module")
+def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+    cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
+    path = fit_path(cameras, UP)
+    ground = fit_ground(path, street_points(RADIUS, 0.0))
+    images, labels, usable = [], [], []
+    for camera in cameras:
+        depth, at = ground.intersect(camera, camera.rays().reshape(-1, 3))
+        s, l = at[:, 0], at[:, 1]  # noqa: E741
+        color = paint(s, l)
+        color[in_shadow(s, l)] *= 0.5
+        hit = np.isfinite(depth)
+        color[~hit] = 0.7
+        color[in_car(s, l) & hit] = (0.8, 0.1, 0.1)
+        shape = (camera.height, camera.width)
+        images.append((color.reshape(*shape, 3) * 255).round().astype(np.uint8))
+        labels.append(np.where(np.abs(l) > 4, 1, 0).reshape(shape))
+        usable.append((hit & ~in_car(s, l)).reshape(shape))
+        usable[-1] = cv2.erode(usable[-1].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    return ground, cameras, images, labels, usable
+
+
+@pytest.fixture(scope="module")
+def chart(street) -> StreetChart:  # type: ignore[no-untyped-def]
+    ground, cameras, images, labels, usable = street
+    return read_chart(ground, cameras, images, labels, usable)
+
+
+def coordinates(chart: StreetChart) -> tuple[np.ndarray, np.ndarray]:
+    s, l = chart.coordinates()  # noqa: E741
+    return np.meshgrid(s, l, indexing="ij")
+
+
+def test_reading_returns_the_paint(chart: StreetChart) -> None:
+    s, l = coordinates(chart)  # noqa: E741
+    clear = (chart.source == OBSERVED) & (s > 3) & (s < 24) & (np.abs(l) < 3.6) & ~in_shadow(s, l)
+    clear &= (np.abs(np.abs(l + 2.2) - 0.1) > 0.08) & ~((s > 8.8) & (s < 13.7) & (l < -0.4))
+    error = np.abs(chart.color - paint(s, l)).mean(axis=-1)[clear]
+    assert clear.sum() > 20_000
+    assert np.median(error) < 0.02
+
+
+def filled(chart: StreetChart, **settings: float) -> StreetChart:
+    s, l = coordinates(chart)  # noqa: E741
+    return fill_chart(chart, in_car(s, l), FillSettings(**settings))
+
+
+def test_paint_continues_through_the_hole(chart: StreetChart) -> None:
+    result = filled(chart)
+    s, l = coordinates(chart)  # noqa: E741
+    hole = (s > 9.3) & (s < 13.2) & (l < -1.9) & (l > -3.2)
+    assert (result.source[hole] == INVENTED).all()
+    line = hole & (np.abs(l + 2.2) < 0.06)
+    asphalt = hole & (np.abs(l + 2.2) > 0.25)
+    assert abs(float(result.color[line].mean()) - 0.85) < 0.08
+    assert abs(float(result.color[asphalt].mean()) - 0.35) < 0.03
+    # texture, not a flat smear
+    assert float(result.color[asphalt].std()) > 0.005
+
+
+def test_shadow_of_what_went_goes_with_it(chart: StreetChart) -> None:
+    s, l = coordinates(chart)  # noqa: E741
+    core = (s > 9.5) & (s < 13) & (l > -1.4) & (l < -0.8) & (chart.source == OBSERVED)
+    assert core.sum() > 200
+    before = float(np.abs(chart.color[core] - paint(s, l)[core]).mean())
+    result = filled(chart)
+    after = float(np.abs(result.color[core] - paint(s, l)[core]).mean())
+    assert (result.source[core] == RELIT).mean() > 0.9
+    assert after < before / 4
+    kept = filled(chart, shadow_reach_m=0.0)
+    assert np.array_equal(kept.color[core], chart.color[core])
+
+
+def test_shadows_far_from_the_object_stay() -> None:
+    dark = np.zeros((60, 40), bool)
+    dark[10:20, 10:20] = True  # touches the object
+    dark[45:55, 10:20] = True  # a tree's, elsewhere
+    footprint = np.zeros_like(dark)
+    footprint[10:20, 4:9] = True
+    shadow = object_shadows(dark, footprint, reach=15, touch=3)
+    assert shadow[10:20, 10:19].all()
+    assert not shadow[45:].any()
+
+
+def test_filling_is_reproducible(chart: StreetChart) -> None:
+    first, second = filled(chart), filled(chart)
+    assert np.array_equal(first.color, second.color)
+    assert np.array_equal(first.gain, second.gain)
+
+
+def test_world_lies_on_the_circle(chart: StreetChart) -> None:
+    rows, columns = np.array([300, 400]), np.array([50, 120])
+    world = chart.world(rows, columns)
+    s, l = chart.coordinates()  # noqa: E741
+    expected = true_street(RADIUS, s[rows], l[columns])
+    assert np.abs(world[:, :2] - expected).max() < 0.5
+
+
+def test_all_invented_ground_that_a_frame_must_show_gets_surfels(street, chart: StreetChart) -> None:  # type: ignore[no-untyped-def]
+    ground, cameras, *_ = street
+    full, camera = replace(chart, source=np.where(chart.source == OUTSIDE, INVENTED, chart.source)), cameras[3]
+    depth, place = ground.intersect(camera, camera.rays().reshape(-1, 3))
+    row, column, inside = full.index_of(place)
+    invented = np.isfinite(depth) & (depth < 15) & inside & (full.source[row, column] == INVENTED)
+    mask = invented.reshape(camera.height, camera.width)
+    assert mask.sum() > 200
+    region = texels_in_pixels(full, [camera, cameras[0]], [mask, np.zeros_like(mask)])
+    seeds = seed_ground(full, region, spacing=0.08, up=UP, sh_degree=0, default_label=0)
+    alpha = render_numpy(seeds, camera, near=0.1, far=100.0)["alpha"]
+    # The mask's border is not solid.
+    assert (alpha[cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0] > 0.9).all()
+    assert not texels_in_pixels(full, [camera], [np.zeros_like(mask)]).any()
+    assert not (region & (full.source != INVENTED)).any()

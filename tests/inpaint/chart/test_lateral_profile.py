@@ -1,0 +1,46 @@
+"""What a lateral offset looks like, and where that is taken from when it is hidden."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+
+WINDOW, HOP = 125, 100
+
+
+def street(rows: int = 1600, columns: int = 60) -> np.ndarray:
+    """Dark and light stripes along the street."""
+    stripe = np.where((np.arange(columns) // 10) % 2 == 0, 0.3, 0.6)
+    return np.broadcast_to(stripe[None, :, None], (rows, columns, 3)).astype(np.float32).copy()
+
+
+def test_what_is_hidden_here_is_taken_from_farther_along() -> None:
+    color = street()
+    usable = np.ones(color.shape[:2], dtype=bool)
+    usable[500:900, 20:40] = False
+    color[~usable] = 9.0
+    median, level = lateral_profile(color, usable, window=WINDOW, hop=HOP)
+    assert np.allclose(median, street(), atol=1e-3)
+    assert np.allclose(level, street()[..., 0], atol=1e-3)
+
+
+def test_right_beside_what_is_known_a_far_place_knows_less() -> None:
+    color = street()
+    color[1200:, 50:] = 1.0
+    usable = np.ones(color.shape[:2], dtype=bool)
+    usable[:1200, 50:] = False
+    median, _ = lateral_profile(color, usable, window=WINDOW, hop=HOP)
+    assert np.allclose(median[:700, 50:55], 0.3 * (49 // 10 % 2 == 0) + 0.6 * (49 // 10 % 2 == 1), atol=1e-3)
+    # Nearer to the place it is believed.
+    assert np.allclose(median[1100:, 50:], 1.0, atol=1e-3)
+
+
+def test_offsets_that_nobody_saw_take_the_nearest_and_an_unseen_street_is_grey() -> None:
+    color = street()
+    usable = np.zeros(color.shape[:2], dtype=bool)
+    median, _ = lateral_profile(color, usable, window=WINDOW, hop=HOP)
+    assert (median == 0.5).all()
+    usable[:, 12:18] = True
+    median, level = lateral_profile(color, usable, window=WINDOW, hop=HOP)
+    assert np.allclose(median, 0.6) and np.isfinite(level).all()

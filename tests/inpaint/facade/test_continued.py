@@ -1,0 +1,158 @@
+"""House fronts, trunks and poles that go on behind a parked car, on a street whose geometry is known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.ground.test_street import UP, drive_on_circle, true_street
+from tests.inpaint.sunny_street import box_surfels
+from unveil_core.geometry.camera import Camera
+from unveil_core.ground.street import Ground, fit_ground, fit_path
+from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.chart.street_chart import StreetChart
+from unveil_core.inpaint.facade.facade_chart import find_fronts, invented_fronts, read_facade
+from unveil_core.inpaint.facade.poles import feet_of_uprights
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels
+
+FRONT = 6.0
+FAR = 200.0
+
+
+def street(radius: float) -> tuple[Ground, list[Camera]]:
+    cameras = drive_on_circle(radius, 0.0)
+    path = fit_path(cameras, UP)
+    s, l = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")  # noqa: E741
+    points = np.stack([s.ravel(), l.ravel(), np.zeros(s.size)], axis=1)
+    return fit_ground(path, path.to_world(points)), cameras
+
+
+def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:
+    """The front on the left, FRONT metres from the cameras' way."""
+    s, h = (p.ravel() for p in np.meshgrid(np.arange(first, last, 0.15), np.arange(0, 7, 0.15), indexing="ij"))
+    here, nearer = (true_street(radius, s, np.full(len(s), l)) for l in (FRONT, FRONT - 1))  # noqa: E741
+    points, normals = np.column_stack([here, h]), np.column_stack([nearer - here, np.zeros(len(s))])
+    return surfels_from_points(
+        points, np.full((len(s), 3), 120, np.uint8), np.zeros(len(s), np.int64), normals, np.full(len(s), 0.15)
+    )
+
+
+def stripes(along: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """(N, 3) grey levels of the painted front: windows every 3 m, a dark plinth."""
+    grey = np.where((along % 3 < 1.2) & (height > 1), 60.0, 170.0)
+    grey[height < 0.6] = 90.0
+    return np.repeat(grey[:, None], 3, axis=1)
+
+
+def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Image, wall, depth and what the car hides, of a straight street: rays against the front's plane and the car's box."""
+    rays = camera.rays().reshape(-1, 3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = (FRONT - camera.centre[1]) / rays[:, 1]
+        first, second = (car[0] - camera.centre) / rays, (car[1] - camera.centre) / rays
+    near, far = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
+    hidden = (near <= far) & (near > 0)
+    at = camera.centre + z[:, None] * rays
+    wall = (z > 0) & (at[:, 2] > 0) & (at[:, 2] < 7) & (at[:, 0] > 0) & (at[:, 0] < 26)
+    image = np.where(wall[:, None], stripes(at[:, 0], at[:, 2]), 130.0)
+    image[hidden] = (200, 0, 0)
+    shape = (camera.height, camera.width)
+    depth = np.where(wall, z, FAR)
+    depth[hidden] = near[hidden]
+    return image.reshape(*shape, 3).astype(np.uint8), wall.reshape(shape), depth.reshape(shape), hidden.reshape(shape)
+
+
+@pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
+def test_fronts_are_found_where_houses_stand(radius: float) -> None:
+    ground, _ = street(radius)
+    s = np.arange(-1.5, 27, 0.1)
+    front = find_fronts(houses(radius, 4.0, 20.0), ground, s, left=True)
+    inside = (s > 5) & (s < 19)
+    assert np.abs(front[inside] - FRONT).max() < 0.1
+    assert np.isnan(front[(s < 3) | (s > 21)]).all()
+    assert np.isnan(find_fronts(houses(radius), ground, s, left=False)).all()
+
+
+def test_a_wall_across_the_street_is_no_front() -> None:
+    ground, _ = street(np.inf)
+    side = box_surfels(np.array([[9.9, 3.0, 0.0], [10.0, 3.2, 4.0]]))
+    assert np.isnan(find_fronts(side, ground, np.arange(0, 26, 0.1), left=True)).all()
+
+
+def test_a_front_goes_on_behind_a_car() -> None:
+    ground, cameras = street(np.inf)
+    car = np.array([[9.0, 3.2, 0.0], [13.0, 4.8, 1.5]])
+    images, walls, depths, hidden = zip(*(view(c, car) for c in cameras), strict=True)
+    chart = read_facade(
+        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=True, texel_m=0.05
+    )  # fmt: skip
+    assert chart is not None
+    found = invented_fronts(chart, label=3, sh_degree=1)
+    assert found is not None and len(found) > 200
+    assert (found.labels == 3).all()
+    means = found.means.double().numpy()
+    assert np.abs(means[:, 1] - FRONT).max() < 0.1
+    assert np.abs(np.abs(found.normals().double().numpy()[:, 1]) - 1).max() < 0.01
+    # Only behind the car, and as the front goes on.
+    assert means[:, 2].max() < 2.0
+    grey = (found.sh[:, 0, 0].double().numpy() * 0.28209479177387814 + 0.5) * 255
+    true = stripes(means[:, 0] - 0.0, means[:, 2])[:, 0]
+    assert np.median(np.abs(grey - true)) < 12
+    assert read_facade(
+        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=False
+    ) is None  # fmt: skip
+
+
+def pole(low: float, high: float, at: tuple[float, float] = (11.0, 4.0), half: float = 0.1) -> Surfels:
+    x, y = at
+    return box_surfels(np.array([[x - half, y - half, low], [x + half, y + half, high]]), spacing=0.07)
+
+
+def scene_views(pole_seen: bool) -> tuple[list[Camera], list[np.ndarray], list[np.ndarray]]:
+    """Views whose depth shows the far distance but for a car that hides the pole's foot, or nothing that hides it."""
+    _, cameras = street(np.inf)
+    car = np.array([[9.0, 2.2, 0.0], [13.0, 3.4, 1.3]])
+    views = [view(c, car) for c in cameras]
+    depths, hidden = [v[2] for v in views], [v[3] for v in views]
+    if pole_seen:
+        depths, hidden = [np.full_like(d, FAR) for d in depths], [np.zeros_like(h) for h in hidden]
+    return cameras, depths, hidden
+
+
+def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    feet = feet_of_uprights(pole(1.2, 3.5), ground, cameras, depths, hidden)
+    assert feet is not None
+    means = feet.means.double().numpy()
+    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.2
+    assert means[:, 2].min() < 0.8 and means[:, 2].max() < 1.3
+
+
+def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
+    ground, _ = street(np.inf)
+    seen = scene_views(True)
+    assert feet_of_uprights(pole(1.2, 3.5), ground, *seen) is None
+    cameras, depths, hidden = scene_views(False)
+    for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
+        assert feet_of_uprights(other, ground, cameras, depths, hidden) is None
+
+
+def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
+    ground, cameras = street(np.inf)
+    means = pole(0.0, 0.4).means.double().numpy()
+    camera = cameras[0]
+    pixel, z = camera.project(means)
+    pixels = pixel.astype(int)
+    none = np.zeros((4, 4, 3), np.float32)
+    chart = StreetChart(
+        ground, 0.1, 0.0, 0.0, none, np.zeros((4, 4), np.int16), np.zeros((4, 4), np.uint8), none,
+        np.zeros((4, 4), np.float32), np.zeros((4, 4), bool),
+    )  # fmt: skip
+    layer = GroundLayer(chart, [none], [none], feet=means)
+    shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), float(z.mean())))
+    assert shown[pixels[:, 1], pixels[:, 0]].all()
+    assert shown.sum() < 3 * len(np.unique(pixels, axis=0)) + 9
+    assert not layer.foot_pixels(camera, np.full((camera.height, camera.width), 3.0)).any()
+    assert not GroundLayer(chart, [none], [none]).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()

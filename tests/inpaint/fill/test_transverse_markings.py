@@ -1,0 +1,88 @@
+"""Bay lines that cars hide in part or altogether."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from unveil_core.inpaint.fill.transverse_markings import continue_crossings
+
+PER_M = 25.0
+BAY = slice(40, 90)
+
+
+def parking_lane(rows: int = 1500, period: int = 140, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Detail (A, B, 3) of a street with bay lines every ``period`` rows on its left and right, and where they lie (A, B)."""
+    rng = np.random.default_rng(seed)
+    line = np.zeros((rows, 260), dtype=bool)
+    for row in range(60, rows - 10, period):
+        line[row : row + 3, BAY] = True
+        line[row + 40 : row + 43, 170:220] = True
+    detail = rng.normal(0, 0.015, (*line.shape, 1)).repeat(3, axis=2) + 0.3 * line[..., None]
+    return detail.astype(np.float32), line
+
+
+def test_stubs_go_on_and_hidden_lines_stand_where_the_others_say() -> None:
+    detail, line = parking_lane()
+    known = np.ones_like(line)
+    for row in (180, 460, 600, 880):  # cars, each over one line; of the second a stub is seen
+        known[row : row + 60, 35:95] = False
+    known[460:520, 35:55] = True
+    found, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    hidden, where = line & ~known, share > 0.5
+    assert where[hidden].mean() > 0.75
+    assert (where & ~line).sum() < 0.7 * hidden.sum(), "a row or two thicker at most"
+    assert np.abs(found[where & line] - 0.3).max() < 0.05
+    assert not found[share == 0].any() and not share[known].any() and share.max() <= 1
+
+
+def test_a_side_that_hides_most_of_its_lines_is_divided_like_the_other() -> None:
+    detail, line = parking_lane()
+    known = np.ones_like(line)
+    for row in range(60 + 140, 1400, 280):
+        known[row - 30 : row + 33, 35:95] = False
+    _, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    assert (share > 0.5)[line & ~known].mean() > 0.75
+
+
+def test_the_distance_that_supposes_least_is_taken() -> None:
+    """Lines at 0, 2 and 4 periods, all between them hidden: nothing says that there are lines at a third of that distance,
+    though marks farther aside stand so."""
+    detail, line = parking_lane()
+    detail = np.where(line[..., None] & (np.arange(260) >= 160)[None, :, None], 0, detail).astype(np.float32)
+    for row in range(60, 1390, 93):  # two thirds of the bays' distance
+        detail[row : row + 3, 225:255] = 0.3
+    known = np.ones_like(line)
+    for row in (200, 340, 480, 620, 760):
+        known[row - 60 : row - 5, 35:95] = False
+    known[200 - 30 : 200 + 33, 35:95] = known[480 - 30 : 480 + 33, 35:95] = False
+    _, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    lane = share[:, BAY] > 0.5
+    off = np.ones(len(lane), dtype=bool)
+    for row in range(60, 1390, 140):
+        off[row - 6 : row + 9] = False
+    assert not lane[off].any()
+    assert lane[200:203].mean() > 0.75 and lane[480:483].mean() > 0.75
+
+
+@pytest.mark.parametrize("seen", ["nothing", "everything", "no line"])
+def test_nothing_is_made_up(seen: str) -> None:
+    detail, line = parking_lane()
+    if seen == "no line":
+        detail = np.where(line[..., None], 0, detail)
+    known = np.full_like(line, seen != "nothing")
+    if seen == "no line":
+        known[200:400, 30:100] = False
+    _, where = continue_crossings(detail, known, ~known, texels_per_m=PER_M)
+    assert not where.any()
+
+
+def test_a_single_manhole_is_not_repeated() -> None:
+    detail, line = parking_lane()
+    detail = np.where(line[..., None], 0, detail)
+    detail[300:312, 120:132] += 0.3
+    known = np.ones_like(line)
+    known[500:600] = False
+    known[300:312, 126:160] = False
+    _, where = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    assert not where.any()

@@ -1,0 +1,56 @@
+"""Keyframes by name, and in what order the frames of a rig were taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.inpaint.walls import before_wall
+from unveil_core.base.errors import SettingsError
+from unveil_core.drives.drive import Frame
+from unveil_core.inpaint.frames.keyframe_plan import instants, named_frames
+
+
+def frame(name: str, camera: str = "front", timestamp: float | None = None) -> Frame:
+    return Frame(name, camera, before_wall(0, 5), Path(f"{name}.png"), timestamp=timestamp)
+
+
+RIG = [frame(f"{n:04d}", c) for c in ("left", "right") for n in (4, 5, 6)]
+
+
+def test_frames_are_ordered_by_time_or_by_their_place_in_the_track() -> None:
+    assert instants(RIG).tolist() == [0, 1, 2, 0, 1, 2]
+    timed = [frame("a", "left", 0.1), frame("b", "left", 0.3), frame("c", "right", 0.2)]
+    assert instants(timed).tolist() == [0.1, 0.3, 0.2]
+    assert instants([*timed, frame("d", "right")]).tolist() == [0, 1, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("names", "indices"),
+    [
+        (("0005",), (1, 4)), (("5",), (1, 4)), (("right/0005",), (4,)), (("6", "4"), (2, 5, 0, 3)),
+        (("5", "0005", "left/0005"), (1, 4)), ((), ()),
+    ],
+)  # fmt: skip
+def test_a_keyframe_is_named_by_stem_or_number(names: tuple[str, ...], indices: tuple[int, ...]) -> None:
+    assert named_frames(RIG, names) == indices
+
+
+def test_without_numbers_in_the_stems_the_place_in_the_track_counts() -> None:
+    frames = [frame("first"), frame("second"), frame("left-3", "left"), frame("left-4", "left")]
+    assert named_frames(frames, ("1",)) == (1, 3)
+    assert named_frames(frames, ("left-3",)) == (2,)
+
+
+@pytest.mark.parametrize("name", ["7", "0007", "-1", "five", "front/0005", "9" * 30, "٣"])
+def test_what_there_is_not_is_refused_in_one_line(name: str) -> None:
+    with pytest.raises(SettingsError) as refused:
+        named_frames(RIG, ("4", name))
+    line = str(refused.value)
+    assert repr(name) in line and "4 to 6" in line and "\n" not in line
+
+
+def test_an_empty_drive_has_no_instants() -> None:
+    assert instants([]).tolist() == [] and named_frames([], ()) == () and np.shape(instants([])) == (0,)

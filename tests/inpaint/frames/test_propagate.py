@@ -1,0 +1,101 @@
+"""What a keyframe invents is what all others show; each frame for itself, and the other order, differ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from tests.inpaint.walls import before_wall, task_of, wall_without
+from unveil_core.inpaint.frames.holes import Hole, hole_in_frame, look_behind, open_hole
+from unveil_core.inpaint.frames.keyframes import plan_keyframes
+from unveil_core.inpaint.frames.propagate import Painted, paint_along
+from unveil_core.surfels.sky import Sky
+
+WINDOW = (-0.6, 0.6, -0.6, 0.6)
+PAINTS = ((250, 40, 40), (40, 250, 40), (40, 40, 250), (250, 250, 40), (40, 250, 250), (250, 40, 250))
+WALL = wall_without(WINDOW)
+SKY = Sky(torch.zeros(3, 8, 16), np.eye(3))
+NEAR, FAR = 0.2, 100.0
+
+
+class Painter:
+    """An inpainter whose every call has a colour of its own, so that a pixel tells who invented it."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        self.calls += 1
+        return np.where(mask[..., None], np.uint8(PAINTS[self.calls - 1]), image)
+
+
+def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[Hole], Painter]:  # type: ignore[no-untyped-def]
+    tasks = [task_of(camera, WINDOW) for camera in cameras]
+    holes = [open_hole(task, WALL, None, near=NEAR, far=FAR) for task in tasks]
+    plan = None if order == "independent" else plan_keyframes(holes, times, order=order, given=given)
+    painter = Painter()
+    painted, seeds = paint_along(tasks, WALL, SKY, None, painter, plan=plan, label_count=1, near=NEAR, far=FAR)
+    assert seeds is not None
+    return painted, holes, painter
+
+
+def inner_colors(painted: list[Painted], holes: list[Hole]) -> NDArray[np.float64]:
+    """(N, 3) mean colour of each frame's hole."""
+    return np.stack([p.image[h.mask].mean(axis=0) for p, h in zip(painted, holes, strict=True)])
+
+
+@pytest.mark.parametrize(("order", "first"), [("reverse", 2), ("forward", 0)])
+def test_a_place_is_invented_once(order: str, first: int) -> None:
+    cameras = [before_wall(0.1 * i, 4.0 - 0.3 * i) for i in range(3)]
+    painted, holes, _ = paint(cameras, [0, 1, 2], order)
+    assert min(len(h.depth) for h in holes) > 200
+    assert painted[first].invented.sum() > 200
+    assert all(p.invented.sum() < 20 for i, p in enumerate(painted) if i != first)
+    assert np.abs(inner_colors(painted, holes) - PAINTS[0]).max() < 25
+
+
+def test_alone_every_frame_invents_for_itself() -> None:
+    cameras = [before_wall(0.1 * i, 4.0 - 0.3 * i) for i in range(3)]
+    painted, holes, painter = paint(cameras, [0, 1, 2], "independent")
+    assert painter.calls == 3
+    assert np.array_equal(inner_colors(painted, holes), np.array(PAINTS[2::-1], dtype=float))
+    assert all(np.array_equal(p.invented, h.mask) for p, h in zip(painted, holes, strict=True))
+
+
+def test_the_cameras_of_a_rig_show_the_same() -> None:
+    cameras = [before_wall(x + 0.1 * i, 4.0) for x in (-0.4, 0.4) for i in range(2)]
+    painted, holes, _ = paint(cameras, [0, 1, 0, 1], "reverse")
+    assert sum(p.invented.sum() > 20 for p in painted) == 1
+    assert np.abs(inner_colors(painted, holes) - PAINTS[0]).max() < 25
+
+
+def test_what_is_left_to_a_sharper_view_comes_from_there() -> None:
+    """The last frame sees the whole window from afar, an earlier one its middle from nearby."""
+    near, far = before_wall(0.0, 1.0), before_wall(0.0, 6.0)
+    painted, holes, _ = paint([near, far], [0, 1], "reverse")
+    assert holes[0].mask.sum() > 1000
+    middle = painted[1].image[34:38, 46:50].astype(float)
+    assert np.abs(middle - painted[0].image[34:38, 46:50].mean(axis=(0, 1))).max() < 30
+
+
+def test_what_given_keyframes_do_not_show_is_invented_once_all_the_same() -> None:
+    """The only keyframe looks past the window; the next in turn takes its place."""
+    cameras = [before_wall(0.0, 4.0), before_wall(0.1, 3.7), before_wall(9.0, 4.0)]
+    painted, holes, painter = paint(cameras, [0, 1, 2], "reverse", given=(2,))
+    assert not holes[2].mask.any() and not painted[2].invented.any()
+    assert painted[1].invented.sum() > 200 and painted[0].invented.sum() < 20
+    assert np.abs(inner_colors(painted[:2], holes[:2]) - PAINTS[0]).max() < 25
+
+
+def test_what_is_filled_already_is_no_hole() -> None:
+    task = task_of(before_wall(0.0, 4.0), WINDOW)
+    behind = look_behind(task, WALL, None, near=NEAR, far=FAR)
+    empty = hole_in_frame(task, behind)
+    filled = np.zeros_like(empty)
+    filled[:36] = True
+    assert empty[:36].any() and np.array_equal(hole_in_frame(task, behind, filled), empty & ~filled)
+    hole = open_hole(task, WALL, None, filled, near=NEAR, far=FAR)
+    assert np.array_equal(hole.mask, empty & ~filled) and np.abs(hole.depth - 4.0).max() < 0.3
+    assert hole.area().sum() == pytest.approx(0.72, rel=0.15)

@@ -1,0 +1,41 @@
+"""Relighting takes shadows from the ground, and leaves what stands on it alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from tests.ground.test_street import UP, drive_on_circle
+from tests.inpaint.sunny_street import TEXEL, sunny_chart
+from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.chart.street_chart import INVENTED, blur_levels
+from unveil_core.inpaint.frames.holes import FrameTask
+from unveil_core.inpaint.frames.new_ground import seed_ground
+from unveil_core.inpaint.frames.propagate import paint_along
+from unveil_core.surfels.sky import Sky
+
+
+def test_no_light_is_thrown_on_what_stays() -> None:
+    chart, *_ = sunny_chart(None)
+    gain = chart.gain.copy()
+    gain[int(7 / TEXEL) : int(14 / TEXEL), int(5 / TEXEL) : int(9 / TEXEL)] = 1.5
+    whole = replace(chart, gain=gain, source=np.full_like(chart.source, INVENTED))
+    camera = drive_on_circle(np.inf, 0.0)[0].resized(108, 72)
+    street = seed_ground(whole, np.ones(gain.shape[:2], bool), spacing=0.15, up=UP, sh_degree=0, default_label=0)
+    layer = GroundLayer(whole, blur_levels(whole.color), blur_levels(whole.gain))
+    nothing, picture = np.zeros((72, 108), bool), np.full((72, 108, 3), 100, np.uint8)
+    car = nothing.copy()
+    car[:, :54] = True
+    cleaned = []
+    for stands in (None, car):
+        task = FrameTask(camera, picture, nothing, nothing, stands)
+        sky = Sky(torch.zeros(3, 8, 16), np.eye(3))
+        (painted,), _ = paint_along(
+            [task], street, sky, layer, lambda image, _: image, plan=None, label_count=1, near=0.1, far=99.0
+        )
+        cleaned.append((painted.image != 100).any(axis=2))
+    assert (cleaned[0] & car).sum() > 50
+    assert not (cleaned[1] & car).any()
+    assert (cleaned[1][:, 54:] == cleaned[0][:, 54:]).all()

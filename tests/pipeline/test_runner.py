@@ -1,0 +1,317 @@
+"""The runner: skips, redoes, survives kills, leaves nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.drives.tiny_drive import make_tiny_drive
+from tests.inpaint.networks import blur, from_reference, mean_fill
+from unveil_core.base.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
+from unveil_core.pipeline.runner import run_stages
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.steps.inpaint import check_networks, files_of_networks
+from unveil_core.workspace.journal import recover
+from unveil_core.workspace.workspace import Workspace
+
+
+def letters(context: StageContext) -> None:
+    """First stage: some files in a folder."""
+    for i in range(20):
+        (context.output("letters") / f"{i:02d}.txt").parent.mkdir(exist_ok=True)
+        (context.output("letters") / f"{i:02d}.txt").write_text(f"{context.settings.seed} {i}")
+        context.progress(i + 1, 20, "writing", loss=1.0 / (i + 1))
+        time.sleep(float(os.environ.get("SLOW", "0")))
+
+
+def total(context: StageContext) -> None:
+    """Second stage: one file from the folder."""
+    texts = [p.read_text() for p in sorted((context.workspace.root / "letters").iterdir())]
+    context.output("sum/total.json").write_text(json.dumps(texts))
+    context.output("sum/quality.txt").write_text(context.settings.quality)
+    time.sleep(10 * float(os.environ.get("SLOW", "0")))
+
+
+STAGES = (
+    Stage("letters", letters, (), ("letters",), ("seed",)),
+    Stage("total", total, ("letters",), ("sum/total.json", "sum/quality.txt"), ("quality",)),
+)
+
+
+def go(root: Path, **settings: object) -> list[str]:
+    return run_stages(Workspace.create(root), STAGES, RunSettings(**settings), Path("."))  # type: ignore[arg-type]
+
+
+def test_up_to_date_stages_are_skipped(tmp_path: Path) -> None:
+    assert go(tmp_path / "w") == ["letters", "total"]
+    assert go(tmp_path / "w") == []
+    assert go(tmp_path / "w", quality="draft") == ["total"]
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["letters", "total"]
+    (tmp_path / "w" / "sum" / "total.json").unlink()
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
+    (tmp_path / "w" / "letters" / "03.txt").write_text("somebody changed this")
+    assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
+
+
+def test_networks_count_by_their_content(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    names = ("inpainter", "reference_inpainter")
+    stages = (STAGES[0], replace(STAGES[1], settings=names, outside=files_of_networks))
+    network = mean_fill(tmp_path / "mean.onnx")
+
+    def again(**given: str) -> list[str]:
+        return run_stages(workspace, stages, RunSettings(**given), Path("."))  # type: ignore[arg-type]
+
+    assert again() == ["letters", "total"]
+    assert again(inpainter=str(network)) == ["total"] and again(inpainter=str(network)) == []
+    moved = network.rename(tmp_path / "moved.onnx")
+    assert again(inpainter=str(moved)) == []
+    blur(moved, 2)
+    assert again(inpainter=str(moved)) == ["total"]
+    (tmp_path / "moved.onnx.data").write_bytes(b"weights beside it")
+    assert again(inpainter=str(moved)) == ["total"]
+    reference = from_reference(tmp_path / "reference.onnx")
+    assert again(inpainter=str(moved), reference_inpainter=str(reference)) == ["total"]
+
+
+@pytest.mark.parametrize("name", ["inpainter", "reference_inpainter"])
+def test_a_network_that_is_none_is_told_before_anything_runs(name: str, tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    stages = (STAGES[0], replace(STAGES[1], settings=(name,), check=check_networks))
+    with pytest.raises(SettingsError, match="absent.onnx: cannot be read"):
+        run_stages(workspace, stages, RunSettings(**{name: str(tmp_path / "absent.onnx")}), Path("."))  # type: ignore[arg-type]
+    assert not (tmp_path / "w/letters").exists()
+    (tmp_path / "broken.onnx").write_bytes(b"0" * 100)
+    with pytest.raises(SettingsError, match="broken.onnx: cannot be loaded"):
+        run_stages(workspace, stages, RunSettings(**{name: str(tmp_path / "broken.onnx")}), Path("."))  # type: ignore[arg-type]
+    # Stages that do not need it do not ask for it.
+    settings = RunSettings(**{name: str(tmp_path / "absent.onnx")})  # type: ignore[arg-type]
+    assert run_stages(workspace, stages[:1], settings, Path(".")) == ["letters"]
+
+
+def test_state_and_events_tell_what_happened(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    workspace = Workspace.open(tmp_path / "w")
+    stage = workspace.state()["stages"]["letters"]
+    assert stage["status"] == "done" and stage["seconds"] >= 0 and stage["peak_memory_mb"] > 10
+    events = workspace.events()
+    assert {"t", "stage", "done", "total", "message", "level"} <= set(events[0])
+    assert events[-1]["message"] == "done"
+    with workspace.events_jsonl.open("a") as stream:
+        stream.write('{"t": 1, "stage": "cut')
+    assert len(workspace.events()) == len(events)
+
+
+def test_a_failing_stage_keeps_the_old_result(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+
+    def broken(context: StageContext) -> None:
+        context.output("sum/total.json").write_text("half")
+        raise UnveilError("nothing to sum", path="letters", mend="write some")
+
+    stages = (STAGES[0], replace(STAGES[1], run=broken, variant="broken"))
+    before = (tmp_path / "w/sum/total.json").read_text()
+    with pytest.raises(UnveilError, match="letters: nothing to sum"):
+        run_stages(Workspace.open(tmp_path / "w"), stages, RunSettings(), Path("."))
+    assert (tmp_path / "w/sum/total.json").read_text() == before
+    assert not list((tmp_path / "w").glob(".partial*"))
+    assert Workspace.open(tmp_path / "w").state()["stages"]["total"]["status"] == "failed"
+    assert go(tmp_path / "w") == []
+
+
+@pytest.mark.parametrize("end", [Cancelled("total"), UnveilError("nothing to sum")])
+def test_an_attempt_with_other_settings_leaves_the_finished_result_valid(end: Exception, tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    record = Workspace.open(tmp_path / "w").state()["stages"]["total"]
+
+    def unwilling(context: StageContext) -> Facts:
+        if context.settings.quality == "high":
+            raise end
+        return {"texts": 20}
+
+    def again(quality: str) -> list[str]:
+        stages = (STAGES[0], replace(STAGES[1], run=unwilling))
+        return run_stages(Workspace.open(tmp_path / "w"), stages, RunSettings(quality=quality), Path("."))
+
+    (tmp_path / "w/sum/total.json").write_text("[]")  # what matters is what it was made from
+    assert again("standard") == []
+    with pytest.raises(type(end)):
+        again("high")
+    entry = Workspace.open(tmp_path / "w").state()["stages"]["total"]
+    assert entry["status"] in ("cancelled", "failed") and entry["attempt"]["settings"] == {"quality": "high"}
+    assert entry["settings"] == {"quality": "standard"} and entry["input_hash"] == record["input_hash"]
+    assert again("standard") == []
+    assert Workspace.open(tmp_path / "w").state()["stages"]["total"] == record
+
+
+def test_what_a_stage_returns_is_recorded_when_it_is_done_and_not_before(tmp_path: Path) -> None:
+    seen: list[dict[str, object]] = []
+
+    def counts(context: StageContext) -> Facts:
+        letters(context)
+        seen.append(context.workspace.state()["stages"]["letters"])
+        return {"count": context.settings.seed}
+
+    stages = (replace(STAGES[0], run=counts),)
+    for seed in (1, 2):
+        run_stages(Workspace.create(tmp_path / "w"), stages, RunSettings(seed=seed), Path("."))
+    assert "count" not in seen[0] and seen[1]["count"] == 1
+    assert Workspace.open(tmp_path / "w").state()["stages"]["letters"]["count"] == 2
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from tests.pipeline.test_runner import go
+try:
+    go(Path(sys.argv[1]))
+except BaseException as error:
+    print(type(error).__name__)
+    raise SystemExit(130)
+"""
+
+
+def start(root: Path, slow: float) -> subprocess.Popen:  # type: ignore[type-arg]
+    environment = {**os.environ, "SLOW": str(slow)}
+    where = Path(__file__).resolve().parents[2]
+    return subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, str(root)], env=environment, cwd=where, stdout=subprocess.PIPE
+    )
+
+
+def files(root: Path) -> dict[str, bytes]:
+    return {
+        str(p.relative_to(root)): p.read_bytes()
+        for p in sorted(root.rglob("*")) if p.is_file() and not p.name.startswith(".") and p.parent != root
+    }  # fmt: skip
+
+
+def test_killed_anywhere_it_goes_on_to_the_same_result(tmp_path: Path) -> None:
+    go(tmp_path / "whole")
+    for turn, wait in enumerate((0.05, 0.35, 0.75)):
+        root = tmp_path / f"killed{turn}"
+        process = start(root, 0.03)
+        deadline = time.monotonic() + 30
+        while not (root / "events.jsonl").exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(wait)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        go(root)
+        assert files(root) == files(tmp_path / "whole")
+        assert go(root) == []
+
+
+def test_an_interrupted_move_is_finished(tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    root = tmp_path / "w"
+    partial = root / ".partial-total"
+    (partial / "sum").mkdir(parents=True)
+    (partial / "sum/total.json").write_text("new")
+    (root / ".journal.json").write_text(
+        json.dumps({
+            "stage": "total", "partial": partial.name, "outputs": list(STAGES[1].outputs),
+            "record": {"status": "done", "input_hash": "of the new one"},
+        })
+    )  # fmt: skip
+
+    recover(Workspace.open(root))
+    assert (root / "sum/total.json").read_text() == "new"
+    assert not partial.exists() and not (root / ".journal.json").exists()
+    assert Workspace.open(root).state()["stages"]["total"] == {"status": "done", "input_hash": "of the new one"}
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"partial": "../elsewhere", "outputs": []},
+        {"partial": "/elsewhere", "outputs": []},
+        {"partial": ".partial-total", "outputs": ["../../elsewhere"]},
+        {"partial": ".partial-total", "outputs": ["/elsewhere"]},
+        {"partial": ".partial-total", "outputs": "letters"},
+        {"partial": ".partial-total", "outputs": [], "record": None},
+        [],
+    ],
+)
+def test_a_journal_that_this_program_did_not_write_moves_and_removes_nothing(entry: object, tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere/thesis.txt").write_text("important")
+    if isinstance(entry, dict):
+        entry = {"stage": "total", "record": {}, **entry}
+    (tmp_path / "w/.journal.json").write_text(json.dumps(entry))
+    before = files(tmp_path)
+    with pytest.raises(WorkspaceError, match="is no journal of this program"):
+        go(tmp_path / "w")
+    assert files(tmp_path) == before
+
+
+def test_interrupt_ends_with_cancelled_and_resumes(tmp_path: Path) -> None:
+    root = tmp_path / "w"
+    process = start(root, 0.05)
+    deadline = time.monotonic() + 30
+    while not (root / "events.jsonl").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=20)
+    assert process.returncode == 130 and b"Cancelled" in out
+    assert Workspace.open(root).state()["stages"]["letters"]["status"] == "cancelled"
+    assert go(root) == ["letters", "total"]
+
+
+def test_two_processes_do_not_share_a_workspace(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    with workspace.lock(), pytest.raises(WorkspaceError, match="in use by another process"), workspace.lock():
+        pass
+    with workspace.lock():
+        pass
+
+
+def test_workspaces_do_not_take_over_other_folders(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("important")
+    with pytest.raises(WorkspaceError, match="is not empty and no workspace"):
+        Workspace.create(tmp_path / "mine")
+    with pytest.raises(WorkspaceError, match="is no workspace"):
+        Workspace.open(tmp_path / "mine")
+    with pytest.raises(WorkspaceError, match="is a file"):
+        Workspace.create(tmp_path / "mine" / "thesis.txt")
+
+
+def test_a_missing_input_names_the_stage(tmp_path: Path) -> None:
+    with pytest.raises(WorkspaceError, match="has no letters, which total needs"):
+        run_stages(Workspace.create(tmp_path / "w"), STAGES[1:], RunSettings(), Path("."))
+
+
+def test_settings_are_checked_and_round_trip() -> None:
+    settings = RunSettings(remove=("car",), instances=(3, 7), quality="draft", seed=5, max_side=256)
+    assert RunSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+    for bad in ({"quality": "best"}, {"seed": -1}, {"max_side": 3}, {"device": "cuda"}, {"inpainter": "magic"}):
+        with pytest.raises(SettingsError):
+            RunSettings(**bad)  # type: ignore[arg-type]
+
+
+def test_cancelled_is_no_user_error() -> None:
+    assert not issubclass(Cancelled, UnveilError)
+
+
+def test_systems_that_do_not_tell_of_memory_run_it_all_the_same(tmp_path: Path) -> None:
+    """Windows has neither of these modules."""
+    program = (
+        "import sys; sys.modules['resource'] = sys.modules['grp'] = sys.modules['pwd'] = None\n"
+        "from unveil_core.app.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    subprocess.run([sys.executable, "-c", program, "import", str(drive), "-o", str(root)], check=True)
+    stage = Workspace.open(root).state()["stages"]["import"]
+    assert stage["status"] == "done" and stage["peak_memory_mb"] is None

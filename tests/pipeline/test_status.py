@@ -1,0 +1,79 @@
+"""What `unveil status` says is what a run would do; nothing is computed or changed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.drives.tiny_drive import edit, make_tiny_drive
+from unveil_core.app.cli import main
+from unveil_core.workspace.workspace import Workspace
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """Imported and segmented."""
+    drive = make_tiny_drive(tmp_path / "drive")
+    assert main(["import", str(drive), "-o", str(tmp_path / "ws")]) == 0
+    assert main(["segment", str(tmp_path / "ws")]) == 0
+    return tmp_path / "ws"
+
+
+def states(root: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, str]:
+    capsys.readouterr()
+    assert main(["status", str(root), "--json", *options]) == 0
+    found: dict[str, str] = json.loads(capsys.readouterr().out)["stages"]
+    return found
+
+
+def test_done_and_to_do(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (root / "workspace.json").read_bytes()
+    found = states(root, capsys)
+    assert list(found)[:5] == ["import", "objects", "segment", "choose", "reconstruct"]
+    assert found["import"] == found["segment"] == "done"
+    assert {found[n] for n in ("reconstruct", "remove", "mesh", "report")} == {"to do"}
+    assert (root / "workspace.json").read_bytes() == before
+    assert main(["status", str(root)]) == 0
+    assert "segment      done\n" in capsys.readouterr().out
+
+
+def test_settings_make_stale_what_they_influence_and_what_follows(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert states(root, capsys, "--seed", "7")["segment"] == "done"
+    assert states(root, capsys, "--movers", "keep")["segment"] == "stale"
+    changed = states(root, capsys, "--max-side", "32")
+    assert changed["import"] == changed["segment"] == "stale"
+    assert main(["segment", str(root), "--movers", "keep"]) == 0  # recorded from here on
+    assert states(root, capsys)["segment"] == "done"
+    assert states(root, capsys, "--movers", "auto")["segment"] == "stale"
+
+
+def test_a_changed_drive_is_seen(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    edit(root.parent / "drive/transforms.json", lambda d: d["frames"].pop())
+    found = states(root, capsys)
+    assert found["import"] == found["segment"] == "stale"
+
+
+def test_failed_running_and_killed(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    workspace = Workspace.open(root)
+    workspace.update_stage("reconstruct", status="failed")
+    assert states(root, capsys)["reconstruct"] == "failed"
+    workspace.update_stage("reconstruct", status="running")
+    assert states(root, capsys)["reconstruct"] == "to do"  # nobody works here: it was killed
+    with workspace.lock():
+        assert states(root, capsys)["reconstruct"] == "running"
+
+
+def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
+    stages = Workspace.open(root).state()["stages"]
+    assert stages["import"]["settings"] == {"max_side": None, "quality": "standard"}
+    assert set(stages["segment"]["settings"]) >= {"movers"}
+
+
+def test_another_choice_does_not_make_the_scene_stale(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["choose", str(root)]) == 0
+    changed = states(root, capsys, "--instances", "300")
+    assert changed["choose"] == "stale" and changed["segment"] == "done"

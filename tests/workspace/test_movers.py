@@ -1,0 +1,112 @@
+"""A run over a street on which a car drives: it is gone from every frame, and was never part of the scene."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.moving_street import FRAMES, MOVER_ID, ONCOMING, PARKED_ID, make_moving_street
+from unveil_core.base.errors import SettingsError
+from unveil_core.drives import open_drive
+from unveil_core.drives.imported import read_imported
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.semantics.labels import choose_labels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.workspace.movers import read_moving, write_moving
+from unveil_core.workspace.workspace import Workspace
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The drive: neither ids nor boxes, only semantics."""
+    return make_moving_street(tmp_path_factory.mktemp("moving") / "street", ONCOMING).parent
+
+
+@pytest.fixture(scope="module")
+def workspace(street: Path) -> Workspace:
+    """Everything up to the clean frames, in few steps."""
+    settings = RunSettings(quality="draft", iterations=60, splats=15_000, seed=1)
+    return run(street, street.parent / "workspace", settings, until="reoptimize")
+
+
+def picture(path: Path) -> np.ndarray:
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None, path
+    return image
+
+
+def psnr(workspace: Workspace, street: Path, masks: list[np.ndarray], folder: str | None = "frames") -> float:
+    """Of the masked pixels against the true empty street; ``folder`` None = of the photographs."""
+    error = []
+    for i, mask in enumerate(masks):
+        path = street / "images" if folder is None else workspace.root / folder / "camera"
+        truth = picture(street / f"truth/images/{i:02d}.png").astype(float)
+        error.append(np.square(picture(path / f"{i:02d}.png") - truth)[mask].ravel())
+    return float(10 * np.log10(255**2 / np.concatenate(error).mean()))
+
+
+def test_the_frames_show_the_street_behind_the_mover(workspace: Workspace, street: Path) -> None:
+    ids = [picture(street / f"instances/{i:02d}.png") for i in range(FRAMES)]
+    own = [n == MOVER_ID for n in ids]
+    assert psnr(workspace, street, own) > 22 > 12 > psnr(workspace, street, own, None)
+    removed = [picture(workspace.root / f"masks/removed/camera/{i:02d}.png") > 0 for i in range(FRAMES)]
+    assert all((r | ~(n > 0)).all() for r, n in zip(removed, ids, strict=True))
+
+
+def test_the_shadow_of_the_mover_goes_too(workspace: Workspace, street: Path) -> None:
+    moving, drive = read_moving(workspace.root), read_imported(workspace.drive_dir)
+    shadows = [moving.shadow(f) for f in drive.frames]
+    assert sum(int(s.sum()) for s in shadows) > 1500
+    assert psnr(workspace, street, shadows) > psnr(workspace, street, shadows, None) + 5
+    for i, shadow in enumerate(shadows):
+        marked = picture(workspace.root / f"masks/shadows/camera/{i:02d}.png") > 0
+        marked |= picture(workspace.root / f"masks/removed/camera/{i:02d}.png") > 0
+        assert (marked | ~shadow).all()
+
+
+def test_the_mover_never_becomes_surfels(workspace: Workspace) -> None:
+    drive = read_imported(workspace.drive_dir)
+    surfels = read_surfels(workspace.surfels_full)
+    scene = choose_labels(drive)
+    cars = surfels.labels.numpy() == scene.labels.index("car")
+    where = surfels.means.double().numpy() + drive.to_world.translation
+    on_its_way = (np.abs(where[:, 1] - 1.75) < 1.2) & (where[:, 0] > 5) & (where[:, 0] < 30)
+    parked = (np.abs(where[:, 1] + 3.05) < 1.2) & (where[:, 0] > 12) & (where[:, 0] < 18)
+    assert (cars & parked).sum() > 300 and (cars & on_its_way).sum() <= 0.01 * (cars & parked).sum()
+    blue = surfels.sh[:, 0, 2] - surfels.sh[:, 0, 0] > 1.0
+    low = (where[:, 2] > 0.2) & (where[:, 2] < 1.5)
+    assert int((blue.numpy() & on_its_way & low).sum()) == 0
+    entries = json.loads((workspace.root / "instances.json").read_text())
+    assert len(entries) == 1 and entries[0]["class"] == "car"
+
+
+def test_the_workspace_tells_what_moved(workspace: Workspace) -> None:
+    entries = json.loads((workspace.root / "movers/movers.json").read_text())
+    assert [(e["number"], e["class"], e["evidence"], e["id"]) for e in entries] == [(1, "car", "seen through", None)]
+    assert workspace.state()["stages"]["segment"]["movers"] == 1
+    assert not list((workspace.root / "movers").rglob("*.partial"))
+
+
+def test_keep_leaves_everything_standing(street: Path, tmp_path: Path) -> None:
+    found = run(street, tmp_path / "kept", RunSettings(quality="draft", movers="keep"), until="segment")
+    drive = read_imported(found.drive_dir)
+    moving = read_moving(found.root)
+    assert moving.count == 0 and moving.hidden(drive) is None and moving.standing(drive) is drive
+    assert [p.name for p in (found.root / "movers").rglob("*")] == ["movers.json"]
+    with pytest.raises(SettingsError, match="unknown movers 'chase'"):
+        RunSettings(movers="chase")
+
+
+def test_a_workspace_without_the_folder_has_no_movers(street: Path, tmp_path: Path) -> None:
+    assert read_moving(tmp_path).count == 0
+    drive = open_drive(street)
+    assert write_moving(drive, choose_labels(drive), tmp_path / "movers", "auto", lambda *_, **__: None) == 1
+    moving = read_moving(tmp_path)
+    ids = np.full((drive.frames[6].camera.height, drive.frames[6].camera.width), PARKED_ID)
+    left = moving.ids_of_standing(drive.frames[6], ids)
+    assert left is not None and ((left == 0) == moving.pixels(drive.frames[6])).all() and (left == 0).any()

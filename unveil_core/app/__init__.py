@@ -1,0 +1,1 @@
+"""The ``unveil`` command: parser, verbs, doctor. Nothing here computes."""

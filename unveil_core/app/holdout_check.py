@@ -1,0 +1,190 @@
+"""The check on real footage: virtual cars over street that the photographs show, removed by an ordinary run, and measured.
+
+There is no true empty street of a real drive. See :mod:`unveil_core.evaluate.holdout.drive` for what stands in its place.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from unveil_core.base.errors import SettingsError, WorkspaceError
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.progress import Progress
+from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.evaluate import METHODS
+from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
+from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars, sight_of
+from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
+from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
+from unveil_core.evaluate.pictures import own_mask
+from unveil_core.ground.fit import fit_drive_ground
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, silent
+from unveil_core.semantics.labels import SceneLabels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.workspace.files import load_selection
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
+
+CARS, MOST_CARS = 2, 9
+NEEDED = (
+    "drive/cameras.json", "labels.json", "surfels/full.ply", "surfels/removed.npy", "masks/removed", "masks/shadows",
+)  # fmt: skip
+COLUMNS = {"removed": "behind the cars", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What the check needs of the workspace of the real drive."""
+
+    drive: Drive
+    labels: SceneLabels
+    sights: list[Sight]
+    removed: list[np.ndarray]
+    cars: list[VirtualCar]
+
+
+def check_footage(
+    source: str | Path, output: str | Path | None = None, *, cars: int = CARS, settings: RunSettings | None = None,
+    quality: str | None = None, reporter: Reporter = silent,
+) -> dict[str, Any]:  # fmt: skip
+    """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
+
+    Args:
+        source: a finished workspace, or a drive, which is unveiled into ``OUTPUT/footage`` first.
+        output: folder for ``drive/`` with the cars, its ``workspace/``, ``cars/`` (whose pixel is whose), ``pictures/`` to
+            look at and ``holdout.json``; beside a workspace, with ``_holdout`` appended, by default.
+        cars: how many are wanted; where there is room for fewer, fewer.
+        settings: of the run of a drive; a workspace brings its own.
+        quality: of the run with the cars, if not that of the workspace.
+        reporter: receives each event.
+    Returns:
+        what :func:`unveil_core.evaluate.holdout.scores.measure_holdout` returns, with ``quality`` and ``seconds``.
+    Raises:
+        WorkspaceError: the workspace lacks a stage, or the street has no room for a car.
+        UnveilError: bad input.
+        Cancelled: SIGINT or SIGTERM; calling again goes on.
+    """
+    if not 1 <= cars <= MOST_CARS:
+        raise SettingsError(f"{cars} virtual cars are out of range", mend=f"use 1 to {MOST_CARS}")
+    source = Path(source)
+    if (source / "workspace.json").is_file():
+        folder = source.with_name(f"{source.resolve().name}_holdout") if output is None else Path(output)
+        footage = Workspace.open(source)
+    else:
+        if output is None:
+            raise SettingsError("a drive needs a folder for the results", path=source, mend="name one with -o")
+        folder = Path(output)
+        footage = run(source, folder / "footage", settings, until="inpaint", reporter=reporter)
+    started = time.monotonic()
+    scene = _scene(footage, cars, _progress(reporter))
+    pixels = [see_cars(scene.cars, sight) for sight in scene.sights]
+    for frame, own in zip(scene.drive.frames, pixels, strict=True):
+        write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
+    added = added_labels(scene.drive, scene.labels)
+    points = moved_points(scene.drive.points, scene.sights, pixels, scene.cars)
+    drive = write_holdout_drive(
+        scene.drive, pixels, scene.removed, points, added, folder / "drive", _progress(reporter)
+    )
+    recorded = RunSettings.from_json(footage.state().get("settings", {}))
+    ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(scene.cars)))
+    chosen = replace(
+        recorded, quality=quality or recorded.quality,
+        # The images are what they are to be already.
+        max_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
+        instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
+    )  # fmt: skip
+    workspace = run(folder / "drive", folder / "workspace", chosen, until="reoptimize", reporter=reporter)
+    progress = _progress(reporter)
+    known = seen_elsewhere(scene.sights, pixels, far=FAR_M, progress=progress)
+    parts = zip(scene.drive.frames, scene.sights, pixels, scene.removed, known, strict=True)
+    frames = [HoldoutFrame(*part) for part in parts]
+    found = measure_holdout(frames, scene.cars, drive, workspace.root, progress=progress)
+    write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
+    found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
+    write_json_atomic(folder / "holdout.json", found)
+    return found
+
+
+def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
+    missing = [n for n in NEEDED if not (workspace.root / n).exists()]
+    if missing:
+        raise WorkspaceError(
+            f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
+        )
+    drive = read_imported(workspace.drive_dir)
+    labels = load_selection(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
+    track = max(tracks(drive), key=len)
+    ground = fit_drive_ground(
+        surfels.select(torch.from_numpy(~gone)), labels.labels, [drive.frames[i].camera for i in track], drive.up,
+    )  # fmt: skip
+    if ground is None:
+        raise WorkspaceError(
+            "there is no room for a virtual car: no ground was found", path=workspace.root,
+            mend="give a drive that shows the street",
+        )  # fmt: skip
+    sights, removed = [], []
+    for done, frame in enumerate(drive.frames):
+        shape = (frame.camera.height, frame.camera.width)
+        own, shadow = (own_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
+        removed.append(np.zeros(shape, dtype=bool) if own is None else own)
+        barred = removed[-1] if shadow is None else removed[-1] | shadow
+        sights.append(sight_of(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
+        progress(done + 1, len(drive.frames), "looking at the street")
+    cars = find_places(ground, surfels, drive.points.positions, sights, count=count, progress=progress)
+    return _Scene(drive, labels, sights, removed, cars)
+
+
+def _progress(reporter: Reporter) -> Callable[..., None]:
+    """Progress as events of a stage of its own, as the pipeline's stages report theirs."""
+    last = [0.0]
+
+    def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+        now = time.monotonic()
+        if done >= total or now - last[0] > 0.2:
+            last[0] = now
+            reporter({
+                "t": round(time.time(), 3), "stage": "holdout", "done": done, "total": total, "message": message,
+                "level": "info", **metrics,
+            })  # fmt: skip
+
+    return progress
+
+
+def holdout_lines(found: dict[str, Any]) -> list[str]:
+    """What :func:`check_footage` found, for the terminal."""
+    columns = [c for c in COLUMNS if c in found["regions"]]
+    lines = [f"  {'PSNR / SSIM to the photographs':<38}" + "".join(f"{COLUMNS[c]:>18}" for c in columns)]
+    for method, name in METHODS.items():
+        scores = [found["regions"][c]["methods"].get(method) for c in columns]
+        if any(scores):
+            cells = (f"{_decibels(s['psnr'])} / {s['ssim']:.3f}" if s else "-" for s in scores)
+            lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in cells))
+    for car in found["cars"]:
+        side = "left" if car["left_m"] > 0 else "right"
+        own = ", ".join(f"{METHODS[m]} {_decibels(p)}" for m, p in car["psnr"].items())
+        lines.append(f"  car {car['number']}, {car['along_m']:.0f} m along, {abs(car['left_m']):.1f} m {side}: {own}")
+    flicker = found["flicker"].get("methods", {})
+    if flicker:
+        names = {"truth": "the photographs", **METHODS}
+        parts = (f"{name} {flicker[m]['absolute']:.1f}" for m, name in names.items() if m in flicker)
+        lines.append(f"  flicker, levels of 255: {', '.join(parts)}")
+    lines.append(f"  changed where nothing should: {100 * found['outside']['changed']:.2f} % of the pixels")
+    return lines
+
+
+def _decibels(value: float | None) -> str:
+    return "exact" if value is None else f"{value:.1f} dB"

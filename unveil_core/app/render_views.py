@@ -1,0 +1,189 @@
+"""``unveil render``: the scene, full or empty, from where the user wants to see it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.camera import Camera
+from unveil_core.raster import render
+from unveil_core.raster.picture import with_sky
+from unveil_core.semantics.classes import VOID
+from unveil_core.semantics.labels import SceneLabels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.sky import Sky, load_sky
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["PLANES", "STATES", "render_views"]
+
+STATES = ("empty", "full")
+PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
+_NEEDS = {
+    "rgb": ("rgb", "alpha"), "depth": ("alpha", "median_depth"), "normal": ("alpha", "normal"), "alpha": ("alpha",),
+    "semantics": ("alpha", "semantics"),
+}  # fmt: skip
+DEPTH_STEPS_PER_M = 256
+SOLID = 0.5
+"""Where less light is stopped, the sky is seen: no depth, no normal, and the sky's label."""
+FARTHEST_SHIFT_M = 1000.0
+
+
+def render_views(
+    workspace: Workspace,
+    output: Path,
+    *,
+    state: str = "empty",
+    path: Path | None = None,
+    beside: float = 0.0,
+    above: float = 0.0,
+    planes: Sequence[str] = ("rgb",),
+    progress: Progress = no_progress,
+) -> int:
+    """Write ``<output>/<plane>/<view>.png`` and ``<output>/transforms.json``, which names them with their cameras.
+
+    Views of a path with several cameras lie in a folder for each: ``<plane>/<camera>/<view>.png``. Colours are the scene's
+    canonical ones, the same in all views, whatever the exposure of the nearest photograph.
+
+    ========= ==========================================================================================================
+    rgb       8-bit sRGB, the sky included
+    depth     16-bit, of the surface along the optical axis, 256 steps a metre as KITTI keeps it, 0 for none
+    normal    8-bit RGB, 127.5 (n + 1), in the camera's frame: x right, y up, z towards the viewer; 0 for none
+    alpha     8-bit, the light that surfels stop
+    semantics 8-bit, Cityscapes trainIds (of a drive with masks only, 0 what stays and 1 what goes), 255 for none
+    ========= ==========================================================================================================
+
+    Args:
+        workspace: a reconstructed one.
+        output: a folder, made if need be; files of the same names are written over.
+        state: one of :data:`STATES`.
+        path: cameras, see :func:`read_camera_path`; the drive's own by default.
+        beside: metres to the right of the direction of travel, negative to the left; above: metres up.
+        planes: of :data:`PLANES`.
+        progress: called once per view.
+    Returns:
+        the number of views.
+    Raises:
+        SettingsError: an unknown state or plane, a shift out of range, or a folder that belongs to the workspace.
+        DriveError: a path that cannot be read.
+        UnveilError: the workspace has no such scene yet, or the folder cannot be written.
+    """
+    _check_settings(state, planes, beside, above)
+    _check_output(workspace, output)
+    drive = read_imported(workspace.drive_dir)
+    views = drive_path(drive) if path is None else read_camera_path(path, drive)
+    views = shifted(views, drive.up, beside=beside, above=above)
+    surfels, sky = _scene(workspace, state)
+    scene = load_labels(workspace) if "semantics" in planes else None
+    several = len({v.track for v in views}) > 1
+    frames = []
+    try:
+        for done, view in enumerate(views):
+            name = f"{view.track}/{view.name}" if several else view.name
+            for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
+                write_image_atomic(output / plane / f"{name}.png", picture)
+            frames.append(_described(view, name, planes, drive))
+            progress(done + 1, len(views), "rendering")
+        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", "frames": frames})
+    except OSError as error:
+        raise UnveilError(f"cannot be written: {error.strerror}", path=output) from error
+    return len(views)
+
+
+def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
+    if state not in STATES:
+        raise SettingsError(f"no state is called {state!r}", mend=f"use {' or '.join(STATES)}")
+    unknown = [p for p in planes if p not in PLANES]
+    if unknown or not planes:
+        problem = f"no plane is called {unknown[0]!r}" if unknown else "no plane is named"
+        raise SettingsError(problem, mend=f"there are {', '.join(PLANES)}")
+    for name, shift in (("beside", beside), ("above", above)):
+        if not math.isfinite(shift) or abs(shift) > FARTHEST_SHIFT_M:
+            raise SettingsError(f"{shift:g} m {name} the path", mend=f"at most {FARTHEST_SHIFT_M:g} m either way")
+
+
+def _check_output(workspace: Workspace, output: Path) -> None:
+    """A folder of the user's own: what stages write is theirs, and running them again would take it away."""
+    if output.exists() and not output.is_dir():
+        raise SettingsError("is a file", path=output, mend="name a folder")
+    root, target = workspace.root.resolve(), output.resolve()
+    taken = ("drive", "surfels", "instances", "masks", "regions", "inpainted", "renders", "frames", "meshes", "report")
+    if target == root or any(target.is_relative_to(root / name) for name in taken):
+        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
+
+
+def _scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
+    path = workspace.surfels_full if state == "full" else workspace.surfels_empty
+    if not path.is_file():
+        verb = "reconstruct" if state == "full" else "reoptimize"
+        raise WorkspaceError(f"there is no {state} scene yet", path=path, mend=f"run `unveil {verb}`")
+    return read_surfels(path), load_sky(workspace.root / "surfels/sky.npz")
+
+
+def _pictures(
+    surfels: Surfels, sky: Sky, camera: Camera, planes: Sequence[str], scene: SceneLabels | None
+) -> dict[str, NDArray[np.uint8] | NDArray[np.uint16]]:
+    """The asked planes of one view as they go to disk."""
+    needed = tuple(dict.fromkeys(n for p in planes for n in _NEEDS[p]))
+    with torch.no_grad():
+        out = render(
+            surfels, camera, needed, near=NEAR_M, far=FAR_M,
+            label_count=None if scene is None else len(scene.labels),
+        )  # fmt: skip
+    found = {n: getattr(out, n).numpy() for n in needed}
+    alpha = found["alpha"]
+    solid = alpha > SOLID
+    pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {}
+    for plane in dict.fromkeys(planes):
+        if plane == "rgb":
+            pictures[plane] = with_sky(found["rgb"], alpha, sky, camera)
+        elif plane == "alpha":
+            pictures[plane] = _levels(alpha)
+        elif plane == "depth":
+            steps = np.round(found["median_depth"] * DEPTH_STEPS_PER_M)
+            pictures[plane] = np.where(solid & (steps < 2**16), steps, 0).astype(np.uint16)
+        elif plane == "normal":
+            # To the axes of normal maps: OpenCV's y and z point the other way.
+            normal = found["normal"] * (1, -1, -1)
+            normal = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-6)
+            pictures[plane] = np.where(solid[..., None], _levels(0.5 * normal + 0.5), 0).astype(np.uint8)
+        else:
+            assert scene is not None
+            sky_label = scene.labels.index("sky")
+            none = VOID if sky_label is None else scene.labels.disk_ids[sky_label]
+            ids = np.array(scene.labels.disk_ids)[found["semantics"].argmax(axis=-1)]
+            pictures[plane] = np.where(solid, ids, none).astype(np.uint8)
+    return pictures
+
+
+def _levels(values: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.clip(np.round(values * 255), 0, 255).astype(np.uint8)
+
+
+def _described(view: View, name: str, planes: Sequence[str], drive: Drive) -> dict[str, object]:
+    """The view's entry of transforms.json, in the drive's own coordinates and OpenGL axes."""
+    camera = view.camera
+    pose = camera.camera_to_world
+    pose[:3, 3] = drive.to_world.to_world(pose[:3, 3])
+    pose[:3, :3] = drive.to_world.rotation @ pose[:3, :3]
+    pose[:3, 1:3] *= -1
+    keys = {"depth": "depth_file_path", "semantics": "semantic_path"}
+    files = {keys.get(p, "file_path"): f"{p}/{name}.png" for p in planes if p in keys}
+    return {
+        "file_path": f"{'rgb' if 'rgb' in planes else planes[0]}/{name}.png", **files, "camera": view.track,
+        "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+        "transform_matrix": pose.tolist(),
+    }  # fmt: skip

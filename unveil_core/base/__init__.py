@@ -1,0 +1,1 @@
+"""What everything stands on: files, errors, progress, threads. Knows nothing of drives or scenes."""

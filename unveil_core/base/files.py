@@ -1,0 +1,163 @@
+"""Reading and writing files: atomically, with one clear line when something is wrong."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import DriveError
+
+__all__ = [
+    "disk_is_full",
+    "link_or_copy",
+    "read_image",
+    "read_instance_image",
+    "read_json",
+    "read_label_image",
+    "write_atomic",
+    "write_bytes_atomic",
+    "write_image_atomic",
+    "write_json_atomic",
+]
+
+
+def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a file so that it is there whole or not at all: temporary name, fsync, rename.
+
+    Args:
+        path: where; missing folders are made.
+        write: called with the open temporary file.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_bytes_atomic(path: Path, content: bytes) -> None:
+    """Write bytes, whole or not at all."""
+    write_atomic(path, lambda stream: stream.write(content))
+
+
+def disk_is_full(error: OSError, path: Path) -> bool:
+    """Whether an error in writing below a path came from want of space; not every library passes the system's number on."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return True
+    try:
+        return error.errno is None and shutil.disk_usage(path).free < 2**20
+    except OSError:
+        return False
+
+
+def read_json(path: Path) -> object:
+    """What a JSON file of a drive holds.
+
+    Raises:
+        DriveError: it cannot be read, or is no JSON.
+    """
+    try:
+        content: object = json.loads(path.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise DriveError(f"is not valid JSON: {error}", path=path) from error
+    except OSError as error:
+        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    return content
+
+
+def write_json_atomic(path: Path, content: object) -> None:
+    """Write JSON, whole or not at all."""
+    write_bytes_atomic(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
+
+
+def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
+    """Write an image in the format of its suffix: (H, W, 3) uint8 RGB, or (H, W) uint8 or uint16."""
+    path = Path(path)
+    ordered = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    options = [cv2.IMWRITE_JPEG_QUALITY, 95] if path.suffix.lower() in (".jpg", ".jpeg") else []
+    done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(ordered), options)
+    if not done:
+        raise ValueError(f"cannot encode {path.name}")
+    write_bytes_atomic(path, encoded.tobytes())
+
+
+def _decode(path: Path, flags: int) -> NDArray[np.generic]:
+    try:
+        content = np.fromfile(path, dtype=np.uint8)
+    except FileNotFoundError as error:
+        raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
+    except OSError as error:
+        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    suffix = Path(path).suffix.lower()
+    known = content[:4].tobytes() == b"\x89PNG" or content[:2].tobytes() == b"\xff\xd8"
+    truncated = (suffix == ".png" and content[-8:].tobytes() != b"IEND\xaeB`\x82") or (
+        suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in content[-64:].tobytes()
+    )
+    if known and truncated:
+        raise DriveError("is cut short", path=path, mend="copy it again from its source")
+    image = cv2.imdecode(content, flags) if content.size else None
+    if image is None:
+        raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")
+    return image
+
+
+def read_image(path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    return cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB).astype(np.uint8)
+
+
+def read_label_image(path: Path) -> NDArray[np.uint8]:
+    """(H, W) uint8 labels or masks; a mask stored in colour is read by its first channel.
+
+    Raises:
+        DriveError: missing, unreadable, or not 8 bits deep.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.ndim == 3:
+        image = image[..., 0]
+    if image.dtype != np.uint8:
+        raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are 8-bit PNGs")
+    return np.ascontiguousarray(image)
+
+
+def read_instance_image(path: Path) -> NDArray[np.uint16]:
+    """(H, W) uint16 instance ids.
+
+    Raises:
+        DriveError: missing, unreadable, or of several channels.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
+    return image.astype(np.uint16)
+
+
+def link_or_copy(source: Path, destination: Path) -> None:
+    """Make ``destination`` the same file as ``source``: a hard link where the file system allows it, else a copy."""
+    destination.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, destination)
+    except OSError:
+        shutil.copyfile(source, destination)

@@ -1,0 +1,52 @@
+"""Opening networks in ONNX files that the user brings. They run on the CPU; nothing in them is ever unpickled."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import SettingsError
+
+__all__ = ["check_readable", "files_of", "open_onnx", "short"]
+
+
+def check_readable(path: Path, mend: str) -> None:
+    """Raise a SettingsError that names ``path`` and tells ``mend`` unless it is a file that can be read."""
+    try:
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        raise SettingsError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
+
+
+def files_of(path: Path) -> list[Path]:
+    """The file and, beside it, those of the same name with something appended: where exporters put large weights
+    (``NAME.onnx.data``, ``NAME.onnx_data``)."""
+    return sorted(p for p in path.parent.iterdir() if p.name.startswith(path.name) and p.is_file())
+
+
+def open_onnx(path: Path, *, threads: int | None = None) -> Any:
+    """An onnxruntime session on the CPU.
+
+    Args:
+        threads: how many compute one run; None = one per core. With one the same input gives the same bytes on every run,
+            whatever number of cores the machine has.
+    Raises:
+        Exception: whatever the library says about a damaged file.
+    """
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 4  # what goes wrong is raised as well
+    if threads is not None:
+        options.intra_op_num_threads = options.inter_op_num_threads = threads
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        options.use_deterministic_compute = True
+    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+
+
+def short(error: Exception) -> str:
+    """One line: of TorchScript's tracebacks the last, which says what is wrong."""
+    lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+    return textwrap.shorten(lines[-1] if "Traceback" in str(error) else " ".join(lines), 200, placeholder=" …")

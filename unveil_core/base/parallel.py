@@ -1,0 +1,104 @@
+"""Work on ranges, shared out between threads.
+
+A compiled kernel takes ``(start, stop, *arguments)``, releases the interpreter's lock, and writes only what belongs to its
+range. Chunks are handed out as threads become free; since a chunk's result does not depend on who computes it, results
+are the same for any number of threads.
+
+This is the only way in which the package's own kernels use several threads. Threads of our own, not numba's parallel
+loops: those compile a loop's body twice, and which of the two copies runs depends on whether the code was compiled in this
+process or comes from the cache. With fast math the two round differently, and a drive unveiled twice would not give the
+same files. They also keep a count of threads of their own, and where neither TBB nor OpenMP is found they end the process
+when two threads enter them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+__all__ = ["EXACT", "FAST", "in_parallel", "thread_count", "threads"]
+
+FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
+"""How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
+EXACT: dict[str, Any] = {"cache": True, "nogil": True}
+"""How numba compiles a kernel for :func:`in_parallel` that rounds as it is written."""
+
+
+def _available() -> int:
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on this system
+        return os.cpu_count() or 1
+
+
+class _Pool:
+    """One pool per process, made when first needed and made anew after a fork."""
+
+    def __init__(self) -> None:
+        self.count = _available()
+        self.executor: ThreadPoolExecutor | None = None
+        self.lock = threading.Lock()
+
+    def submit(self, task: Callable[[], None]) -> Future[None]:
+        with self.lock:
+            if self.executor is None:
+                self.executor = ThreadPoolExecutor(_available(), thread_name_prefix="unveil")
+            return self.executor.submit(task)
+
+    def forget(self) -> None:
+        self.executor, self.lock = None, threading.Lock()
+
+
+_pool = _Pool()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.forget)
+
+
+def thread_count() -> int:
+    """How many threads share the work: the processors this process may use, unless :func:`threads` says otherwise."""
+    return _pool.count
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Use so many threads within the block."""
+    before, _pool.count = _pool.count, max(1, count)
+    try:
+        yield
+    finally:
+        _pool.count = before
+
+
+def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: Any) -> None:
+    """Call ``kernel(start, stop, *arguments)`` for consecutive chunks of ``range(size)``.
+
+    Args:
+        kernel: compiled without the interpreter's lock; its chunks must not depend on one another.
+        size: how much there is; chunk: how much a thread takes at a time.
+    """
+    chunks = -(-size // chunk)
+    helpers = min(_pool.count, chunks) - 1
+    if helpers < 1:
+        if size > 0:
+            kernel(0, size, *arguments)
+        return
+    turn = itertools.count()
+
+    def work() -> None:
+        while (start := next(turn) * chunk) < size:
+            kernel(start, min(start + chunk, size), *arguments)
+
+    others = [_pool.submit(work) for _ in range(helpers)]
+    try:
+        work()
+    finally:
+        # Nothing may still be writing when this returns, not even after an error here.
+        failures = [f.exception() for f in others]
+    for failure in failures:
+        if failure is not None:
+            raise failure

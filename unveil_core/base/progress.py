@@ -1,0 +1,20 @@
+"""The progress callback: the one way in which long work speaks, and is stopped."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+__all__ = ["Progress", "no_progress"]
+
+
+class Progress(Protocol):
+    """Called by long work after each unit: ``progress(done, total, message, loss=0.12)``.
+
+    The callee may raise :class:`unveil_core.base.errors.Cancelled`; the caller lets it pass and leaves nothing half-written.
+    """
+
+    def __call__(self, done: int, total: int, message: str = "", **metrics: float) -> None: ...
+
+
+def no_progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+    """Say nothing."""

@@ -1,0 +1,17 @@
+"""Names for the array types that signatures use. Shapes stand in the docstrings."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Float32", "Float64", "Labels", "Mask", "Picture"]
+
+Mask = NDArray[np.bool_]
+"""True where something holds, mostly (H, W)."""
+Picture = NDArray[np.uint8]
+"""8-bit sRGB, (H, W, 3)."""
+Labels = NDArray[np.int64]
+"""Compact labels or instance ids, (H, W) or (N,)."""
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]

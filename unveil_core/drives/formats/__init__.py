@@ -1,0 +1,1 @@
+"""Readers of drives on disk, one format a module."""

@@ -1,0 +1,229 @@
+"""COLMAP models, binary and text. Formats as COLMAP's documentation describes them; pixel centres are at + 0.5 there too."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import DriveError
+from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.transforms import estimate_up, quat_to_rotation
+
+__all__ = ["find_model", "read_colmap"]
+
+# model id: (name, parameters)
+_MODELS = {
+    0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4), 2: ("SIMPLE_RADIAL", 4), 3: ("RADIAL", 5), 4: ("OPENCV", 8),
+    5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12),
+}  # fmt: skip
+_BY_NAME = {name: count for name, count in _MODELS.values()}
+MAX_REPROJECTION_PX = 4.0
+MIN_TRACK = 3
+
+
+@dataclass(frozen=True)
+class _Lens:
+    model: str
+    width: int
+    height: int
+    parameters: tuple[float, ...]
+
+    def split(self) -> tuple[tuple[float, float, float, float], Distortion | None]:
+        """(fx, fy, cx, cy) and the distortion."""
+        p = self.parameters
+        if self.model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"):
+            intrinsics, rest = (p[0], p[0], p[1], p[2]), p[3:]
+            rest = (*rest, *([0.0] * (2 - len(rest))))
+            distortion = Distortion("OPENCV", (rest[0], rest[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        else:
+            intrinsics, rest = (p[0], p[1], p[2], p[3]), p[4:]
+            if self.model == "OPENCV_FISHEYE":
+                return intrinsics, Distortion("OPENCV_FISHEYE", tuple(rest))
+            distortion = Distortion("OPENCV", (*rest, *([0.0] * (8 - len(rest)))))
+        return intrinsics, None if distortion.is_zero else distortion
+
+
+def find_model(path: Path) -> Path | None:
+    """The folder of a COLMAP model at or under ``path`` in one of the usual places."""
+    for place in ("", "sparse/0", "sparse", "colmap/sparse/0"):
+        folder = path / place
+        if any((folder / f"images{suffix}").is_file() for suffix in (".bin", ".txt")):
+            return folder
+    return None
+
+
+class _Bytes:
+    """A cursor over a binary file that knows when it is cut short."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self.data = path.read_bytes()
+        except OSError as error:
+            raise DriveError(
+                f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
+            ) from error
+        self.path, self.at = path, 0
+
+    def take(self, layout: str) -> tuple:  # type: ignore[type-arg]
+        try:
+            values = struct.unpack_from(layout, self.data, self.at)
+        except struct.error as error:
+            raise DriveError("is cut short", path=self.path, mend="copy or export the model again") from error
+        self.at += struct.calcsize(layout)
+        return values
+
+    def skip(self, size: int, count: int) -> None:
+        self.at += size * count
+        if self.at > len(self.data):
+            raise DriveError("is cut short", path=self.path, mend="copy or export the model again")
+
+    def text(self) -> str:
+        end = self.data.find(b"\0", self.at)
+        if end < 0:
+            raise DriveError("is cut short", path=self.path, mend="copy or export the model again")
+        value = self.data[self.at : end].decode("utf-8", "replace")
+        self.at = end + 1
+        return value
+
+
+def _lines(path: Path) -> Iterator[list[str]]:
+    try:
+        text = path.read_text()
+    except OSError as error:
+        raise DriveError(
+            f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
+        ) from error
+    for line in text.splitlines():
+        if not line.startswith("#"):
+            yield line.split()
+
+
+def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[float, ...]) -> _Lens:
+    if model not in _BY_NAME:
+        raise DriveError(f"camera model {model} is not known", path=path, mend="undistort the images with COLMAP first")
+    if len(parameters) != _BY_NAME[model]:
+        raise DriveError(f"camera model {model} has {len(parameters)} parameters", path=path)
+    return _Lens(model, width, height, parameters)
+
+
+def _read_cameras(folder: Path) -> dict[int, _Lens]:
+    lenses = {}
+    if (folder / "cameras.bin").is_file():
+        stream = _Bytes(folder / "cameras.bin")
+        for _ in range(stream.take("<Q")[0]):
+            key, model, width, height = stream.take("<iiQQ")
+            name, count = _MODELS.get(model, (f"number {model}", 0))
+            lenses[key] = _lens(stream.path, name, width, height, stream.take(f"<{count}d"))
+    else:
+        path = folder / "cameras.txt"
+        for fields in _lines(path):
+            if fields:
+                lenses[int(fields[0])] = _lens(
+                    path, fields[1], int(fields[2]), int(fields[3]), tuple(float(v) for v in fields[4:])
+                )
+    return lenses
+
+
+def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
+    """(name, camera id, world-to-camera) per image."""
+    found = []
+    if (folder / "images.bin").is_file():
+        stream = _Bytes(folder / "images.bin")
+        for _ in range(stream.take("<Q")[0]):
+            values = stream.take("<i7di")
+            name = stream.text()
+            stream.skip(24, stream.take("<Q")[0])  # the 2D observations are not needed
+            found.append((name, values[8], values[1:8]))
+    else:
+        rows = list(_lines(folder / "images.txt"))
+        for fields in rows[::2]:  # every second line lists the observations
+            if fields:
+                found.append((" ".join(fields[9:]), int(fields[8]), tuple(float(v) for v in fields[1:8])))
+    images = []
+    for name, camera, numbers in found:
+        if not np.isfinite(numbers).all() or np.linalg.norm(numbers[:4]) < 1e-9:
+            raise DriveError(
+                f"the pose of {name} is no rotation or holds NaN", path=folder, mend="drop the image or redo its pose"
+            )
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = quat_to_rotation(numbers[:4]), numbers[4:]
+        images.append((name, camera, pose))
+    return sorted(images, key=lambda i: i[0])
+
+
+def _read_points(folder: Path) -> PointCloud:
+    rows: list[tuple[float, ...]] = []
+    if (folder / "points3D.bin").is_file():
+        stream = _Bytes(folder / "points3D.bin")
+        for _ in range(stream.take("<Q")[0]):
+            _, x, y, z, r, g, b, error = stream.take("<QdddBBBd")
+            track = stream.take("<Q")[0]
+            stream.skip(8, track)
+            rows.append((x, y, z, r, g, b, error, track))
+    else:
+        for f in _lines(folder / "points3D.txt"):
+            if f:
+                rows.append((*(float(v) for v in f[1:8]), (len(f) - 8) / 2))
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    good = np.isfinite(table).all(axis=1) & (table[:, 6] <= MAX_REPROJECTION_PX) & (table[:, 7] >= MIN_TRACK)
+    table = table[good]
+    if not len(table):
+        raise DriveError(
+            "holds no points that three images agree on", path=folder, mend="run the mapper with more overlap"
+        )
+    return PointCloud(table[:, :3].copy(), table[:, 3:6].astype(np.uint8))
+
+
+def read_colmap(path: Path) -> Drive:
+    """Read a COLMAP model with its images and, where present, masks.
+
+    Images lie in ``images/`` of the folder that holds the model, masks in ``masks/NAME.png`` or ``masks/STEM.png`` (0 = remove).
+    Scale is unknown, so the drive is not metric; up is estimated from the cameras.
+    """
+    folder = find_model(path)
+    if folder is None:
+        raise DriveError(
+            "holds no COLMAP model", path=path, mend="sparse/0 with cameras, images and points3D is looked for"
+        )
+    root = path
+    while not (root / "images").is_dir() and root != root.parent and root != path.parent.parent.parent:
+        root = root.parent
+    if not (root / "images").is_dir():
+        raise DriveError("has no folder images/ beside its model", path=path)
+    lenses = _read_cameras(folder)
+    frames = []
+    for name, camera_id, pose in _read_images(folder):
+        if camera_id not in lenses:
+            raise DriveError(f"image {name} names camera {camera_id}, which is not there", path=folder)
+        lens = lenses[camera_id]
+        (fx, fy, cx, cy), distortion = lens.split()
+        image = root / "images" / name
+        masks = (root / "masks" / f"{name}.png", (root / "masks" / name).with_suffix(".png"))
+        parent = Path(name).parent.as_posix()
+        frames.append(
+            Frame(
+                name=image.stem,
+                camera_name="camera" if parent == "." else parent.replace("/", "_"),
+                camera=Camera(lens.width, lens.height, fx, fy, cx, cy, pose),
+                image_path=image,
+                distortion=distortion,
+                mask_path=next((m for m in masks if m.is_file()), None),
+            )
+        )
+    if not frames:
+        raise DriveError("has no images", path=folder, mend="a drive needs at least one frame")
+    return Drive(
+        root=path,
+        frames=tuple(frames),
+        points=_read_points(folder),
+        up=estimate_up([f.camera.world_to_camera for f in frames]),
+        metric=False,
+        truth_root=root / "truth" if (root / "truth").is_dir() else None,
+        sources=tuple(sorted(p for p in folder.iterdir() if p.stem in ("cameras", "images", "points3D"))),
+    )

@@ -1,0 +1,1 @@
+"""Scores on a real drive without ground truth: virtual cars hide street that was photographed."""

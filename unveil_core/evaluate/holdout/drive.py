@@ -1,0 +1,216 @@
+"""Held-out masks: a drive in which virtual cars hide street that the photographs show, and how well that comes back.
+
+Real footage has no true empty street. But where a car-shaped mask hides street that is really there, the photograph itself is
+the truth: the drive is written anew as if a car had stood there, the whole pipeline removes it like any other, and what it
+delivers inside the mask is compared with what was photographed. Nothing inside the pipeline knows of this.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
+from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.importing import import_drive
+from unveil_core.evaluate.holdout.placement import CarPixels, Sight
+from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.semantics.classes import CITYSCAPES, GROUPS
+from unveil_core.semantics.labels import SceneLabels
+
+__all__ = ["AddedLabels", "added_labels", "moved_points", "seen_elsewhere", "write_holdout_drive"]
+
+
+DEPTH_SHARE, DEPTH_M = 0.04, 0.1
+"""What lies no farther behind the depth of a frame than this share of it, plus these metres, is seen there."""
+"""A car's pixels and this border of them are no evidence: the pipeline grows its masks by as much."""
+
+
+@dataclass(frozen=True)
+class AddedLabels:
+    """How the virtual cars are labelled.
+
+    Attributes:
+        disk_id: trainId of their class, None in a drive that knows only masks.
+        first_instance: instance id of the first of them, None where the drive has no instances.
+        choose_instances: whether the run has to name these ids to have the cars removed: it removes no class whole.
+    """
+
+    disk_id: int | None
+    first_instance: int | None
+    choose_instances: bool
+
+
+def added_labels(drive: Drive, scene: SceneLabels) -> AddedLabels:
+    """Labels that make the virtual cars something that this scene removes: a class that goes anyway, the car's if it does."""
+    used = [read_instance_image(f.instance_path) for f in drive.frames if f.instance_path is not None]
+    first = _unused_ids(np.unique(np.concatenate([np.unique(image) for image in used]))) if used else None
+    if scene.source != "semantics":
+        return AddedLabels(None, first, False)
+    vehicles = [n for n in ("car", *GROUPS["vehicle"]) if n in scene.removed]
+    name = (*vehicles, *scene.removed, "car")[0]
+    return AddedLabels(CITYSCAPES.index(name), first, not scene.removed)
+
+
+def _unused_ids(used: NDArray[np.uint16]) -> int:
+    """First of enough ids in a row that nothing has; the ids are 16 bits wide."""
+    borders = np.concatenate([[0], used.astype(np.int64), [2**16]])
+    room = np.diff(borders)
+    return int(borders[len(room) - 1 - int((room[::-1] > 255).argmax())]) + 1
+
+
+# ---------------------------------------------------------------------------------------------------------------- evidence
+
+
+def seen_elsewhere(
+    sights: Sequence[Sight], cars: Sequence[CarPixels], *, far: float, progress: Progress = no_progress
+) -> list[Mask]:
+    """Per frame (H, W), pixels of its virtual cars whose street another frame shows outside of its own.
+
+    Args:
+        sights, cars: of all frames.
+        far: the sky is taken to be this far away, metres.
+    """
+    hidden = [
+        grow(own.number > 0, border_px(own.number.shape[1])) | sight.barred
+        for own, sight in zip(cars, sights, strict=True)
+    ]
+    found = []
+    for i, (sight, own) in enumerate(zip(sights, cars, strict=True)):
+        rows, columns = np.nonzero(own.number)
+        depth = np.minimum(sight.depth[rows, columns], far)
+        points = sight.camera.centre + depth[:, None] * sight.camera.rays()[rows, columns]
+        known = np.zeros(len(rows), dtype=bool)
+        # Neighbours first: they see most, and what is found need not be looked for again.
+        for other in sorted(range(len(sights)), key=lambda k: abs(k - i)):
+            left = np.flatnonzero(~known)
+            if other == i or not len(left):
+                continue
+            inside, row, column, z = _pixels_of(points[left], sights[other], 0.2)
+            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(sights[other], row, column))
+            known[left[inside[shown]]] = True
+        seen = np.zeros(sight.depth.shape, dtype=bool)
+        seen[rows[known], columns[known]] = True
+        found.append(seen)
+        progress(i + 1, len(sights), "finding what other frames saw")
+    return found
+
+
+def _pixels_of(
+    points: NDArray[np.float64], sight: Sight, near: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Which points (M,) fall into a view, and their rows, columns and depths there."""
+    pixel, depth = sight.camera.project(points)
+    index = np.flatnonzero(sight.camera.in_picture(pixel, depth, nearest=near))
+    return index, pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index]
+
+
+def _reach(sight: Sight, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Depth up to which something is seen at pixels."""
+    return sight.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
+
+
+def moved_points(
+    points: PointCloud, sights: Sequence[Sight], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
+) -> PointCloud:
+    """The points that would have been measured if the virtual cars had stood there.
+
+    A point that some frame would see through a car, and none beside one, was never measured: in its place the ray from the
+    nearest such camera measures the car. What no frame's picture shows at all stays.
+    """
+    positions = points.positions
+    blocked, seen = np.zeros(len(positions), dtype=bool), np.zeros(len(positions), dtype=bool)
+    nearest, blocker = np.full(len(positions), np.inf), np.full(len(positions), -1)
+    for v, (sight, own) in enumerate(zip(sights, pixels, strict=True)):
+        index, row, column, depth = _pixels_of(positions, sight, 0.2)
+        behind = (own.number[row, column] > 0) & (depth > own.depth[row, column] - DEPTH_M)
+        # What a car stands in front of this view cannot measure; what is before the car, or beside it, it can.
+        seen[index[~behind & (depth <= _reach(sight, row, column))]] = True
+        through = index[behind]
+        blocked[through] = True
+        closer = depth[behind] < nearest[through]
+        nearest[through[closer]], blocker[through[closer]] = depth[behind][closer], v
+    gone = blocked & ~seen
+    moved, colors = positions.copy(), None if points.colors is None else points.colors.copy()
+    lost = np.zeros(len(positions), dtype=bool)
+    for v in np.unique(blocker[gone]):
+        which = np.flatnonzero(gone & (blocker == v))
+        centre = sights[v].camera.centre
+        rays = positions[which] - centre
+        depth, paint = np.full(len(which), np.inf), np.zeros((len(which), 3), dtype=np.uint8)
+        for car in cars:
+            hits = cast_car(car, centre, rays)
+            closer = hits.depth < depth
+            depth[closer] = hits.depth[closer]
+            paint[closer] = paint_car(car, centre, rays, hits)[closer]
+        # At a pixel's corner a point may pass by the car that covers the pixel's middle.
+        lost[which[~np.isfinite(depth)]] = True
+        met = np.isfinite(depth)
+        moved[which[met]] = centre + depth[met][:, None] * rays[met]
+        if colors is not None:
+            colors[which[met]] = paint[met]
+    return PointCloud(moved[~lost], None if colors is None else colors[~lost])
+
+
+# ------------------------------------------------------------------------------------------------------------------- drive
+
+
+def write_holdout_drive(
+    drive: Drive, pixels: Sequence[CarPixels], removed: Sequence[Mask], points: PointCloud, labels: AddedLabels,
+    destination: Path, progress: Progress = no_progress,
+) -> Drive:  # fmt: skip
+    """The drive as it would be with the virtual cars, as a folder that :func:`unveil_core.drives.open_drive` opens.
+
+    Photographs, semantics, instances and masks have the cars in them; poses, exposure and everything else are unchanged. A
+    truth, which would show the street behind the cars, is not passed on.
+
+    Args:
+        drive: an imported drive.
+        pixels: the cars in each frame; points: see :func:`moved_points`.
+        removed: per frame (H, W) what really goes there: in a drive of masks, the mask of a frame that has none.
+        destination: a folder to make or to replace; it appears whole or not at all.
+    """
+    painted = destination.with_name(f".{destination.name}.painted")
+    shutil.rmtree(painted, ignore_errors=True)
+    try:
+        frames = [
+            _with_cars(f, p, r, labels, painted / f.camera_name)
+            for f, p, r in zip(drive.frames, pixels, removed, strict=True)
+        ]
+        derived = replace(drive, frames=tuple(frames), points=points, truth_root=None)
+        return import_drive(derived, destination, progress=progress)
+    finally:
+        shutil.rmtree(painted, ignore_errors=True)
+
+
+def _with_cars(frame: Frame, pixels: CarPixels, removed: Mask, labels: AddedLabels, folder: Path) -> Frame:
+    """A frame whose files have the cars in them; without a car its own."""
+    covered = pixels.number > 0
+    if not covered.any():
+        return frame
+    image = np.where(covered[..., None], pixels.color, read_image(frame.image_path))
+    changed = replace(frame, image_path=folder / "images" / f"{frame.name}.png")
+    write_image_atomic(changed.image_path, image)
+    if frame.semantic_path is not None and labels.disk_id is not None:
+        semantics = np.where(covered, labels.disk_id, read_label_image(frame.semantic_path)).astype(np.uint8)
+        changed = replace(changed, semantic_path=folder / "semantics" / f"{frame.name}.png")
+        write_image_atomic(changed.semantic_path, semantics)  # type: ignore[arg-type]
+    if frame.instance_path is not None and labels.first_instance is not None:
+        number = (labels.first_instance - 1 + pixels.number.astype(np.int64)).astype(np.uint16)
+        changed = replace(changed, instance_path=folder / "instances" / f"{frame.name}.png")
+        instances = np.where(covered, number, read_instance_image(frame.instance_path))
+        write_image_atomic(changed.instance_path, instances)  # type: ignore[arg-type]
+    if labels.disk_id is None:
+        kept = read_label_image(frame.mask_path) if frame.mask_path is not None else np.where(removed, 0, 255)
+        mask = np.where(covered, 0, kept).astype(np.uint8)
+        changed = replace(changed, mask_path=folder / "masks" / f"{frame.name}.png")
+        write_image_atomic(changed.mask_path, mask)  # type: ignore[arg-type]
+    return changed

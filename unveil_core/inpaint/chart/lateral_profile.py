@@ -1,0 +1,103 @@
+"""What a lateral offset of the street looks like: paint, kerb and walk continue along it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32
+from unveil_core.geometry.images import luminance
+
+__all__ = ["lateral_profile"]
+
+UPPER = 0.7
+FAR, CLOSE = 2.4, 0.08
+"""In half windows: what is farther along the street than the first says less than what is closer aside than the second."""
+
+
+def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
+    """Median colour and upper luma level per lateral offset, in a window that slides along the street.
+
+    Args:
+        color: (A, B, 3) of the chart; usable: (A, B) texels that count.
+        window, hop: half window and step, in texels.
+    Returns:
+        median (A, B, 3) and the 70th percentile of luma (A, B), both interpolated along the street.
+    """
+    rows, columns = usable.shape
+    centres = np.arange(0, rows + hop, hop)
+    medians = np.full((len(centres), columns, 3), np.nan, dtype=np.float32)
+    levels = np.full((len(centres), columns), np.nan, dtype=np.float32)
+    luma = luminance(color)
+    everything = np.where(usable[..., None], color, np.nan)
+    all_luma = np.where(usable, luma, np.nan)
+    for k, centre in enumerate(centres):
+        part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
+        # A few texels between two cars say less than many farther along.
+        least = max(8, 2 * window // 3 // 4)
+        count = usable[part].sum(axis=0)
+        enough = count >= least
+        if enough.any():
+            medians[k, enough] = _quantile(everything[part][:, enough], count[enough, None], 0.5)
+            levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], UPPER)
+    known = np.isfinite(levels)
+    if known.any():
+        medians, levels = _completed(medians, levels, known, hop=hop, window=window)
+    else:
+        medians[:], levels[:] = 0.5, 0.5
+    position = np.arange(rows) / hop
+    lower = np.clip(position.astype(int), 0, len(centres) - 2)
+    blend = (position - lower).astype(np.float32)
+    median = medians[lower] * (1 - blend)[:, None, None] + medians[lower + 1] * blend[:, None, None]
+    level = levels[lower] * (1 - blend)[:, None] + levels[lower + 1] * blend[:, None]
+    return median, level
+
+
+def _quantile(values: Float32, count: NDArray[np.int64], share: float) -> NDArray[np.float64]:
+    """Linear quantile (B, ...) of what is no NaN in (A, B, ...), where ``count`` (B, ...) > 0 tells how much that is.
+
+    numpy has it, but takes one column after the other as soon as there is a NaN.
+    """
+    count = np.broadcast_to(count, values.shape[1:])
+    place = share * (count - 1)
+    below = np.floor(place).astype(np.int64)
+    ranked = np.sort(values, axis=0)  # NaNs come last
+    low, high = (
+        np.take_along_axis(ranked, np.minimum(b, count - 1)[None], axis=0)[0].astype(np.float64)
+        for b in (below, below + 1)
+    )
+    quantile: NDArray[np.float64] = low + (high - low) * (place - below)
+    return quantile
+
+
+def _completed(
+    medians: Float32, levels: Float32, known: NDArray[np.bool_], *, hop: int, window: int
+) -> tuple[Float32, Float32]:
+    """Medians (K, B, 3) and levels (K, B) where they are not ``known``: what the street hides here it shows farther along.
+
+    Only right beside what is known, as at the foot of walls, a neighbour knows better than a place far off.
+    """
+    index, column = np.indices(known.shape)
+    along, beside = _nearest(known), _nearest(known.T).T
+    far = (along < 0) | (np.abs(along - index) * hop > FAR * window)
+    close = (beside >= 0) & (np.abs(beside - column) <= CLOSE * window)
+    aside = far & close
+    row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
+    medians, levels = medians[row, offset], levels[row, offset]
+    # Offsets that are known nowhere take the nearest one that is.
+    somewhere = np.flatnonzero(known.any(axis=0))
+    nearest = somewhere[np.abs(np.arange(known.shape[1])[:, None] - somewhere[None]).argmin(axis=1)]
+    take = np.where(np.isfinite(levels), column, nearest[None])
+    return np.take_along_axis(medians, take[..., None], axis=1), np.take_along_axis(levels, take, axis=1)
+
+
+def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(K, B) per column the index of the nearest known row, -1 where the column has none."""
+    rows = len(known)
+    index = np.arange(rows)[:, None]
+    before = np.maximum.accumulate(np.where(known, index, -1), axis=0)
+    after = np.minimum.accumulate(np.where(known, index, 2 * rows)[::-1], axis=0)[::-1]
+    back = np.where(before >= 0, index - before, 4 * rows)
+    ahead = np.where(after < rows, after - index, 4 * rows)
+    found = np.where(back <= ahead, before, after)
+    return np.where(np.minimum(back, ahead) >= 4 * rows, -1, found).astype(np.int64)

@@ -1,0 +1,132 @@
+"""The ground of the empty street for a whole drive: fitted, read from the frames, relit, filled, and looked up per pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.chart.street_chart import StreetChart, sample_chart
+from unveil_core.inpaint.light.sun import Sun
+
+__all__ = ["GroundLayer", "GroundPixels"]
+
+FOOT_DEPTH = 0.05
+"""Relative difference of depth within which a foot is what is seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPixels:
+    """What a view would see of the ground if nothing stood on it; planes (H, W…), nothing outside ``hit``.
+
+    Attributes:
+        hit: (H, W) bool, the ray meets the ground.
+        depth: (H, W) along the optical axis, inf where not hit.
+        color: (H, W, 3) float32; gain: (H, W, 3) float32, see StreetChart.
+        covered: (H, W) bool, the chart has a colour there.
+        shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
+            was given up, see StreetChart.
+        extent: (H, W) of a pixel along its ray on the ground, in texels of the chart.
+    """
+
+    hit: NDArray[np.bool_]
+    depth: NDArray[np.float64]
+    color: Float32
+    gain: Float32
+    covered: NDArray[np.bool_]
+    shadow: NDArray[np.bool_]
+    replaced: NDArray[np.bool_]
+    extent: Float32
+
+
+@dataclass(frozen=True, eq=False)
+class GroundLayer:
+    """A filled chart with its blur levels, and the sun that shone on it, where that is known.
+
+    Attributes:
+        feet: (N, 3) world places just above the ground where something stands whose foot was hidden.
+        ground_labels: compact labels of the ground; none where the scene has no classes.
+    """
+
+    chart: StreetChart
+    colors: list[Float32]
+    gains: list[Float32]
+    sun: Sun | None = None
+    feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    ground_labels: tuple[int, ...] = ()
+
+    def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(H, W) pixels that show such a foot, where it is what is seen at this ``depth`` (H, W)."""
+        mask = np.zeros(depth.shape, dtype=np.uint8)
+        if len(self.feet):
+            pixel, z = camera.project(self.feet)
+            inside = camera.in_picture(pixel, z)
+            x, y = pixel[inside].astype(np.int64).T
+            seen = np.abs(depth[y, x] - z[inside]) < FOOT_DEPTH * z[inside]
+            mask[y[seen], x[seen]] = 1
+            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+        return mask.astype(bool)
+
+    def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
+        """(H, W) pixels that may show relit ground, found by projecting its texels."""
+        mask = np.zeros((camera.height, camera.width), dtype=np.uint8)
+        rows, columns = np.nonzero((self.chart.gain.max(axis=2) > 1.02) | self.chart.replaced)
+        if len(rows):
+            pixel, depth = camera.project(self.chart.world(rows, columns))
+            inside = camera.in_picture(pixel, depth, nearest=0.3)
+            mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
+            # Close to the camera texels lie some pixels apart.
+            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+            mask = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+        return mask.astype(bool)
+
+    def look(self, camera: Camera, wanted: NDArray[np.bool_]) -> GroundPixels:
+        """The ground as ``camera`` would see it in the ``wanted`` (H, W) pixels."""
+        shape = wanted.shape
+        rays = camera.rays()[wanted]
+        depth, street = self.chart.ground.intersect(camera, rays)
+        hit = np.isfinite(depth)
+        color = np.zeros((len(rays), 3), dtype=np.float32)
+        gain = np.ones((len(rays), 3), dtype=np.float32)
+        covered = np.zeros(len(rays), dtype=bool)
+        replaced = np.zeros(len(rays), dtype=bool)
+        extent = np.zeros(len(rays), dtype=np.float32)
+        if hit.any():
+            z = depth[hit]
+            # A pixel's extent on the ground: z/f across the view, and stretched by the grazing angle along it.
+            ground, at = self.chart.ground, street[hit]
+            direction = ground.path.along_street(at[:, 0], rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True))
+            ahead, aside = ground.slope_at(at[:, 0], at[:, 1])
+            steep = np.abs(direction[:, 2] - ahead * direction[:, 0] - aside * direction[:, 1])
+            grazing = np.maximum(steep / np.sqrt(1 + ahead**2 + aside**2), 0.01)
+            across = z / camera.fx
+            extent[hit] = across / grazing / self.chart.texel
+            level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)
+            footprint = direction[:, :2] * (across / grazing / level)[:, None]
+            color[hit] = sample_chart(self.colors, self.chart, at, footprint, across)
+            gain[hit] = sample_chart(self.gains, self.chart, at, footprint, across)
+            row, column, on_chart = self.chart.index_of(street[hit])
+            covered[hit] = on_chart & (self.chart.source[row, column] > 0)
+            replaced[hit] = on_chart & self.chart.replaced[row, column]
+
+        def spread(values: Any, default: float | bool) -> Any:
+            plane = np.full((*shape, *values.shape[1:]), default, dtype=values.dtype)
+            plane[wanted] = values
+            return plane
+
+        gain = np.maximum(gain, 1.0)
+        return GroundPixels(
+            hit=spread(hit, False),
+            depth=spread(np.where(hit, depth, np.inf), np.inf),
+            color=spread(np.clip(color, 0, 1), 0.0),
+            gain=spread(gain, 1.0),
+            covered=spread(covered, False),
+            shadow=spread((gain.max(axis=1) > 1.02) | replaced, False),
+            replaced=spread(replaced, False),
+            extent=spread(extent, 0.0),
+        )

@@ -1,0 +1,142 @@
+"""How far the street wanders sideways from the path it is charted along: a car does not keep its distance from the kerb.
+
+Paint and kerbs tell. Row by row the shift is looked for that puts them where the street around has them, all rows together by
+dynamic programming, as seams and stereo scanlines are found (Ohta and Kanade, *Stereo by intra- and inter-scanline search using
+dynamic programming*, 1985).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.images import luminance
+
+__all__ = ["Drift", "find_drift"]
+
+BIN_M = 0.5
+"""Rows that are looked at together, metres."""
+REACH_M = 0.8
+"""Largest shift, metres."""
+AROUND_M = 25.0
+"""Half length of the stretch that a row is compared with, metres."""
+FINE_M, BROAD_M = 0.04, 0.25
+"""Widths between which something across the street is paint or a kerb, metres."""
+CONTRAST = 0.15
+"""More than this of a logarithm is no more telling."""
+STEEP = 0.0003
+"""What a change of the shift by one texel from bin to bin costs, in mean squared contrast."""
+ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """Attributes:
+    texels: (A,) float32 per row, how far what belongs to a lateral offset lies to the left of it, in texels.
+    """
+
+    texels: Float32
+
+    def straightened(self, picture: Float32, mask: Mask) -> tuple[Float32, Mask]:
+        """A picture (A, B, 3) and what counts of it (A, B), with every row moved back to where the street has it."""
+        if not self.texels.any():
+            return picture, mask
+        share = _moved(mask.astype(np.float32), self.texels)
+        moved = _moved(np.where(mask[..., None], picture, 0).astype(np.float32), self.texels)
+        known = share > 0.5
+        return np.where(known[..., None], moved / np.maximum(share, 0.5)[..., None], 0).astype(np.float32), known
+
+    def bent(self, picture: Float32) -> Float32:
+        """The inverse of :meth:`straightened`, for a picture (A, B, C) without gaps."""
+        return picture if not self.texels.any() else _moved(picture, -self.texels)
+
+
+def _moved(picture: Float32, shift: Float32) -> Float32:
+    """Rows sampled at their column plus their shift (A,), linearly, clamped at the ends."""
+    columns = picture.shape[1]
+    at = np.clip(np.arange(columns, dtype=np.float32)[None] + shift[:, None], 0, columns - 1.001)
+    index = at.astype(np.int64)
+    part = at - index
+    rows = np.arange(len(picture))[:, None]
+    if picture.ndim == 3:
+        part = part[..., None]
+    result: Float32 = picture[rows, index] * (1 - part) + picture[rows, index + 1] * part
+    return result
+
+
+def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
+    """Find the drift of a chart.
+
+    Args:
+        color: (A, B, 3); usable: (A, B) texels that count.
+    """
+    rows, columns = usable.shape
+    size = max(1, round(BIN_M * texels_per_m))
+    bins = -(-rows // size)
+    log = np.log(np.maximum(luminance(color), 0.02)).astype(np.float32)
+    fine, broad = (_across(log, usable, sigma * texels_per_m) for sigma in (FINE_M, BROAD_M))
+    contrast = np.where(usable, np.clip(fine - broad, -CONTRAST, CONTRAST), 0).astype(np.float32)
+    first = np.arange(0, rows, size)
+    count = np.add.reduceat(usable.astype(np.float32), first, axis=0)
+    lines = np.add.reduceat(contrast, first, axis=0) / np.maximum(count, 1)
+    weight = np.where(count >= size / 2, 1.0, 0.0).astype(np.float32)
+    reach = round(REACH_M * texels_per_m)
+    shifts = np.arange(-reach, reach + 1)
+    shift = np.zeros(bins, dtype=np.int64)
+    around = max(1, int(AROUND_M / BIN_M))
+    for _ in range(ROUNDS):
+        straight, counted = _shifted(lines, shift), _shifted(weight, shift)
+        total, many = (
+            cv2.boxFilter(p, -1, (1, 2 * around + 1), normalize=False, borderType=cv2.BORDER_CONSTANT)
+            for p in (straight * counted, counted)
+        )
+        reference = total / np.maximum(many, 1e-3)
+        trusted = (many >= 4).astype(np.float32)
+        cost = np.zeros((bins, len(shifts)))
+        for k, d in enumerate(shifts):
+            whole = np.full(bins, d)
+            both = _shifted(weight, whole) * trusted
+            gap = (_shifted(lines, whole) - reference) ** 2 * both
+            cost[:, k] = gap.sum(axis=1) / (both.sum(axis=1) + 2.0 * texels_per_m)
+        shift = shifts[_cheapest_way(cost, STEEP)]
+        shift = shift - int(np.median(shift))
+    at = (first + (size - 1) / 2).astype(np.float64)
+    smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
+    return Drift(np.interp(np.arange(rows), at, smooth).astype(np.float32))
+
+
+def _across(plane: Float32, usable: Mask, sigma: float) -> Float32:
+    """Blur across the street only, over what is usable."""
+    m = usable.astype(np.float32)
+    width = 2 * int(3 * sigma) + 3
+    value = cv2.GaussianBlur(plane * m, (width, 1), sigma)
+    return np.asarray(value / np.maximum(cv2.GaussianBlur(m, (width, 1), sigma), 1e-3), dtype=np.float32)
+
+
+def _shifted(plane: Float32, shift: NDArray[np.int64]) -> Float32:
+    """Rows (A, B) read at their column plus their shift (A,), whole texels, clamped at the ends."""
+    columns = plane.shape[1]
+    index = np.clip(np.arange(columns)[None] + shift[:, None], 0, columns - 1)
+    return np.take_along_axis(plane, index, axis=1)
+
+
+def _cheapest_way(cost: NDArray[np.float64], steep: float) -> NDArray[np.int64]:
+    """(A,) indices of the columns of the cheapest way through ``cost`` (A, D), steps to the side costing ``steep`` each."""
+    rows, choices = cost.shape
+    step = np.abs(np.arange(choices)[:, None] - np.arange(choices)[None]) * steep
+    total = np.empty_like(cost)
+    came = np.zeros((rows, choices), dtype=np.int64)
+    total[0] = cost[0]
+    for r in range(1, rows):
+        options = total[r - 1][None] + step
+        came[r] = options.argmin(axis=1)
+        total[r] = cost[r] + np.take_along_axis(options, came[r][:, None], axis=1)[:, 0]
+    way = np.zeros(rows, dtype=np.int64)
+    way[-1] = int(total[-1].argmin())
+    for r in range(rows - 1, 0, -1):
+        way[r - 1] = came[r, way[r]]
+    return way

@@ -1,0 +1,207 @@
+"""A picture of the ground in street coordinates: what the drive saw of it, and what it must look like where nobody saw it.
+
+Rows run along the street (arc length), columns across it (lateral offset). Reading, relighting and filling happen here,
+once for the whole drive; frames then sample the chart, so that what is invented is the same from everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32, Float64
+from unveil_core.geometry.camera import Camera
+from unveil_core.ground.street import Ground
+
+__all__ = ["INVENTED", "OBSERVED", "OUTSIDE", "RELIT", "StreetChart", "read_bilinear", "read_chart", "sample_chart"]
+
+OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
+TAPS, LONGEST_TEXELS = 7, 100.0
+"""A pixel's footprint is looked up at so many places, over no more than this length."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreetChart:
+    """The chart.
+
+    Attributes:
+        ground: what it lies on.
+        texel: size of a texel in metres.
+        s_start, l_start: street coordinates of the first texel's centre.
+        color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where ``source`` is OUTSIDE.
+        label: (A, B) int16 compact labels, -1 unknown.
+        source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
+        gain: (A, B, 3) float32 factor that takes a removed object's shadow away; 1 elsewhere.
+        nearest: (A, B) float32, how far the nearest view of a texel is, metres; inf where none is.
+        replaced: (A, B) bool, texels that were seen, but so dark under the object that they were invented all the same.
+    """
+
+    ground: Ground
+    texel: float
+    s_start: float
+    l_start: float
+    color: Float32
+    label: NDArray[np.int16]
+    source: NDArray[np.uint8]
+    gain: Float32
+    nearest: Float32
+    replaced: NDArray[np.bool_]
+
+    def coordinates(self) -> tuple[Float64, Float64]:
+        """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
+        rows, columns = self.source.shape
+        return self.s_start + self.texel * np.arange(rows), self.l_start + self.texel * np.arange(columns)
+
+    def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
+        """(N, 3) world positions of texel centres."""
+        s, l = self.s_start + self.texel * rows, self.l_start + self.texel * columns  # noqa: E741
+        return self.ground.path.to_world(np.stack([s, l, self.ground.height_at(s, l)], axis=1))
+
+    def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """Nearest rows and columns of street coordinates (N, 2+), and whether they lie on the chart."""
+        row = np.round((street[:, 0] - self.s_start) / self.texel).astype(np.int64)
+        column = np.round((street[:, 1] - self.l_start) / self.texel).astype(np.int64)
+        rows, columns = self.source.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1), inside
+
+
+def read_chart(
+    ground: Ground,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    usable: Sequence[NDArray[np.bool_]],
+    *,
+    texel_m: float = 0.04,
+    reach_m: float = 45.0,
+    progress: Progress = no_progress,
+) -> StreetChart:
+    """Look the ground up in the frames, the nearer view counting more.
+
+    Args:
+        ground: the surface.
+        cameras, images: the views, images (H, W, 3) uint8.
+        labels: (H, W) compact labels per view.
+        usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
+        texel_m: texel size, metres; reach_m: how far a view looks, metres.
+    """
+    texel = texel_m
+    l_low, l_high = float(ground.right.min()), float(ground.left.max())
+    s_low = ground.s_start
+    s_high = ground.s_start + ground.s_cell * (len(ground.left) - 1)
+    rows, columns = int((s_high - s_low) / texel) + 1, int((l_high - l_low) / texel) + 1
+    s = s_low + texel * np.arange(rows)
+    l = l_low + texel * np.arange(columns)  # noqa: E741
+    grid_s, grid_l = np.repeat(s, columns), np.tile(l, rows)
+    inside = ground.inside(grid_s, grid_l)
+    world = ground.path.to_world(np.stack([grid_s, grid_l, ground.height_at(grid_s, grid_l)], axis=1))
+    total = np.zeros((rows * columns, 3), dtype=np.float64)
+    weight = np.zeros(rows * columns)
+    nearest = np.full(rows * columns, np.inf)
+    label = np.full(rows * columns, -1, dtype=np.int16)
+    for v, camera in enumerate(cameras):
+        here = float(ground.path.to_street(camera.centre[None])[0, 0])
+        reach = reach_m
+        first = np.searchsorted(s, here - reach) * columns
+        last = np.searchsorted(s, here + reach) * columns
+        index = first + np.flatnonzero(inside[first:last])
+        pixel, depth = camera.project(world[index])
+        seen = camera.in_picture(pixel, depth, nearest=0.3) & (depth < reach)
+        index, pixel, depth = index[seen], pixel[seen], depth[seen]
+        column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
+        good = usable[v][row, column]
+        index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
+        if not len(index):
+            continue
+        found = read_bilinear(images[v], pixel)
+        w = (1.0 / depth) ** 4
+        total[index] += found * w[:, None]
+        weight[index] += w
+        closer = depth < nearest[index]
+        label[index[closer]] = labels[v][row[closer], column[closer]]
+        nearest[index[closer]] = depth[closer]
+        progress(v + 1, len(cameras), "reading the street")
+    known = weight > 0
+    color: Float32 = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None] / 255, 0).astype(np.float32)
+    return StreetChart(
+        ground=ground,
+        texel=texel,
+        s_start=float(s_low),
+        l_start=l_low,
+        color=color.reshape(rows, columns, 3),
+        label=label.reshape(rows, columns),
+        source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
+        gain=np.ones((rows, columns, 3), dtype=np.float32),
+        nearest=nearest.astype(np.float32).reshape(rows, columns),
+        replaced=np.zeros((rows, columns), dtype=bool),
+    )
+
+
+def read_bilinear(image: NDArray[np.uint8], pixel: Float64) -> Float64:
+    """(N, 3) colours at pixel positions (N, 2), centres at +0.5; remap wants two dimensions below 32768."""
+    count = len(pixel)
+    width = 1024
+    padded = np.zeros((-(-count // width) * width, 2), dtype=np.float32)
+    padded[:count] = pixel - 0.5
+    grid = padded.reshape(-1, width, 2)
+    result = np.empty((*grid.shape[:2], 3), dtype=np.float64)
+    for start in range(0, len(grid), 16_384):
+        part = grid[start : start + 16_384]
+        result[start : start + 16_384] = cv2.remap(
+            image, part[..., 0], part[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+    return result.reshape(-1, 3)[:count]
+
+
+def sample_chart(
+    layers: Sequence[Float32], chart: StreetChart, street: Float64, footprint: Float64, across: Float64
+) -> Float32:
+    """Filtered look-up: taps along a pixel's footprint, blur levels across it.
+
+    Args:
+        layers: a blur pyramid of one picture in chart coordinates, of :func:`blur_levels`.
+        street: (N, 2+) street coordinates of pixel centres.
+        footprint: (N, 2) extent of a pixel along its ray, as a vector in street coordinates; across: (N,) extent across that;
+            metres.
+    Returns:
+        (N, C) float32.
+    """
+    level = np.clip(np.log2(np.maximum(across / chart.texel, 1.0)), 0, len(layers) - 1.001)
+    lower = level.astype(int)
+    blend = (level - lower).astype(np.float32)[:, None]
+    result = np.zeros((len(street), layers[0].shape[2]), dtype=np.float32)
+    length = np.maximum(np.hypot(footprint[:, 0], footprint[:, 1]), 1e-12)
+    spread = footprint * np.minimum(1.0, LONGEST_TEXELS * chart.texel / length)[:, None]
+    for tap in np.linspace(-0.5, 0.5, 2 * TAPS + 1)[1::2]:
+        row = (street[:, 0] + tap * spread[:, 0] - chart.s_start) / chart.texel
+        column = (street[:, 1] + tap * spread[:, 1] - chart.l_start) / chart.texel
+        for k in range(len(layers)):
+            use = (lower == k) | (lower + 1 == k)
+            if not use.any():
+                continue
+            value = _remap_float(layers[k], row[use], column[use])
+            share = np.where((lower[use] == k)[:, None], 1 - blend[use], blend[use])
+            result[use] += value * share * np.float32(1 / TAPS)
+    return result
+
+
+def blur_levels(picture: Float32, count: int = 4) -> list[Float32]:
+    """The picture and its blurs with doubling width, all at full size."""
+    return [picture, *(cv2.GaussianBlur(picture, (0, 0), 0.5 * 2.0**k) for k in range(1, count))]
+
+
+def _remap_float(picture: Float32, row: Float64, column: Float64) -> Float32:
+    """Bilinear look-up (N, C) by gathering: charts may be longer than remap's limit."""
+    rows, columns = picture.shape[:2]
+    r, c = np.clip(row, 0, rows - 1.001), np.clip(column, 0, columns - 1.001)
+    i, j = r.astype(np.int64), c.astype(np.int64)
+    u, v = (r - i).astype(np.float32)[:, None], (c - j).astype(np.float32)[:, None]
+    top = picture[i, j] * (1 - v) + picture[i, j + 1] * v
+    bottom = picture[i + 1, j] * (1 - v) + picture[i + 1, j + 1] * v
+    return (top * (1 - u) + bottom * u).astype(np.float32)

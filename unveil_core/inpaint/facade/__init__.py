@@ -1,0 +1,1 @@
+"""What stands beside the street: facades and poles continued behind removed objects."""

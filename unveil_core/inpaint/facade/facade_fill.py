@@ -1,0 +1,163 @@
+"""Filling the gaps of a house front with other parts of it, shifted along the street.
+
+Every column of a gap takes the column of the front that looks alike above, below and beside the gap; neighbours prefer the same
+shift, so that whole windows are taken over: the shift-map of Pritch, Kav-Venaki and Peleg (*Shift-map image editing*, 2009) along
+one axis, where dynamic programming finds the best one.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Mask
+
+__all__ = ["fill_facade"]
+
+SEARCH_M, STEP_M = 25.0, 0.08
+"""How far along the street a column may come from, and in which steps, metres."""
+CONTEXT_M, BESIDE_M, CLOSE_M, CLOSER = 1.6, 0.4, 0.25, 6
+"""How far above, below and beside a gap what is seen is compared, and how close to it that counts so many times, metres."""
+WITH_M = 0.16
+"""How far along the street columns are compared together, metres."""
+DIFFERENT, COLOUR = 0.5, 0.05
+"""Squared difference of colours, as shares of the plaster's, above which they are no more different; and what that of the plaster
+itself counts: another house may have the same windows."""
+WALL_M, HUE, LEVEL = 1.0, 0.2, 0.4
+"""How far around the plaster's colour is read, metres, and how much hue and brightness may differ for something to be plaster."""
+MISSING, CHANGE, FAR = 0.25, 0.4, 5e-5
+"""Cost of a column that holds nothing for the gap, of another shift than the neighbour's, and of each step away."""
+RATIO = (0.3, 3.0)
+"""How much darker or brighter than there a column may be here."""
+
+
+def fill_facade(color: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Mask]:
+    """Fill what is wanted.
+
+    Args:
+        color: (A, B, 3), rows along the street; known: (A, B) texels that were seen; wanted: (A, B) to fill.
+    Returns:
+        the picture (A, B, 3), and the texels that were filled (A, B).
+    """
+    factor = max(1, round(STEP_M * texels_per_m))
+    shift, possible = _shifts(*_coarse(color, known, wanted, factor), texels_per_m / factor)
+    result, filled = color.copy(), np.zeros_like(wanted)
+    rows = np.flatnonzero(wanted.any(axis=1))
+    source = rows + shift[np.minimum(rows // factor, len(shift) - 1)] * factor
+    usable = possible[np.minimum(rows // factor, len(shift) - 1)] & (source >= 0) & (source < len(color))
+    rows, source = rows[usable], source[usable]
+    if not len(rows):
+        return result, filled
+    wall = _plaster(color, known, texels_per_m)
+    ratio = np.clip(wall[rows] / np.maximum(wall[source], 1e-3), *RATIO)[:, None]
+    # Windows and doors do not take the colour of the plaster around them.
+    own = _likeness(color[source], wall[source][:, None])
+    take = wanted[rows] & known[source]
+    result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**own, 0, 1), result[rows])
+    filled[rows] = take
+    return result, filled
+
+
+def _coarse(color: Float32, known: Mask, wanted: Mask, factor: int) -> tuple[Float32, Mask, Mask]:
+    rows, columns = known.shape
+    size = (-(-columns // factor), -(-rows // factor))
+    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    mean = cv2.resize(np.where(known[..., None], color, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    small = np.asarray(mean / np.maximum(share, 1e-6)[..., None], dtype=np.float32)
+    asked = cv2.resize(wanted.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.3
+    return small, share > 0.6, asked & (share <= 0.6)
+
+
+def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[NDArray[np.int64], Mask]:
+    """(A,) the shift of each row, and whether there is one."""
+    rows = len(known)
+    reach = min(int(SEARCH_M * per_m), rows - 1)
+    shifts = np.array([d for d in range(-reach, reach + 1) if d != 0], dtype=np.int64)
+    gap = wanted.any(axis=1)
+    if not gap.any() or not len(shifts):
+        return np.zeros(rows, dtype=np.int64), np.zeros(rows, dtype=bool)
+    near = np.ones((2 * int(BESIDE_M * per_m) + 1, 2 * int(CONTEXT_M * per_m) + 1), np.uint8)
+    asked = wanted.astype(np.uint8)
+    close = np.ones((2 * int(CLOSE_M * per_m) + 1,) * 2, np.uint8)
+    # What adjoins the gap must go on in it, what is farther off tells which part of the front it is.
+    context = known * (cv2.dilate(asked, near) + (CLOSER - 1) * cv2.dilate(asked, close)).astype(np.float32)
+    along = 2 * int(WITH_M * per_m) + 1
+
+    def summed(values: NDArray[np.float32]) -> Float32:
+        return cv2.blur(values[:, None], (1, along))[:, 0]
+
+    wall = _plaster(color, known, per_m)
+    # Relative to the plaster: in the shade of the street all differences are small.
+    level = np.maximum(wall.mean(axis=1), 0.02)
+    color, wall = color / level[:, None, None], wall / level[:, None]
+    needed = summed(context.sum(axis=1).astype(np.float32))
+    missing = wanted.sum(axis=1)
+    cost = np.empty((rows, len(shifts)), dtype=np.float32)
+    for k, d in enumerate(shifts):
+        target = np.s_[max(0, -d) : rows - max(0, d)]
+        source = np.s_[max(0, d) : rows + min(0, d)]
+        both = context[target] * known[source]
+        raw = color[target] - color[source]
+        other = wall[target] - wall[source]
+        # Alike are panes that have the same colour, and plaster that differs as plaster does between the two places.
+        adapted = ((raw - other[:, None]) ** 2).sum(axis=2)
+        gaps = np.minimum(np.minimum((raw**2).sum(axis=2), adapted), DIFFERENT)
+        total, count, lacks = (np.zeros(rows, np.float32) for _ in range(3))
+        total[target], count[target] = (gaps * both).sum(axis=1), both.sum(axis=1)
+        lacks[:] = missing
+        lacks[target] = (wanted[target] & ~known[source]).sum(axis=1)
+        total, count = summed(total), summed(count)
+        # What cannot be compared counts as rather different.
+        mean = (total + 0.5 * DIFFERENT * np.maximum(needed - count, 0)) / np.maximum(needed, 1e-6)
+        mean[target] += COLOUR * np.minimum((other**2).sum(axis=1), DIFFERENT)
+        cost[:, k] = mean + MISSING * lacks / np.maximum(missing, 1) + FAR * abs(d)
+    shift = np.zeros(rows, dtype=np.int64)
+    possible = np.zeros(rows, dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], gap.astype(np.int8), [0]])))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        way = _cheapest(cost[first:last])
+        shift[first:last] = shifts[way]
+        possible[first:last] = True
+    return shift, possible
+
+
+def _cheapest(cost: Float32) -> NDArray[np.int64]:
+    """(A,) choices of the cheapest way through ``cost`` (A, D), every change of the choice costing the same."""
+    total = cost[0].astype(np.float64)
+    came = np.zeros(cost.shape, dtype=np.int64)
+    for r in range(1, len(cost)):
+        best = int(total.argmin())
+        stay = total <= total[best] + CHANGE
+        came[r] = np.where(stay, np.arange(cost.shape[1]), best)
+        total = np.where(stay, total, total[best] + CHANGE) + cost[r]
+    way = np.zeros(len(cost), dtype=np.int64)
+    way[-1] = int(total.argmin())
+    for r in range(len(cost) - 1, 0, -1):
+        way[r - 1] = came[r, way[r]]
+    return way
+
+
+def _likeness(color: Float32, plaster: Float32) -> Float32:
+    """(…, 1) from 0 to 1, how far a colour (…, 3) is the plaster's, in its hue first: plaster in the shade of a sill is plaster."""
+    level, usual = (np.maximum(c.mean(axis=-1, keepdims=True), 0.02) for c in (color, plaster))
+    hue = ((color / level - plaster / usual) ** 2).sum(axis=-1, keepdims=True)
+    return np.asarray(np.exp(-hue / (2 * HUE**2) - (level / usual - 1) ** 2 / (2 * LEVEL**2)), dtype=np.float32)
+
+
+def _plaster(color: Float32, known: Mask, texels_per_m: float) -> Float32:
+    """(A, 3) the colour that most of the front has, by place along the street."""
+    half = max(1, int(WALL_M * texels_per_m))
+    hop = max(1, half // 4)
+    centres = np.arange(0, len(color) + hop, hop)
+    wall = np.full((len(centres), 3), np.nan)
+    for k, centre in enumerate(centres):
+        part = np.s_[max(0, centre - half) : centre + half + 1 : 2, ::2]
+        if known[part].sum() >= half:
+            wall[k] = np.median(color[part][known[part]], axis=0)
+    at = np.flatnonzero(np.isfinite(wall[:, 0]))
+    if not len(at):
+        return np.full((len(color), 3), 0.5, dtype=np.float32)
+    # Not interpolated: from house to house it changes at once.
+    nearest = np.abs(np.arange(len(color))[:, None] - centres[at][None]).argmin(axis=1)
+    return wall[at][nearest].astype(np.float32)

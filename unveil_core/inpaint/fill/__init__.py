@@ -1,0 +1,1 @@
+"""Fills the gaps of the ground's texture: running medians along s, quilting, transverse markings."""

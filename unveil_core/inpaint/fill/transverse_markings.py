@@ -1,0 +1,279 @@
+"""Lines across the street: bay markings, stop lines, joints. A median per lateral offset knows nothing of them.
+
+Whether a line that is seen at one lateral offset goes on at another is counted along the street; where such lines stand at
+regular distances, those that nobody saw stand there too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from unveil_core.base.types import Float32, Mask
+
+__all__ = ["continue_crossings"]
+
+BIN_M = 0.2
+"""Width of the strips along the street that lines are looked for in, metres."""
+CONTRAST = 0.1
+"""How much brighter a line is than its surroundings along the street."""
+LONGEST_M = 0.5
+"""What is longer along the street is no line, metres."""
+ACROSS_M = 2.6
+"""How far a line may be followed across the street, metres."""
+SURE = 0.6
+"""Of the lines at one strip, the share that goes on at another, from which on all are taken to."""
+PERIODS_M = (2.0, 15.0)
+"""Distances at which lines may repeat, metres."""
+LEAST_EVENTS = 3
+HIDDEN = 0.3
+"""What a line that is supposed where nobody could see it takes from the belief in a distance; a line that is seen adds one."""
+FARTHEST = 2.5
+"""How many distances beyond the lines that were seen others are taken to follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Strips:
+    """Attributes:
+    marked, known: (A, S) bool per row and strip; width: of a strip, texels.
+    """
+
+    marked: Mask
+    known: Mask
+    width: int
+
+
+def continue_crossings(detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Float32]:
+    """Continue lines across the street into what nobody saw.
+
+    Args:
+        detail: (A, B, 3) of a straightened chart, what differs from the lateral offset's median.
+        known: (A, B) where it was seen; wanted: (A, B) where it is asked for.
+    Returns:
+        detail (A, B, 3) of the continued lines, and how much of it is line (A, B), 0 to 1, within ``wanted``.
+    """
+    result, share = np.zeros_like(detail), np.zeros(wanted.shape, dtype=np.float32)
+    strips = _strips(detail.mean(axis=2), known, texels_per_m)
+    if not strips.marked.any():
+        return result, share
+    goes_on = _goes_on(strips, round(ACROSS_M / BIN_M))
+    marked = _followed(strips, goes_on)
+    marked |= _repeated(strips, marked, goes_on, texels_per_m)
+    added = marked & ~strips.known
+    half = round(LONGEST_M / 2 * texels_per_m)
+    sections = {k: _section(detail, known, strips, int(k), half) for k in np.flatnonzero(strips.marked.any(axis=0))}
+    of_line = np.array([k for k, section in sections.items() if section is not None])
+    if not len(of_line):
+        return result, share
+    for strip in np.flatnonzero(added.any(axis=0)):
+        section = sections[of_line[np.abs(of_line - strip).argmin()]]
+        assert section is not None
+        line = section.mean(axis=1)
+        solid = np.clip(line / line.max(), 0, 1)
+        columns = slice(strip * strips.width, (strip + 1) * strips.width)
+        for middle in _events(np.repeat(added[:, strip, None], 2, axis=1))[0]:
+            first = round(middle) - half
+            rows = slice(max(0, first), min(len(detail), first + len(section)))
+            own = slice(rows.start - first, rows.stop - first)
+            place = wanted[rows, columns] * solid[own, None]
+            better = place > share[rows, columns]
+            share[rows, columns] = np.where(better, place, share[rows, columns])
+            result[rows, columns] = np.where(better[..., None], section[own, None], result[rows, columns])
+    return result, share
+
+
+def _section(detail: Float32, known: Mask, strips: _Strips, strip: int, half: int) -> Float32 | None:
+    """(2 half + 1, 3) what the lines that were seen at a strip look like along the street, about their middles; None where
+    none was seen whole."""
+    columns = slice(strip * strips.width, (strip + 1) * strips.width)
+    seen = []
+    for middle in np.round(_events(np.repeat(strips.marked[:, strip, None], 2, axis=1))[0]).astype(int):
+        rows = slice(middle - half, middle + half + 1)
+        if rows.start < 0 or rows.stop > len(detail):
+            continue
+        many = known[rows, columns].sum(axis=1)
+        if many.min() >= 0.5 * strips.width:
+            part = np.where(known[rows, columns, None], detail[rows, columns], 0)
+            seen.append(part.sum(axis=1) / many[:, None])
+    if not seen:
+        return None
+    section = np.median(seen, axis=0).astype(np.float32)
+    return section if float(section.mean(axis=1).max()) > 0 else None
+
+
+def _strips(luma: Float32, known: Mask, texels_per_m: float) -> _Strips:
+    width = max(1, round(BIN_M * texels_per_m))
+    rows, count = len(luma), luma.shape[1] // width
+    cut = np.s_[:, : count * width]
+    seen = known[cut].reshape(rows, count, width)
+    many = seen.sum(axis=2)
+    value = np.where(seen, luma[cut].reshape(rows, count, width), 0).sum(axis=2) / np.maximum(many, 1)
+    sure = many > 0.6 * width
+    value = np.where(sure, value, 0).astype(np.float32)
+    # A line stands out from what lies before and behind it.
+    longest = 2 * (round(LONGEST_M * texels_per_m) // 2) + 1
+    floor = cv2.morphologyEx(value, cv2.MORPH_OPEN, np.ones((longest, 1), np.uint8))
+    return _Strips((value - floor > CONTRAST) & sure, sure, width)
+
+
+def _goes_on(strips: _Strips, reach: int) -> NDArray[np.float64]:
+    """(S, S) of the marked rows of the first strip, the share that is marked in the second too; 0 where that is not known."""
+    rows, count = strips.marked.shape
+    # A line may be a texel aslant.
+    loose = cv2.dilate(strips.marked.astype(np.uint8), np.ones((5, 1), np.uint8)).astype(bool)
+    share = np.zeros((count, count))
+    for a in range(count):
+        for b in range(max(0, a - reach), min(count, a + reach + 1)):
+            both = strips.marked[:, a] & strips.known[:, b]
+            # Two lines' worth of rows at the least.
+            if both.sum() >= 5 and label(both)[1] >= 2:
+                share[a, b] = loose[both, b].mean()
+    np.fill_diagonal(share, 0)
+    return share
+
+
+def _followed(strips: _Strips, goes_on: NDArray[np.float64]) -> Mask:
+    """Marks (A, S), those at unknown places included that lie in the row of a seen mark which goes on there."""
+    marked = strips.marked.copy()
+    for b in range(marked.shape[1]):
+        sources = np.flatnonzero(goes_on[:, b] > SURE)
+        # The nearest strip that is known decides.
+        open_ = ~strips.known[:, b]
+        for a in sources[np.argsort(np.abs(sources - b))]:
+            marked[open_ & strips.marked[:, a], b] = True
+            open_ &= ~strips.known[:, a]
+    return marked
+
+
+def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texels_per_m: float) -> Mask:
+    """Marks (A, S) that stand where lines at regular distances would stand and nobody saw."""
+    result = np.zeros_like(marked)
+    kinds = [_kind(strips, marked, members) for members in _groups(strips, goes_on)]
+    unseen = [~strips.known[:, k.members].all(axis=1) for k in kinds]
+    periods = [_period(k.at, gap, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
+    for kind, gap, (period, phase) in zip(kinds, unseen, periods, strict=True):
+        # Both sides of a street are divided alike; one that hides more of its lines may seem divided more coarsely.
+        for other, _ in periods:
+            finer = other > 0 and (period == 0 or _times(period, other) >= 2)
+            fit = _fit(kind.at, gap, other) if finer else None
+            if fit is not None and len(kind.at) >= 2:
+                period, phase = fit[:2]
+        if period <= 0:
+            continue
+        usual = strips.marked[:, kind.members].any(axis=0)
+        places = np.arange(phase % period, len(marked), period)
+        for at in places:
+            near = np.abs(kind.at - at)
+            if near.min() > FARTHEST * period:
+                continue
+            hit = bool((near < 0.15 * period).any())
+            middle = kind.at[near.argmin()] if hit else at
+            first = round(middle - (kind.thickness - 1) / 2)
+            rows = slice(max(0, first), first + kind.thickness)
+            # Where part of the row was seen and shows no line, there is none.
+            seen = strips.known[rows][:, kind.members][:, usual]
+            if hit or seen.mean() < 0.25:
+                result[rows, kind.members[0] : kind.members[-1] + 1] = True
+    return result
+
+
+def _times(long: float, short: float) -> int:
+    """How many times one distance goes into another, 0 if it does not."""
+    times = round(long / short)
+    return times if abs(long - times * short) < 0.04 * long else 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Lines that lie at the same strips.
+
+    Attributes:
+        members: (M,) strips; at: (E,) middle rows of the lines; thickness: of one, rows.
+    """
+
+    members: NDArray[np.int64]
+    at: NDArray[np.float64]
+    thickness: int
+
+
+def _groups(strips: _Strips, goes_on: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Runs of strips over which lines go on."""
+    linked = (goes_on > SURE) | (goes_on.T > SURE)
+    left = set(np.flatnonzero(strips.marked.any(axis=0)).tolist())
+    groups = []
+    while left:
+        group = {min(left)}
+        while True:
+            more = {int(b) for a in group for b in np.flatnonzero(linked[a])} | group
+            if more == group:
+                break
+            group = more
+        left -= group
+        if len(group) >= 3:
+            groups.append(np.arange(min(group), max(group) + 1))
+    return groups
+
+
+def _kind(strips: _Strips, marked: Mask, members: NDArray[np.int64]) -> _Kind:
+    """The lines at some strips, and the strips beside these over which all of them go on that can be seen there."""
+    at, thickness = _events(marked[:, members])
+    rows = np.clip(np.round(at).astype(int), 0, len(marked) - 1)
+    count = marked.shape[1]
+    for step in (-1, 1):
+        strip = int(members[0 if step < 0 else -1]) + step
+        while 0 <= strip < count:
+            seen = rows[strips.known[rows, strip]]
+            if not len(seen) or strips.marked[seen, strip].mean() <= SURE:
+                break
+            members = np.sort(np.append(members, strip))
+            strip += step
+    return _Kind(members, at, thickness)
+
+
+def _events(marked: Mask) -> tuple[NDArray[np.float64], int]:
+    """Middle rows of the lines at some strips (A, M), and how thick they are."""
+    crowd = marked.sum(axis=1) >= 2
+    parts, count = label(crowd)
+    middles = np.array([np.flatnonzero(parts == k).mean() for k in range(1, count + 1)])
+    return middles, max(1, round(float(crowd.sum()) / max(count, 1)))
+
+
+def _period(events: NDArray[np.float64], unseen: Mask, texels_per_m: float) -> tuple[float, float]:
+    """Distance at which events (E,), in rows, repeat, and the place of one of them; 0, 0 where they do not.
+
+    Args:
+        unseen: (A,) rows of which something was not seen.
+    """
+    if len(events) < LEAST_EVENTS:
+        return 0.0, 0.0
+    best, found = 0.0, (0.0, 0.0)
+    for period in np.arange(PERIODS_M[0] * texels_per_m, PERIODS_M[1] * texels_per_m, 0.5):
+        fit = _fit(events, unseen, float(period))
+        if fit is not None and fit[2] > best:
+            best, found = fit[2], fit[:2]
+    return found
+
+
+def _fit(events: NDArray[np.float64], unseen: Mask, period: float) -> tuple[float, float, float] | None:
+    """How well events (E,) repeat at a period: the period, the place of one of them, and a score; None where they do not."""
+    slack = 0.02 * period + 2
+    best: tuple[float, float, float] | None = None
+    for phase in events:
+        turn = (events - phase) / period
+        off = np.abs(turn - np.round(turn)) * period
+        hits = int((off < slack).sum())
+        places = np.arange(phase - period * np.round((phase - events.min()) / period), events.max() + slack, period)
+        empty = [p for p in places if np.abs(events - p).min() >= slack]
+        hidden = sum(1 for p in empty if unseen[min(len(unseen) - 1, max(0, round(p)))])
+        missed = len(empty) - hidden
+        # Of two distances that explain the same lines the one that supposes fewer others is meant.
+        score = hits - 2.0 * missed - HIDDEN * hidden - (len(events) - hits) - 0.1 * float(off[off < slack].mean())
+        regular = hits >= min(LEAST_EVENTS, len(events)) and hits >= 0.7 * len(events) and missed <= hits / 4
+        regular &= hits > hidden
+        if regular and (best is None or score > best[2]):
+            best = (period, float(phase), score)
+    return best

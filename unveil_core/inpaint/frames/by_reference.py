@@ -1,0 +1,140 @@
+"""Painting a hole by the frame that shows the place best: how a network with a reference carries what was invented.
+
+As *3D StreetUnveiler* (ICLR 2025, section 3.3) carries it with LeftRefill (Cao et al., CVPR 2024).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask, Picture
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow
+
+__all__ = ["Carrier", "ReferenceInpainter", "Shown"]
+
+
+TOLERANCE = 0.1
+"""Relative difference of depth within which two frames show the same place."""
+LEAST_SHARE = 0.5
+"""A frame that shows less of a hole than this is no reference for it."""
+SHARPEST = 2.0
+"""A view this many times finer than the one to be painted is as good as any finer one."""
+LEAST_MARGIN_PX = 32
+SAMPLES = 2000
+"""Pixels of a hole that are looked up in another frame."""
+
+
+class ReferenceInpainter(Protocol):
+    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB with what ``reference`` (H', W', 3) uint8 shows of the same place;
+    pixels outside the mask come back unchanged."""
+
+    def __call__(self, image: Picture, mask: Mask, reference: Picture) -> Picture: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A cleaned frame: its camera, image (H, W, 3) uint8, and depth (H, W) along the optical axis, holes included."""
+
+    camera: Camera
+    image: Picture
+    depth: NDArray[np.float32]
+
+
+class Carrier:
+    """A network with a reference, and the cleaned frames that it may be given as such."""
+
+    def __init__(self, inpaint: ReferenceInpainter) -> None:
+        self._inpaint = inpaint
+        self._frames: list[Shown] = []
+
+    def remember(self, camera: Camera, image: Picture, depth: NDArray[np.floating]) -> None:
+        """A frame that has invented something."""
+        self._frames.append(Shown(camera, image, depth.astype(np.float32)))
+
+    def paint(self, camera: Camera, image: Picture, hole: Mask, depth: NDArray[np.floating]) -> tuple[Picture, Mask]:
+        """Paint each hole by the frame that shows it best; what none shows is left.
+
+        Args:
+            camera: of the frame; image: (H, W, 3) uint8.
+            hole: (H, W) what no photograph shows; depth: (H, W) along the optical axis, holes included.
+        Returns:
+            the image, and (H, W) bool, what was painted.
+        """
+        result, painted = image.copy(), np.zeros_like(hole)
+        count, component, boxes, _ = cv2.connectedComponentsWithStats(grow(hole, 3).astype(np.uint8), connectivity=8)
+        for k in range(1, count):
+            own = hole & (component == k)
+            best = _best(self._frames, camera, own, depth)
+            if best is None:
+                continue
+            frame, pixels, places = best
+            x, y, w, h = (int(v) for v in boxes[k, :4])
+            margin = max(LEAST_MARGIN_PX, (w + h) // 3)
+            part = (
+                slice(max(0, y - margin), min(image.shape[0], y + h + margin)),
+                slice(max(0, x - margin), min(image.shape[1], x + w + margin)),
+            )
+            filled = self._inpaint(
+                np.ascontiguousarray(result[part]), np.ascontiguousarray(own[part]),
+                _around(frame, pixels, part, places),
+            )  # fmt: skip
+            result[part] = np.where(own[part][..., None], filled, result[part])
+            painted |= own
+        return result, painted
+
+
+def _best(
+    frames: list[Shown], camera: Camera, hole: Mask, depth: NDArray[np.floating]
+) -> tuple[Shown, NDArray[np.float64], NDArray[np.int64]] | None:
+    """The frame that shows most of a hole, counted by how finely, where it shows sampled pixels of it, (N, 2) as x and y, and
+    these pixels, (N, 2) as row and column."""
+    rows, columns = np.nonzero(hole)
+    step = max(1, len(rows) // SAMPLES)
+    rows, columns = rows[::step], columns[::step]
+    z = depth[rows, columns].astype(np.float64)
+    points = camera.centre + z[:, None] * camera.rays()[rows, columns]
+    best, most = None, 0.0
+    for frame in frames:
+        other = frame.camera
+        pixels, distance = other.project(points)
+        shown = other.in_picture(pixels, distance)
+        c, r = (np.where(shown, pixels[:, i], 0).astype(np.int64) for i in (0, 1))
+        shown &= np.abs(frame.depth[r, c] - distance) < TOLERANCE * distance
+        if shown.mean() < LEAST_SHARE:
+            continue
+        finer = (other.fx / distance[shown]) / (camera.fx / np.maximum(z[shown], 1e-6))
+        score = float(np.minimum(finer, SHARPEST).sum())
+        if score > most:
+            best, most = (frame, pixels[shown], np.stack([rows, columns], axis=1)[shown]), score
+    return best
+
+
+def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]) -> Picture:
+    """The part of a frame that shows what a part of another shows: the same place where it lies there, as much around it.
+
+    Args:
+        pixels: (N, 2) x and y in the frame of what lies at ``places``, (N, 2) rows and columns of the other.
+    """
+    height, width = part[0].stop - part[0].start, part[1].stop - part[1].start
+    rows, columns = places[:, 0] + 0.5, places[:, 1] + 0.5
+    # How much larger the place appears in the reference, by its spread; a few pixels have none.
+    spread = np.hypot(rows.std(), columns.std())
+    ratio = np.hypot(*pixels.std(axis=0)) / spread if spread > 1 and len(pixels) > 8 else 1.0
+    ratio = float(np.clip(ratio, 0.25, 4.0))
+    # The hole need not lie in the middle of its part: at the image's border it does not.
+    centre_row, centre_column = rows.mean() - part[0].start, columns.mean() - part[1].start
+    column, row = pixels.mean(axis=0)
+    spans = []
+    for at, before, length, total in (
+        (row, centre_row, height, frame.image.shape[0]), (column, centre_column, width, frame.image.shape[1]),
+    ):  # fmt: skip
+        # Mirrored beyond the border: moved inwards, the place would lie elsewhere than in the image.
+        place = (round(at - before * ratio) + np.arange(max(1, round(length * ratio)))) % (2 * total)
+        spans.append(np.minimum(place, 2 * total - 1 - place))
+    return np.ascontiguousarray(frame.image[np.ix_(*spans)])

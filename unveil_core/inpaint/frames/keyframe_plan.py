@@ -1,0 +1,103 @@
+"""The keyframes of a drive: when its frames were taken, which of them the user names, and what a run tells of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.drive import Frame
+from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.frames.holes import FrameTask, open_hole
+from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["instants", "named_frames", "plan_drive", "plan_json"]
+
+
+def instants(frames: Sequence[Frame]) -> NDArray[np.float64]:
+    """(N,) when each frame was taken: its timestamp where all have one, else its place in its camera's track."""
+    if all(f.timestamp is not None for f in frames):
+        return np.array([f.timestamp for f in frames], dtype=np.float64)
+    seen: dict[str, int] = {}
+    places = []
+    for f in frames:
+        places.append(seen.get(f.camera_name, 0))
+        seen[f.camera_name] = places[-1] + 1
+    return np.array(places, dtype=np.float64)
+
+
+def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
+    """Indices of the frames that the user names: by stem (``0007``), by camera and stem (``front/0007``), or by number (``7``).
+
+    A number is the one in the stem where all stems are numbers, else the place in the camera's track, counted from 0. What
+    several cameras have is a keyframe in all of them.
+
+    Raises:
+        SettingsError: there is no such frame.
+    """
+    numbers = [int(f.name) if re.fullmatch(r"\d{1,18}", f.name) else None for f in frames]
+    if None in numbers:
+        places: dict[str, int] = {}
+        for i, f in enumerate(frames):
+            numbers[i] = places[f.camera_name] = places.get(f.camera_name, -1) + 1
+    found: list[int] = []
+    for name in names:
+        own = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
+        if not own and re.fullmatch(r"\d{1,18}", name):
+            own = [i for i, number in enumerate(numbers) if number == int(name)]
+        if not own:
+            known = sorted(number for number in numbers if number is not None)
+            raise SettingsError(
+                f"there is no frame {name!r} to be a keyframe",
+                mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
+            )
+        found += own
+    return tuple(dict.fromkeys(found))
+
+
+def plan_drive(
+    frames: Sequence[Frame], tasks: Sequence[FrameTask], left: Surfels, layer: GroundLayer | None, *, order: str,
+    names: Sequence[str] = (), near: float, far: float, progress: Progress = no_progress,
+) -> Plan | None:  # fmt: skip
+    """The keyframes of a drive, see :func:`unveil_core.inpaint.frames.keyframes.plan_keyframes`.
+
+    Args:
+        frames, tasks: as many, in the same order.
+        left: the scene without the removed; layer: its ground, or None.
+        order: "reverse", "forward", or "independent", which has no plan.
+        names: the user's keyframes; none = chosen here.
+        near, far: metres.
+    Raises:
+        SettingsError: there is no frame of that name.
+    """
+    if order == "independent":
+        return None
+    given = named_frames(frames, names) if names else None
+    holes = []
+    for done, task in enumerate(tasks):
+        holes.append(open_hole(task, left, layer, near=near, far=far))
+        progress(done + 1, len(tasks), "choosing keyframes")
+    return plan_keyframes(holes, instants(frames), order=order, given=given)
+
+
+def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: bool) -> dict[str, object]:
+    """The keyframes by name in the order in which they invent, and what each newly showed."""
+    keyframes = () if plan is None else plan.keyframes
+    return {
+        "order": order,
+        "chosen": "given" if given else "auto",
+        "keyframes": [
+            {
+                "camera": frames[k.frame].camera_name, "frame": frames[k.frame].name,
+                "newly_shown_m2": round(k.area, 3), "newly_shown_px": k.pixels,
+                "left_to_sharper_px": int(k.leaves.sum()),
+            }
+            for k in keyframes
+        ],
+        "left_to_each_frame_px": None if plan is None else int(plan.rest.sum()),
+    }  # fmt: skip

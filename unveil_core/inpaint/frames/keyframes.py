@@ -1,0 +1,203 @@
+"""Keyframes: the few frames that invent what nobody saw, for themselves and for all others.
+
+*3D StreetUnveiler*, section 3.3, inpaints keyframes from the last to the first and carries their content along. Here they
+are chosen by how much unobserved surface each newly shows: greedily, what a chosen frame would carry to the others, as surfels
+on its completed depth, is no hole there any more. A place counts for a frame only if no other sees it much sharper. Frames
+that would newly show too little are no keyframes. All cameras of a rig are planned together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
+from unveil_core.inpaint.frames.holes import Hole
+
+__all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
+
+MUCH_SHARPER = 1.25
+"""A view that resolves a place so many times finer has it to itself, be it earlier."""
+AS_MUCH = 0.8
+"""A frame that newly shows so large a share of what the best one does may be chosen in its place, if it is met before."""
+LEAST_SHARE = 0.01
+"""Of the area that all keyframes invent; a frame that newly shows less is none."""
+LARGEST_SEED_PX = 12
+ASKED_PX = 3000
+"""Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A frame that invents for all others.
+
+    Attributes:
+        frame: its index.
+        area: of the surface that it newly shows at its turn, as it faces the camera, square metres; pixels: their number.
+        leaves: (H, W) bool, pixels that it leaves to a later keyframe, which sees the place much sharper.
+    """
+
+    frame: int
+    area: float
+    pixels: int
+    leaves: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Which frames invent, in the order in which they do.
+
+    Attributes:
+        keyframes: in that order.
+        turns: indices of all frames in the order in which time is walked.
+        rest: (N,) int, pixels of each frame's hole that no keyframe is expected to fill.
+    """
+
+    keyframes: tuple[Keyframe, ...]
+    turns: tuple[int, ...]
+    rest: NDArray[np.int64]
+
+
+def plan_keyframes(
+    holes: Sequence[Hole],
+    times: Sequence[float] | NDArray[np.float64],
+    *,
+    order: str = "reverse",
+    given: Sequence[int] | None = None,
+    least_px: int = 40,
+) -> Plan:
+    """Choose the frames that invent, and their order.
+
+    Args:
+        holes: of all frames, one per frame, empty masks included; times: (N,) when they were taken.
+        order: "reverse", last to first, a place left to the view that sees it much sharper; "forward", first to last, each
+            place invented where it is met, for comparison.
+        given: indices that are keyframes, and no others.
+        least_px: a frame that would newly show fewer pixels is no keyframe, unless given.
+    """
+    late = np.asarray(times, dtype=np.float64) * (1.0 if order == "reverse" else -1.0)
+    areas = [hole.area() for hole in holes]
+    counts = [np.ones(len(a), dtype=bool) for a in areas]
+    if given is None:
+        if order == "reverse":
+            counts = [~sharper_elsewhere(hole, [h for h in holes if h is not hole]) for hole in holes]
+        chosen = _greedy(holes, areas, counts, late, least_px)
+    else:
+        chosen = list(given)
+    turns = sorted(range(len(holes)), key=lambda i: (-late[i], i))
+    chosen = [i for i in turns if i in chosen]
+    free = [np.ones(len(a), dtype=bool) for a in areas]
+    keyframes = []
+    for turn, i in enumerate(chosen):
+        own = free[i]
+        if order == "reverse":
+            own = own & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
+        if given is None and own.sum() < least_px:
+            continue  # what it was chosen for, frames chosen after it and met before it show together
+        leaves = np.zeros_like(holes[i].mask)
+        leaves[holes[i].mask] = free[i] & ~own
+        keyframes.append(Keyframe(i, float(areas[i][own].sum()), int(own.sum()), leaves))
+        _take(holes, i, own, free)
+    return Plan(tuple(keyframes), tuple(turns), np.array([int(f.sum()) for f in free], dtype=np.int64))
+
+
+def _greedy(
+    holes: Sequence[Hole], areas: Sequence[NDArray[np.float64]], counts: Sequence[Mask], late: NDArray[np.float64],
+    least_px: int,
+) -> list[int]:  # fmt: skip
+    """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
+    free = [np.ones(len(a), dtype=bool) for a in areas]
+    newly = np.array([float(a[c].sum()) for a, c in zip(areas, counts, strict=True)])
+    pixels = np.array([int(c.sum()) for c in counts])
+    chosen: list[int] = []
+    taken = 0.0
+    while True:
+        able = np.flatnonzero((pixels >= least_px) & (newly > LEAST_SHARE * taken))
+        able = able[~np.isin(able, chosen)]
+        if not len(able):
+            return chosen
+        best = able[newly[able] >= AS_MUCH * newly[able].max()]
+        i = int(best[np.lexsort((best, -newly[best], -late[best]))[0]])
+        chosen.append(i)
+        taken += newly[i]
+        for j in _take(holes, i, free[i] & counts[i], free):
+            own = free[j] & counts[j]
+            newly[j], pixels[j] = float(areas[j][own].sum()), int(own.sum())
+
+
+def _take(holes: Sequence[Hole], i: int, own: Mask, free: list[Mask]) -> list[int]:
+    """Mark in ``free`` what frame ``i`` carries to each frame when it invents its pixels ``own``; returns the frames changed."""
+    changed = []
+    free[i] = free[i] & ~own
+    points, size = holes[i].points()[own], holes[i].depth[own] / holes[i].camera.fx
+    for j, hole in enumerate(holes):
+        if j == i:
+            changed.append(j)
+        elif len(points) and free[j].any() and _near(holes[i], hole):
+            shown = carried(points, size, hole)
+            if (shown & free[j]).any():
+                free[j] = free[j] & ~shown
+                changed.append(j)
+    return changed
+
+
+def _near(one: Hole, other: Hole) -> bool:
+    """Whether two holes can show the same place at all."""
+    if not len(one.depth) or not len(other.depth):
+        return False
+    apart = float(np.linalg.norm(one.camera.centre - other.camera.centre))
+    return apart < 2.0 * float(one.depth.max() + other.depth.max())
+
+
+def _in_view(
+    hole: Hole, points: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Mask, NDArray[np.float64]]:
+    """Rows and columns of points (P, 3), 0 outside the view, whether they lie in the view, and their depth."""
+    pixel, depth = hole.camera.project(points)
+    inside = hole.camera.in_picture(pixel, depth)
+    safe = np.where(inside[:, None], pixel, 0).astype(np.int64)
+    return safe[:, 1], safe[:, 0], inside, depth
+
+
+def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole) -> Mask:
+    """(P',) which pixels of another frame's hole show discs carried there, at ``points`` (P, 3) and as wide as ``size`` (P,)."""
+    row, column, inside, depth = _in_view(other, points)
+    row, column = row[inside], column[inside]
+    radius = np.round(0.5 * size[inside] * other.camera.fx / depth[inside]).astype(np.int64).clip(0, LARGEST_SEED_PX)
+    shown = np.zeros(other.mask.shape, dtype=np.uint8)
+    for r in np.unique(radius):
+        some = radius == r
+        spot = np.zeros_like(shown)
+        spot[row[some], column[some]] = 1
+        side = 2 * int(r) + 1
+        # A disc's neighbours may lie a pixel apart without a gap between them.
+        spot = cv2.morphologyEx(spot, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        shown |= cv2.dilate(spot, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))) if r else spot
+    return shown[other.mask].astype(bool)
+
+
+def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_SHARPER) -> Mask:
+    """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
+    step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
+    row, column = np.nonzero(hole.mask)
+    # One pixel of each block is asked for, and answers for the block.
+    _, asked, block = np.unique(
+        (row // step) * hole.mask.shape[1] + column // step, return_index=True, return_inverse=True
+    )
+    points = hole.points()[asked]
+    size = hole.depth[asked] / hole.camera.fx
+    found = np.zeros(len(size), dtype=bool)
+    for other in others:
+        open_ = np.flatnonzero(~found)
+        if not len(open_) or not _near(hole, other):
+            continue
+        row, column, inside, depth = _in_view(other, points[open_])
+        finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
+        found[open_[finer]] = True
+    answer: Mask = found[block.ravel()]
+    return answer

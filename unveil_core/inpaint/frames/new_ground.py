@@ -1,0 +1,101 @@
+"""Surfels of the ground that nobody saw: where it needs them, and what they take the place of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.chart.street_chart import INVENTED, StreetChart
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["displaced_by", "ground_relit", "new_ground", "seed_ground", "texels_in_pixels"]
+
+AROUND_M = 0.75
+"""Ground is made anew so far around what was removed."""
+LOW_M = 0.15
+"""What lies no higher over the ground, or lower, is of the ground."""
+
+
+def new_ground(
+    chart: StreetChart, removed: NDArray[np.float64], cameras: Sequence[Camera], masks: Sequence[Mask]
+) -> Mask:
+    """(A, B) invented texels that need surfels: under and around what was removed, and wherever a view looks through it.
+
+    Args:
+        removed: (M, 3) world places of removed surfels.
+        masks: (H, W) removed pixels, one a camera.
+    """
+    row, column, inside = chart.index_of(chart.ground.path.to_street(removed))
+    near = np.zeros(chart.source.shape, dtype=np.uint8)
+    near[row[inside], column[inside]] = 1
+    reach = max(3, int(2 * AROUND_M / chart.texel) | 1)
+    near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
+    # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
+    return (chart.source == INVENTED) & ((near > 0) | texels_in_pixels(chart, cameras, masks))
+
+
+def displaced_by(chart: StreetChart, region: Mask, surfels: Surfels, ground_labels: Sequence[int]) -> Mask:
+    """(N,) surfels of the ground, at whatever height, over the texels that get new ones.
+
+    No view saw the ground there: what the reconstruction put there is the dark of an object's underside, and loose ends that
+    the object hid. From the recorded cameras the new surfels cover them, from others they would show.
+
+    Args:
+        region: (A, B), of :func:`new_ground`; ground_labels: compact labels.
+    """
+    row, column, inside = chart.index_of(chart.ground.path.to_street(surfels.means.double().numpy()))
+    return inside & region[row, column] & np.isin(surfels.labels.numpy(), list(ground_labels))
+
+
+def ground_relit(chart: StreetChart, surfels: Surfels) -> Mask:
+    """(N,) surfels that lie on ground from which a shadow was taken."""
+    street = chart.ground.path.to_street(surfels.means.double().numpy())
+    row, column, inside = chart.index_of(street)
+    low = np.abs(chart.ground.over(street)) < LOW_M
+    return inside & low & (chart.gain[row, column].max(axis=1) > 1.02)
+
+
+def seed_ground(
+    chart: StreetChart, region: Mask, *, spacing: float, up: NDArray[np.float64], sh_degree: int, default_label: int
+) -> Surfels:
+    """Surfels for invented ground.
+
+    Args:
+        region: (A, B) texels to consider; of them those that are invented get surfels.
+        spacing: distance between surfels, metres; up: (3,).
+    """
+    step = max(1, round(spacing / chart.texel))
+    wanted = np.zeros_like(region)
+    wanted[step // 2 :: step, step // 2 :: step] = True
+    rows, columns = np.nonzero(wanted & region & (chart.source == INVENTED))
+    colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
+    label = chart.label[rows, columns].astype(np.int64)
+    normal = np.repeat(up[None] / np.linalg.norm(up), len(rows), axis=0)
+    return surfels_from_points(
+        chart.world(rows, columns), np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
+        np.where(label >= 0, label, default_label), normal, np.full(len(rows), step * chart.texel),
+        sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
+    )  # fmt: skip
+
+
+def texels_in_pixels(chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[Mask]) -> Mask:
+    """(A, B) invented texels that fall into the pixels of some view's mask.
+
+    Args:
+        masks: (H, W) one a camera.
+    """
+    rows, columns = np.nonzero(chart.source == INVENTED)
+    fall = np.zeros(len(rows), dtype=bool)
+    places = chart.world(rows, columns)
+    for camera, mask in zip(cameras, masks, strict=True):
+        if len(rows) and mask.any():
+            fall |= camera.fall_in(places, mask)[1]
+    found = np.zeros(chart.source.shape, dtype=bool)
+    found[rows[fall], columns[fall]] = True
+    return found

@@ -1,0 +1,86 @@
+"""Trees all round: a drive sees the near side of a crown, and the sun is stopped by the whole of it.
+
+A crown is taken to be as deep behind its trunk as it is before it: its surfels are repeated, turned by half a turn about the trunk.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+
+from unveil_core.base.types import Float64
+from unveil_core.geometry.clusters import connected_points
+from unveil_core.ground.street import Ground
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["complete_crowns"]
+
+FOOT_M = (0.4, 1.6)
+"""Heights between which a tree is a trunk, metres."""
+THICK_M = 0.9
+"""What is thicker is no trunk but a bush, whose far side is anyone's guess, metres."""
+CROWN_M = 4.0
+"""How far from its trunk a crown reaches, metres."""
+LEAST = 8
+"""Surfels that a trunk has at least."""
+
+
+def complete_crowns(plants: Surfels, ground: Ground) -> Surfels:
+    """The far sides of trees.
+
+    Args:
+        plants: surfels of vegetation.
+        ground: what they stand on.
+    Returns:
+        what is to be added, possibly nothing.
+    """
+    path = ground.path
+    means = plants.means.detach().double().numpy()
+    street = path.to_street(means)
+    height = ground.over(street)
+    local = means @ path.axes.T
+    crown = np.flatnonzero(height > FOOT_M[1])
+    low = local[(height > FOOT_M[0]) & (height <= FOOT_M[1]), :2]
+    trunks = _trunks(low, local[crown, :2])
+    if not len(trunks):
+        return plants.select(torch.zeros(len(plants), dtype=torch.bool))
+    distance, nearest = cKDTree(trunks).query(local[crown, :2])
+    near = distance < CROWN_M
+    crown, trunk = crown[near], trunks[nearest[near]]
+    turned = local[crown].copy()
+    turned[:, :2] = 2 * trunk - turned[:, :2]
+    part = plants.select(torch.from_numpy(np.isin(np.arange(len(plants)), crown)))
+    # Half a turn about the unit vector u is the quaternion (0, u).
+    up = torch.from_numpy(path.axes[2]).to(part.quats)
+    w, v = part.quats[:, :1], part.quats[:, 1:]
+    quats = torch.cat([-(v @ up)[:, None], w * up + torch.linalg.cross(up.expand_as(v), v)], dim=1)
+    return Surfels(
+        torch.from_numpy(turned @ path.axes).to(part.means),
+        quats,
+        part.log_scales,
+        part.opacity_logits,
+        part.sh,
+        part.labels,
+    )
+
+
+def _trunks(low: Float64, high: Float64) -> Float64:
+    """(T, 2) middles of what is narrow near the ground and carries something, from horizontal positions (N, 2)."""
+    if not len(low) or not len(high):
+        return np.zeros((0, 2))
+    cell = 0.25
+    index = np.floor((low - low.min(axis=0)) / cell).astype(np.int64)
+    places, member = np.unique(index, axis=0, return_inverse=True)
+    # Cells that touch, also at a corner, belong together.
+    group = connected_points(places.astype(np.float64), 1.5)[member.ravel()]
+    above = cKDTree(high)
+    middles = []
+    for g in np.unique(group):
+        own = low[group == g]
+        if len(own) < LEAST or np.ptp(np.percentile(own, [5, 95], axis=0), axis=0).max() > THICK_M:
+            continue
+        middle = np.median(own, axis=0)
+        if above.query_ball_point(middle, CROWN_M / 2, return_length=True) >= 5 * LEAST:
+            middles.append(middle)
+    return np.array(middles).reshape(-1, 2)

@@ -1,0 +1,257 @@
+"""Houses as solid columns: what parked cars hide of a wall, or the pictures' border cuts off, lets no light through either."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import grey_closing, grey_opening, label
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.chart.street_chart import StreetChart
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["as_high_as_beside", "flush_with_fronts", "of_something_long", "solid_columns"]
+
+COLUMN_M = 0.3
+"""Edge of the columns that solid things are filled in, metres."""
+BEYOND_M = 16.0
+"""How far houses go on where the drive begins and ends, metres."""
+LAST_M, OVERLAP_M = 3.3, 1.2
+"""How much of the last house tells where its front is, and how far what follows overlaps with it, metres."""
+GOES_ON_M = 3.0
+"""How far the last house that was seen is taken to go on, metres."""
+FOOT_M = 1.0
+"""Up to here a house is the ground's end, metres."""
+NEXT_AFTER_M, NEXT_HIGH_M = tuple(np.arange(0.0, 9.1, 0.5)), (0.0, *np.arange(3.0, 15.1, 1.0))
+"""Where the next house may begin after the last that was seen, and how high it may be, metres."""
+OVER_M = 0.4
+"""How far over the top of a column nothing must be seen for it to end there, metres."""
+LEAST_M = 2.0
+"""Length along the street of the shortest wall, metres."""
+DENSE_M = 1.2
+"""How far along a front its top is found at least once, metres."""
+FRONT_M, EAVES_M = 3.0, 1.0
+"""Half length of the stretch over which a front is straight, and how far behind it a house is as high as its eaves, metres."""
+HOUSE_M, BESIDE_M = 2.0, 10.0
+"""Least height of a house, and how far along it its height is carried, metres."""
+
+
+def solid_columns(
+    chart: StreetChart, surfels: Surfels, solid: Sequence[int], cameras: Sequence[Camera],
+    judge: Callable[[Surfels], float | None] | None = None,
+) -> Surfels:  # fmt: skip
+    """Discs in the columns under the tops of what is solid, for what parked cars hid of it lets no light through.
+
+    Args:
+        judge: how well the shadows of some discs agree with what is seen of the ground, more is better; None where nothing
+            is seen of them. It decides how the houses go on where the drive begins and ends.
+    """
+    path, cell = chart.ground.path, COLUMN_M
+    street = path.to_street(surfels.means.detach().double().numpy())[np.isin(surfels.labels.numpy(), list(solid))]
+    foot = chart.ground.height_at(street[:, 0], street[:, 1])
+    index = np.round(street[:, :2] / cell).astype(np.int64)
+    columns, member = np.unique(index, axis=0, return_inverse=True)
+    top = np.full(len(columns), -np.inf)
+    np.maximum.at(top, member.ravel(), street[:, 2] - foot)
+    long = of_something_long(columns)
+    columns, top = columns[long], top[long]
+    flush = ~_before_front(columns * cell, columns * cell, slack=1.5 * cell)
+    columns, top = columns[flush], top[flush]
+    top = as_high_as_beside(chart, columns * cell, top, cameras)
+    parts, tops = [columns], [top]
+    for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
+
+        def told(on: float, high: float, end: _End = end) -> float:
+            score = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))
+            return 0.0 if score is None else score
+
+        # The last house goes on a little; the next one is as high as the others here, as long as nothing speaks against it.
+        on, high = GOES_ON_M, end.typical
+        if judge is not None:
+            high = max((high, *NEXT_HIGH_M), key=lambda h: told(on, h))
+            on = max((on, *NEXT_AFTER_M), key=lambda o: told(o, high))
+        drawn, height = end.drawn_out(on, high)
+        parts.append(drawn)
+        tops.append(height)
+    return _discs(chart, np.concatenate(parts), np.concatenate(tops), surfels.sh_degree)
+
+
+def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float64], sh_degree: int) -> Surfels:
+    """Discs that fill columns (C, 2) up to their tops (C,)."""
+    path, cell = chart.ground.path, COLUMN_M
+    levels = np.arange(1, int(np.ceil(top.max(initial=0.0) / cell)) + 1) * cell
+    which, level = np.nonzero(levels[None] < top[:, None])
+    at = columns[which] * cell
+    # A column is as thick as its discs: its face, not its middle, is the front. At the foot no light must come through.
+    at[:, 1] += np.where(levels[level] > FOOT_M, np.sign(at[:, 1]) * cell / 2, 0.0)
+    height = chart.ground.height_at(at[:, 0], at[:, 1]) + levels[level]
+    points = path.to_world(np.stack([at[:, 0], at[:, 1], height], axis=1))
+    # Lying and standing: from any side one of the two is broad.
+    up = np.repeat(path.axes[2:3], len(points), axis=0)
+    across = path.to_world(np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+    side = np.repeat(np.diff(across, axis=0), len(points), axis=0)
+    parts = [
+        surfels_from_points(
+            points, np.zeros((len(points), 3), np.uint8), np.zeros(len(points), np.int64), normal,
+            np.full(len(points), cell), sh_degree=sh_degree, opacity=0.95, scale_factor=0.5,
+        )
+        for normal in (up, side)
+    ]  # fmt: skip
+    return concatenate(parts)
+
+
+def flush_with_fronts(chart: StreetChart, surfels: Surfels, solid: Sequence[int]) -> NDArray[np.bool_]:
+    """(N,) bool, all surfels but those of houses that float before these: what others hide of a front is drawn out towards the
+    cameras, and high up that casts a shadow far over the street."""
+    street = chart.ground.path.to_street(surfels.means.detach().double().numpy())[:, :2]
+    houses = np.flatnonzero(np.isin(surfels.labels.numpy(), list(solid)))
+    columns = np.unique(np.round(street[houses] / COLUMN_M).astype(np.int64), axis=0)
+    columns = columns[of_something_long(columns)] * COLUMN_M
+    result = np.ones(len(street), dtype=bool)
+    result[houses] = ~_before_front(street[houses], columns, slack=COLUMN_M)
+    return result
+
+
+def _before_front(points: NDArray[np.float64], houses: NDArray[np.float64], *, slack: float) -> NDArray[np.bool_]:
+    """(P,) bool, which points (P, 2), street coordinates, stand out of the houses' fronts by more than ``slack``.
+
+    Args:
+        houses: (C, 2) columns of houses.
+    """
+    result = np.zeros(len(points), dtype=bool)
+    for left in (False, True):
+        side = houses[(houses[:, 1] > 0) == left]
+        own = np.flatnonzero((points[:, 1] > 0) == left)
+        if not len(side) or not len(own):
+            continue
+        first = side[:, 0].min()
+        row = np.round((side[:, 0] - first) / COLUMN_M).astype(np.int64)
+        front = _front(side, row)
+        at = np.round((points[own, 0] - first) / COLUMN_M).astype(np.int64)
+        beside = (at >= 0) & (at < len(front))
+        result[own[beside]] = np.abs(points[own[beside], 1]) < front[at[beside]] - slack
+    return result
+
+
+def _front(columns: NDArray[np.float64], row: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(R,) how far aside the front of one side's houses stands, per row: that of most rows around; inf where there is none.
+
+    Args:
+        columns: (C, 2) street coordinates, row: (C,) of each.
+    """
+    nearest = np.full(row.max() + 1, np.inf)
+    np.minimum.at(nearest, row, np.abs(columns[:, 1]))
+    known = np.flatnonzero(np.isfinite(nearest))
+    half = round(FRONT_M / COLUMN_M)
+    front = np.full(len(nearest), np.inf)
+    for r in range(len(nearest)):
+        around = known[np.abs(known - r) <= half]
+        if len(around):
+            front[r] = np.median(nearest[around])
+    return front
+
+
+def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray[np.bool_]:
+    """(P,) bool, whether some picture shows the place (P, 3), were nothing before it."""
+    seen = np.zeros(len(points), dtype=bool)
+    for camera in cameras:
+        pixel, depth = camera.project(points)
+        seen |= camera.in_picture(pixel, depth)
+    return seen
+
+
+def of_something_long(columns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(C,) whether columns (C, 2) belong together with others to something as long as a house: lamps are taken for one at times."""
+    if not len(columns):
+        return np.zeros(0, dtype=bool)
+    index = columns - columns.min(axis=0)
+    plane = np.zeros(index.max(axis=0) + 1, dtype=bool)
+    plane[index[:, 0], index[:, 1]] = True
+    parts, count = label(plane, np.ones((3, 3)))
+    part = parts[index[:, 0], index[:, 1]]
+    first, last = np.full(count + 1, np.iinfo(np.int64).max), np.full(count + 1, -1)
+    np.minimum.at(first, part, index[:, 0])
+    np.maximum.at(last, part, index[:, 0])
+    return np.asarray((last - first)[part] * COLUMN_M >= LEAST_M)
+
+
+def as_high_as_beside(
+    chart: StreetChart, at: NDArray[np.float64], top: NDArray[np.float64], cameras: Sequence[Camera]
+) -> NDArray[np.float64]:
+    """Tops (C,) of columns at street coordinates (C, 2); houses that the pictures' border cuts off are as high as farther along,
+    where it does not."""
+    result, ground = top.copy(), chart.ground
+    for left in (False, True):
+        side = np.flatnonzero((at[:, 1] > 0) == left)
+        if not len(side):
+            continue
+        row = np.round((at[side, 0] - at[side, 0].min()) / COLUMN_M).astype(np.int64)
+        ridge = np.full(row.max() + 1, -np.inf)
+        # Roofs rise behind the front.
+        outer = np.abs(at[side, 1]) < _front(at[side], row)[row] + EAVES_M
+        np.maximum.at(ridge, row[outer], top[side[outer]])
+        highest = np.zeros(len(ridge), dtype=np.int64)
+        reaches = outer & (top[side] >= ridge[row])
+        highest[row[reaches]] = side[reaches]
+        # The front is not equally dense everywhere, and chimneys are no ridge.
+        size = 2 * round(DENSE_M / COLUMN_M) + 1
+        ridge = grey_opening(grey_closing(np.maximum(ridge, 0.0), size), size)
+        house = np.flatnonzero(ridge > HOUSE_M)
+        s, l = at[highest[house]].T  # noqa: E741
+        over = np.stack([s, l, ground.height_at(s, l) + ridge[house] + OVER_M], axis=1)
+        ends = _in_sight(ground.path.to_world(over), cameras)
+        known, cut = house[ends], house[~ends]
+        if not len(known) or not len(cut):
+            continue
+        gap = np.abs(cut[:, None] - known[None])
+        raised = np.zeros(len(ridge))
+        raised[cut] = np.where(gap.min(axis=1) * COLUMN_M < BESIDE_M, ridge[known][gap.argmin(axis=1)], 0.0)
+        # What is much lower than the front stands before the house.
+        front = outer & (top[side] > 0.6 * ridge[row])
+        result[side] = np.where(front, np.maximum(top[side], raised[row]), top[side])
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """Where the houses of one side end as far as they were seen: the first camera did not see the house beside it.
+
+    Attributes:
+        offsets: (L,) lateral indices of the last columns; last: their height.
+        rows: (R,) indices along the street that the houses may go on over, from the last that were seen.
+        step: (R,) how many rows each lies beyond these.
+        typical: height of the houses on this side.
+    """
+
+    offsets: NDArray[np.int64]
+    last: float
+    rows: NDArray[np.int64]
+    step: NDArray[np.int64]
+    typical: float
+
+    def drawn_out(self, on: float, high: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Columns (C, 2) and their tops (C,), if the last house goes on for ``on`` metres and the next is so high."""
+        columns = np.stack([np.repeat(self.rows, len(self.offsets)), np.tile(self.offsets, len(self.rows))], axis=1)
+        return columns, np.repeat(np.where(self.step < round(on / COLUMN_M), self.last, high), len(self.offsets))
+
+
+def _ends(columns: NDArray[np.int64], top: NDArray[np.float64], beyond: int) -> list[_End]:
+    """Both ends of the houses on both sides, for columns (C, 2) with their tops (C,)."""
+    ends = []
+    for left in (False, True):
+        side = (columns[:, 1] > 0) == left
+        if not side.any():
+            continue
+        along = columns[side, 0]
+        ridge = np.full(np.ptp(along) + 1, -np.inf)
+        np.maximum.at(ridge, along - along.min(), top[side])
+        typical = float(np.median(ridge[np.isfinite(ridge)]))
+        for end, sign in ((along.min(), -1), (along.max(), 1)):
+            last = side & (np.abs(columns[:, 0] - end) < round(LAST_M / COLUMN_M))
+            step = np.arange(-round(OVERLAP_M / COLUMN_M), beyond + 1)
+            ends.append(_End(np.unique(columns[last, 1]), float(top[last].max()), end + sign * step, step, typical))
+    return ends

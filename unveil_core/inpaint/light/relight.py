@@ -1,0 +1,116 @@
+"""Taking the shadows of removed objects from the ground that was seen."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.images import luminance, masked_blur
+from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.light.shade import Light, Shade, disc
+
+__all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed"]
+
+PENUMBRA_M = 0.2
+"""How far on either side of a shadow's border its light may be a mixture, metres."""
+BORDER_COUNTS = 0.02
+"""What the border of a shadow tells of its light, as a share of what its inside tells."""
+
+
+def prevailing_shade(color: Float32, seen: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float) -> Shade:
+    """Dark is what is darker than its lateral offset mostly is; no ratio, for nothing says what is shadow for good.
+
+    Args:
+        color: (A, B, 3) of the chart; seen: (A, B).
+        shadow_ratio: a texel darker than this share of its offset's lit level is dark.
+        window, hop: of the lateral profile, texels; per_m: texels per metre.
+    """
+    median, level = lateral_profile(color, seen, window=window, hop=hop)
+    smooth = masked_blur(luminance(color), seen, 0.06 * per_m)
+    dark = seen & (smooth < shadow_ratio * level)
+    # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
+    opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(0.12 * per_m))
+    scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
+    return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
+
+
+def object_shadows(dark: Mask, footprint: Mask, *, reach: int, touch: int) -> Mask:
+    """Dark texels (A, B) that are connected with a removed object's footprint and lie within ``reach`` texels of it."""
+    if not footprint.any():
+        return np.zeros_like(dark)
+    distance = cv2.distanceTransform((~footprint).astype(np.uint8), cv2.DIST_L2, 5)
+    candidate = dark & (distance <= reach)
+    count, component = cv2.connectedComponents((candidate | footprint).astype(np.uint8), connectivity=8)
+    touching = np.zeros(count, dtype=bool)
+    touching[np.unique(component[candidate & (distance <= touch)])] = True
+    touching[0] = False
+    return touching[component] & candidate
+
+
+def shadows_of_removed(
+    color: Float32, seen: Mask, shade: Shade, footprint: Mask, light: Light | None, *, reach_m: float, black_ratio: float,
+    per_m: float,
+) -> tuple[Mask, Mask]:  # fmt: skip
+    """Seen texels (A, B) in the shadow of what is removed, and those that are too dark or too near to it to hold anything.
+
+    Args:
+        color: (A, B, 3) of the chart; seen: (A, B); shade: of what was seen.
+        footprint: (A, B) texels under or inside removed objects.
+        light: the shadows that the scene casts, None where that is not known.
+        reach_m: how far from its object a shadow may lie where the light is not known, metres; 0 = shadows stay.
+        black_ratio: a shadowed texel darker than this share of its lit level holds no texture to relight.
+        per_m: texels per metre.
+    """
+    if reach_m <= 0:
+        return np.zeros_like(seen), np.zeros_like(seen)
+    touch = int(0.4 * per_m)
+    near = object_shadows(shade.dark, footprint, reach=int(reach_m * per_m), touch=touch)
+    if light is None:
+        shadow = near
+    else:
+        # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
+        blur = 0.2 * per_m
+        gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
+        contact = near & (cv2.dilate(footprint.astype(np.uint8), disc(touch)) > 0)
+        shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
+    smooth = masked_blur(luminance(color), seen, 0.06 * per_m)
+    # Right under the object little light came, and what is nearly black has nothing to relight.
+    hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
+    hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * per_m)).astype(bool) & seen
+    return shadow, hopeless
+
+
+def relighting_gain(
+    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
+) -> Float32:  # fmt: skip
+    """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
+
+    Args:
+        color, target: (A, B, 3) as seen, and as it should be.
+        seen: (A, B); shadow: (A, B) that goes; wide: (A, B) with its penumbra; relit: (A, B) of it, seen and kept.
+        per_m: texels per metre.
+    """
+    soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
+    ring = disc(PENUMBRA_M * per_m)
+    # What the shadow leaves of the light is told by its inside; its border counts where there is no other.
+    inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
+    weight = np.where(inside, 1.0, BORDER_COUNTS).astype(np.float32)[..., None]
+    local = masked_blur(color * weight, relit, 0.25 * per_m)
+    wanted = masked_blur(target * weight, relit, 0.25 * per_m)
+    ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, 4.0)
+    full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
+    # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
+    # street is.
+    around = cv2.dilate(shadow.astype(np.uint8), ring) > 0
+    # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
+    level = luminance(target)
+    beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)
+    own = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
+    # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
+    share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / own - 1) / np.maximum(ratio - 1, 0.02)
+    mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)
+    border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
+    inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
+    gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
+    return gain

@@ -1,0 +1,187 @@
+"""Light and shade on the street chart: what the ground would look like in full sun, and where the sun does not reach it.
+
+The colour of a texel is taken as that of its lateral offset in full sun, times a ratio where it lies in shadow: an intrinsic
+decomposition with two states of light (Barrow and Tenenbaum, *Recovering intrinsic scene characteristics from images*, 1978).
+Which texels lie in shadow is read from the picture; the shadows that the scene casts say which of them belong to what, and
+what the light is like where nobody saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.images import luminance, masked_blur
+from unveil_core.inpaint.light.sun import Sun
+
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
+
+Profile = Callable[[Float32, Mask], Float32]
+"""From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
+
+DARKEST, BRIGHTEST = 0.15, 0.9
+"""Limits of what shadow leaves of a colour."""
+ROUNDS = 3
+CONTACT_M = 0.5
+"""How far around it an object darkens the ground, wherever the sun stands, metres."""
+SHIFT_M, SHIFT_STEP_M, WINDOW_M, STAY = 0.9, 0.15, 1.2, 0.02
+"""How far a cast shadow may be moved, in which steps, by how large a surrounding, metres; and how much less of it must then be
+wrong."""
+NEAR_M = (2.0, 0.5)
+"""How far what is seen of the shade corrects what the scene's shadows say, along the street and across it, metres."""
+DOUBT = 0.12
+"""Of what lies within that reach, the share that must be seen before it is believed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Attributes:
+    sun: where the sun stands.
+    kept, gone: (A, B) bool, texels in the shadow of what stays, and of what is removed.
+    """
+
+    sun: Sun
+    kept: Mask
+    gone: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """Attributes:
+    dark: (A, B) bool, seen texels in shadow.
+    ratio: (3,) or (A, B, 3) what shadow leaves of a colour.
+    lit: (A, B, 3) median colour of the lateral offset in full sun.
+    """
+
+    dark: Mask
+    ratio: Float32
+    lit: Float32
+
+
+def read_shade(
+    color: Float32, seen: Mask, expected: Mask, profile: Profile, *, texels_per_m: float, belief: float = 0.2
+) -> Shade:
+    """Tell shadow from sun in what was seen.
+
+    Starting from the shadows that the scene casts: they give the ratio at the offsets that have both, the ratio gives the
+    colours in full sun, and against these every texel shows its own state; and again.
+
+    Args:
+        color: (A, B, 3) of the chart; seen: (A, B).
+        expected: (A, B) texels that the scene casts shadow on.
+        profile: see :data:`Profile`.
+        belief: how far that moves the border between light and dark, as a share of the fall between them.
+    """
+    smooth = masked_blur(color, seen, 0.06 * texels_per_m)
+    log = np.log(np.maximum(luminance(smooth), 0.01))
+    dark = expected & seen
+    ratio = np.full(3, 0.5, dtype=np.float32)
+    lit = color
+    for _ in range(ROUNDS):
+        ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(0.15 * texels_per_m)))
+        lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
+        fall = float(np.log(luminance(ratio)))
+        # Half way down is the border, but for what the scene says.
+        threshold = np.where(expected, 0.5 - belief, 0.5 + belief) * fall
+        dark = seen & (log - np.log(np.maximum(luminance(lit), 0.01)) < threshold)
+        # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
+        kernel = disc(0.12 * texels_per_m)
+        dark = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, kernel).astype(bool) & seen
+    return Shade(dark, ratio, lit)
+
+
+def disc(radius: float) -> NDArray[np.uint8]:
+    """A round structuring element, radius in texels."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(radius) + 1,) * 2).astype(np.uint8)
+
+
+def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
+    """(3,) the median over lateral offsets of dark by lit, away from the shadows' borders; ``before`` where none has both."""
+    kernel = disc(border)
+    inner = seen & dark & (cv2.erode((dark | ~seen).astype(np.uint8), kernel) > 0)
+    outer = seen & ~dark & (cv2.dilate(dark.astype(np.uint8), kernel) == 0)
+    both = np.flatnonzero((inner.sum(axis=0) >= 20) & (outer.sum(axis=0) >= 20))
+    if not len(both):
+        return before
+    quotients = np.stack(
+        [np.median(smooth[inner[:, c], c], axis=0) / np.maximum(np.median(smooth[outer[:, c], c], axis=0), 0.02) for c in both]
+    )  # fmt: skip
+    weight = np.minimum(inner[:, both].sum(axis=0), outer[:, both].sum(axis=0))
+    order = np.argsort(quotients, axis=0)
+    passed = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
+    middle = order[passed.argmax(axis=0), np.arange(3)]
+    return np.clip(quotients[middle, np.arange(3)], DARKEST, BRIGHTEST).astype(np.float32)
+
+
+def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
+    """(A, B) 0 to 1, how much of the sun's light is missing when what is removed is gone.
+
+    The shadows of what stays, moved to where they are seen to lie and corrected by what was seen close by: a roof that no
+    camera saw casts its shadow all the same.
+
+    Args:
+        sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
+    """
+    share = _moved(light.kept.astype(np.uint8), sound, dark, texels_per_m)
+    missed = np.where(sound, dark.astype(np.float32) - (share > 0.5), 0).astype(np.float32)
+    # A border's misplacement is no news: what is missed must be broad.
+    broad = masked_blur(missed, sound, 0.2 * texels_per_m)
+    missed[np.abs(broad) < 0.5] = 0
+    # Many texels together are believed, a few in a gap between two cars are not.
+    reach = (NEAR_M[0] * texels_per_m, NEAR_M[1] * texels_per_m)
+    correction = 1.3 * masked_blur(missed, sound, reach, prior=DOUBT)
+    soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
+    return soft
+
+
+def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float) -> Float32:
+    """``kept`` (A, B), its borders soft, each part moved by up to ``SHIFT_M`` to where it agrees best with ``dark`` among the
+    ``sound`` texels around: trees are seen from one side only, and the sun is known to a few degrees."""
+    factor = max(1, round(SHIFT_STEP_M * texels_per_m))
+    rows, columns = kept.shape
+    size = (-(-columns // factor), -(-rows // factor))
+
+    def coarse(plane: NDArray[Any]) -> Float32:
+        return cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
+
+    cast, weight = coarse(kept), coarse(sound)
+    seen = coarse(sound & dark) / np.maximum(weight, 1e-6)
+    weight[weight < 0.3] = 0
+    sigma = WINDOW_M * texels_per_m / factor
+    reach = round(SHIFT_M / SHIFT_STEP_M)
+    best = np.full(cast.shape, -np.inf, dtype=np.float32)
+    shift = np.zeros((*cast.shape, 2), dtype=np.float32)
+    steps = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
+    for i, j in sorted(steps, key=lambda step: step[0] ** 2 + step[1] ** 2):
+        moved = cv2.warpAffine(
+            cast, np.array([[1, 0, j], [0, 1, i]], dtype=np.float32), size, borderMode=cv2.BORDER_REPLICATE
+        )
+        wrong = cv2.GaussianBlur(weight * np.abs(moved - seen), (0, 0), sigma)
+        score = -wrong - STAY * (i * i + j * j) / reach**2
+        better = score > best + 1e-6
+        best[better] = score[better]
+        shift[better] = (i, j)
+    known = cv2.GaussianBlur(weight, (0, 0), sigma) + 1e-3
+    shift = cv2.GaussianBlur(shift * known[..., None], (0, 0), sigma / 2)
+    shift /= cv2.GaussianBlur(known, (0, 0), sigma / 2)[..., None]
+    shift = cv2.resize(shift, (columns, rows)) * factor
+    soft = cv2.GaussianBlur(kept.astype(np.float32), (0, 0), 0.05 * texels_per_m)
+    result = np.empty_like(soft)
+    across = np.arange(columns, dtype=np.float32)
+    # Charts may be longer than remap's limit.
+    for start in range(0, rows, 8192):
+        part = np.s_[max(0, start - 512) : start + 8192 + 512]
+        picture = soft[part]
+        along = np.arange(start, min(rows, start + 8192), dtype=np.float32)
+        own = shift[start : start + 8192]
+        result[start : start + 8192] = cv2.remap(
+            picture, across[None] - own[..., 1], along[:, None] - part.start - own[..., 0], cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+    return result

@@ -1,0 +1,129 @@
+"""Where the sun stands, told by the shadows on the ground.
+
+Every direction is tried: where the scene's surfels would cast shadows from there is compared with where the ground is dark.
+Paint, kerb and walk differ in brightness whatever the sun does, so both are compared within a lateral offset only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float64
+from unveil_core.ground.street import Ground
+
+__all__ = ["Sun", "find_sun", "sun_towards"]
+
+LEAST_SCORE = 0.25
+"""Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight."""
+LARGEST_FALL = 30.0
+"""Metres that a shadow may fall from the top of what casts it; higher tops are as good as unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sun:
+    """Attributes:
+    towards: (3,) unit vector to the sun, in the drive's frame.
+    score: correlation of its shadows with the dark ground, 1 where it was given.
+    azimuth, elevation: degrees, see :func:`sun_towards`.
+    """
+
+    towards: Float64
+    score: float
+    azimuth: float
+    elevation: float
+
+
+def sun_towards(azimuth: float, elevation: float, up: Float64) -> Float64:
+    """(3,) unit vector to a sun at an azimuth and elevation in degrees.
+
+    Azimuth runs clockwise, seen from above, from the world's y axis, which is north where x is east and z is up; where y
+    itself is up, from the -z axis.
+
+    Args:
+        up: (3,) unit vector.
+    """
+    north = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.7 else np.array([0.0, 0.0, -1.0])
+    north = north - (north @ up) * up
+    north /= np.linalg.norm(north)
+    a, e = np.radians(azimuth), np.radians(elevation)
+    direction: Float64 = np.sin(a) * np.cos(e) * np.cross(north, up) + np.cos(a) * np.cos(e) * north + np.sin(e) * up
+    return direction
+
+
+def find_sun(
+    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, l: Float64, ground: Ground, casters: Float64  # noqa: E741
+) -> Sun | None:  # fmt: skip
+    """The direction whose shadows lie where the ground is dark.
+
+    Args:
+        dark: (A, B) darkness of the ground on a coarse grid, such as minus the logarithm of its luminance; known: (A, B).
+        s, l: (A,), (B,) street coordinates of the grid, evenly spaced.
+        casters: (N, 3) world points of what stands on the ground.
+    Returns:
+        the sun, or None where no direction explains the dark places.
+    """
+    if known.sum() < 100 or len(casters) < 50:
+        return None
+    up = ground.path.axes[2]
+    foot = ground.path.to_street(casters)
+    height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
+    high = (height > 0.3) & (height < LARGEST_FALL)
+    casters = casters[high]
+    # Evenly over the scene, and few enough for a thousand directions.
+    casters = casters[:: max(1, len(casters) // 12_000)]
+    wanted = _within_offset(dark, known)
+    scale = float(np.sqrt((wanted[known] ** 2).mean()))
+    if scale < 1e-4:
+        return None
+
+    def score(azimuth: float, elevation: float) -> float:
+        shadow = _shadow(casters, sun_towards(azimuth, elevation, up), s, l, ground)
+        found = _within_offset(shadow, known)
+        spread = float(np.sqrt((found[known] ** 2).mean()))
+        return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
+
+    best = (-1.0, 0.0, 45.0)
+    for step, reach_a, reach_e in ((10.0, 180.0, 30.0), (4.0, 8.0, 8.0), (1.5, 3.0, 3.0), (0.5, 1.0, 1.0)):
+        _, a0, e0 = best
+        tried = [
+            (score(a, e), a, e)
+            for a in np.arange(a0 - reach_a, a0 + reach_a + 0.1, step)
+            for e in np.clip(np.arange(e0 - reach_e, e0 + reach_e + 0.1, step), 8.0, 80.0)
+        ]
+        best = max(best, max(tried))
+    found, azimuth, elevation = best
+    if found < LEAST_SCORE:
+        return None
+    return Sun(sun_towards(azimuth, elevation, up), found, float(azimuth % 360), float(elevation))
+
+
+def _shadow(casters: Float64, towards_sun: Float64, s: Float64, l: Float64, ground: Ground) -> NDArray[np.float32]:  # noqa: E741
+    """(A, B) 0 to 1, where the rays through the casters meet the ground."""
+    up = ground.path.axes[2]
+    fallen = casters
+    for _ in range(2):
+        street = ground.path.to_street(fallen)
+        rest = ground.over(street)
+        fallen = fallen - (rest / (towards_sun @ up))[:, None] * towards_sun
+    street = ground.path.to_street(fallen)
+    cell = s[1] - s[0]
+    row = np.round((street[:, 0] - s[0]) / cell).astype(int)
+    column = np.round((street[:, 1] - l[0]) / cell).astype(int)
+    on = (row >= 0) & (row < len(s)) & (column >= 0) & (column < len(l))
+    plane = np.zeros((len(s), len(l)), dtype=np.float32)
+    plane[row[on], column[on]] = 1
+    closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    blurred: NDArray[np.float32] = cv2.GaussianBlur(closed, (0, 0), 1.0)
+    return blurred
+
+
+def _within_offset(plane: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The plane less the mean of its lateral offset, over what is known."""
+    count = np.maximum(known.sum(axis=0), 1)
+    mean = np.where(known, plane, 0).sum(axis=0) / count
+    centred: NDArray[np.float32] = np.where(known, plane - mean, 0).astype(np.float32)
+    return centred

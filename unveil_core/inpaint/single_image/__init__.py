@@ -1,0 +1,1 @@
+"""Inpainters of one image: patches, OpenCV's, networks as ONNX files."""

@@ -1,0 +1,89 @@
+"""Single-image inpainters behind one protocol: image and mask in, image out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.types import Mask, Picture
+from unveil_core.geometry.images import grow
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
+from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
+from unveil_core.inpaint.single_image.opencv import classic, fsr, shift_map
+from unveil_core.inpaint.single_image.patchmatch import patch_fill
+
+__all__ = [
+    "BUILT_IN",
+    "SingleImageInpainter",
+    "exemplar",
+    "fill_around",
+    "inpainter",
+    "navier_stokes",
+    "telea",
+]
+
+
+class SingleImageInpainter(Protocol):
+    """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB; pixels outside the mask come back unchanged."""
+
+    def __call__(self, image: Picture, mask: Mask) -> Picture: ...
+
+
+def telea(image: Picture, mask: Mask) -> Picture:
+    """Fast marching (Telea 2004), OpenCV."""
+    return classic(image, mask, 5, cv2.INPAINT_TELEA)
+
+
+def navier_stokes(image: Picture, mask: Mask) -> Picture:
+    """Fluid dynamics (Bertalmio et al. 2001), OpenCV."""
+    return classic(image, mask, 5, cv2.INPAINT_NS)
+
+
+def exemplar(image: Picture, mask: Mask) -> Picture:
+    """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none."""
+    filled = patch_fill(image, mask)
+    return telea(image, mask) if filled is None else filled
+
+
+BUILT_IN: dict[str, SingleImageInpainter] = {
+    "exemplar": exemplar,
+    "telea": telea,
+    "navier-stokes": navier_stokes,
+    "shift-map": shift_map,
+    "fsr": fsr,
+}
+"""By their names, the ones in ``names.INPAINTERS``."""
+
+
+def inpainter(name: str) -> SingleImageInpainter:
+    """The built-in inpainter called ``name``, or the network in the ONNX file of that path.
+
+    Raises:
+        SettingsError: there is none of that name, or the file is missing, damaged or of something else.
+    """
+    if is_file(name):
+        return load_single_image(Path(name))
+    if name not in BUILT_IN:
+        raise SettingsError(f"unknown inpainter {name!r}", mend=f"use one of {', '.join(INPAINTERS)}, or FILE.onnx")
+    return BUILT_IN[name]
+
+
+def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
+    """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street.
+
+    Networks are given the image as it is, and find the surroundings that they were made for.
+    """
+    if isinstance(inpaint, OnnxSingleImage):
+        return inpaint(image, mask)
+    result = image.copy()
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
+    for k in range(1, count):
+        x, y, w, h = (int(v) for v in boxes[k, :4])
+        margin = max(20, (w + h) // 3)
+        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
+        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
+    return result

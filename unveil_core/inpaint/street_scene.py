@@ -1,0 +1,255 @@
+"""What is known of the empty street before anything is invented: its ground, and what goes on behind what was removed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Labels, Mask
+from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.ground.fit import fit_drive_ground
+from unveil_core.ground.street import Ground, StreetPath, straighten_path
+from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.chart.rectify import find_drift
+from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart, blur_levels, read_chart
+from unveil_core.inpaint.facade.facade_chart import invented_fronts, read_facade
+from unveil_core.inpaint.facade.poles import feet_of_uprights
+from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
+from unveil_core.inpaint.light.scene_light import light_of_scene
+from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES, LabelSet
+from unveil_core.semantics.labels import SceneLabels, frame_labels
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = [
+    "Views",
+    "build_ground_layer",
+    "drive_continued",
+    "drive_ground",
+    "drive_ground_layer",
+    "drive_views",
+    "ground_usable",
+    "path_by_lines",
+]
+
+
+def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None) -> Ground | None:
+    """The ground under the drive's longest track, from the scene without what is removed; None where it has none.
+
+    Args:
+        path: of the street; by default the way that the cameras took.
+    """
+    track = max(tracks(drive), key=len)
+    cameras = [drive.frames[i].camera for i in track]
+    return fit_drive_ground(left, scene.labels, cameras, drive.up, path=path)
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """What each frame shows.
+
+    Attributes:
+        images: (H, W, 3) uint8; labels: (H, W) compact; depths: (H, W) of the full scene; removed: (H, W) bool.
+    """
+
+    images: Sequence[NDArray[np.uint8]]
+    labels: Sequence[NDArray[np.int64]]
+    depths: Sequence[NDArray[np.float32]]
+    removed: Sequence[NDArray[np.bool_]]
+
+
+def drive_views(
+    drive: Drive, scene: SceneLabels, surfels: Surfels, images: Sequence[NDArray[np.uint8]],
+    removed: Sequence[NDArray[np.bool_]],
+) -> Views:  # fmt: skip
+    """The frames of a drive with what is known of them."""
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    depths = [render_numpy(surfels, f.camera, near=NEAR_M, far=FAR_M)["depth"] for f in drive.frames]
+    return Views(images, labels, depths, removed)
+
+
+def drive_ground_layer(
+    drive: Drive, scene: SceneLabels, surfels: Surfels, gone: Mask, of_surfel: Labels, views: Views, *,
+    shadows: bool = True, sun: tuple[float, float] | None = None, progress: Progress = no_progress,
+) -> GroundLayer | None:  # fmt: skip
+    """The ground of the empty street, or None where the scene has none.
+
+    Args:
+        surfels: the full scene; gone: (N,) those that are removed; of_surfel: (N,) the object that each belongs to.
+        shadows: whether the removed objects' shadows are removed too.
+        sun: its azimuth and elevation, degrees; None = looked for.
+    """
+    left = surfels.select(torch.from_numpy(~gone))
+    ground = drive_ground(drive, scene, left)
+    if ground is None:
+        return None
+    images, labels, depths, removed = views.images, views.labels, views.depths, views.removed
+    cameras = [f.camera for f in drive.frames]
+
+    def usable_for(ground: Ground) -> list[NDArray[np.bool_]]:
+        usable = []
+        for i, camera in enumerate(cameras):
+            depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
+            shape = (camera.height, camera.width)
+            gone = grow(removed[i], border_px(camera.width, 1))
+            usable.append(ground_usable(labels[i], scene.labels, gone, depth.reshape(shape), depths[i]))
+        return usable
+
+    path = path_by_lines(ground, cameras, images, labels, usable_for(ground))
+    ground = drive_ground(drive, scene, left, path) or ground
+    usable = usable_for(ground)
+    means = surfels.means.double().numpy()
+    of_surfel = np.where(gone, of_surfel, -1)
+    removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
+    fill = FillSettings() if shadows else FillSettings(shadow_reach_m=0.0)
+    keep = torch.from_numpy(~gone)
+    layer = build_ground_layer(
+        ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
+        scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
+        plants=scene.labels.indices(("vegetation",)), sun=sun,
+        progress=progress,
+    )  # fmt: skip
+    return replace(layer, ground_labels=scene.labels.indices(GROUND_CLASSES))
+
+
+def drive_continued(
+    drive: Drive, scene: SceneLabels, left: Surfels, layer: GroundLayer, views: Views
+) -> tuple[list[Surfels], GroundLayer]:
+    """Surfels of what nobody saw of things that were seen in part, house fronts and the feet of what stands upright; and the ground
+    that knows of these feet.
+
+    Args:
+        left: the scene without what is removed; layer: its ground.
+    """
+    ground = layer.chart.ground
+    cameras = [f.camera for f in drive.frames]
+    found: list[Surfels] = []
+    house = scene.labels.index("building")
+    if house is not None:
+        walls, on_wall = left.select(left.labels == house), [label == house for label in views.labels]
+        for is_left in (False, True):
+            chart = read_facade(
+                ground, walls, cameras, views.images, on_wall, views.depths, views.removed, left=is_left
+            )  # fmt: skip
+            front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
+            found += [] if front is None else [front]
+    kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=left.labels.dtype)
+    standing = left.select(torch.isin(left.labels, kinds))
+    feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed)
+    if feet is None:
+        return found, layer
+    return [*found, feet], replace(layer, feet=feet.means.double().numpy())
+
+
+def path_by_lines(
+    ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
+    usable: Sequence[NDArray[np.bool_]],
+) -> StreetPath:  # fmt: skip
+    """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
+
+    Args:
+        images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
+    """
+    chart = read_chart(ground, cameras, images, labels, usable)
+    drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1.0 / chart.texel)
+    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel)
+
+
+def ground_usable(
+    label: NDArray[np.int64],
+    labels: LabelSet,
+    removed: NDArray[np.bool_],
+    ground_depth: NDArray[np.float64],
+    scene_depth: NDArray[np.floating],
+) -> NDArray[np.bool_]:
+    """(H, W) pixels that show nothing but ground.
+
+    Args:
+        label: (H, W) compact labels; removed: (H, W) with its borders.
+        ground_depth, scene_depth: (H, W) depth of the fitted ground and of the full scene; they must agree.
+    """
+    agree = np.abs(scene_depth - ground_depth) < 0.08 * ground_depth
+    wanted = labels.indices(GROUND_CLASSES)
+    usable = ~removed & np.isfinite(ground_depth)
+    if wanted:
+        on_ground = np.isin(label, wanted)
+        # Labels say it; depth only has to be no contradiction. The border mixes two things.
+        side = 2 * border_px(label.shape[1], 1) + 1
+        inner = cv2.erode(on_ground.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+        return usable & inner
+    return usable & agree
+
+
+def build_ground_layer(
+    ground: Ground,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    label_images: Sequence[NDArray[np.int64]],
+    usable: Sequence[NDArray[np.bool_]],
+    removed: Sequence[NDArray[np.float64]],
+    settings: FillSettings,
+    *,
+    scene: tuple[Surfels, Surfels] | None = None,
+    solid: Sequence[int] = (),
+    plants: Sequence[int] = (),
+    sun: tuple[float, float] | None = None,
+    texel_m: float = 0.04,
+    progress: Progress = no_progress,
+) -> GroundLayer:
+    """Read the chart, mark where removed objects stood, relight and fill it.
+
+    Args:
+        removed: (M, 3) world centres of removed surfels, one array per object.
+        scene: surfels of what stays and of what is removed, whose shadows tell where the sun stands; None leaves the sun out.
+        solid: labels of what is solid down to the ground; plants: labels of vegetation.
+        sun: its azimuth and elevation, degrees; None = looked for.
+    """
+    chart = read_chart(
+        ground, cameras, images, label_images, usable, texel_m=texel_m, progress=progress
+    )  # fmt: skip
+    footprint = _footprint(chart, removed)
+    light = None if scene is None else light_of_scene(
+        chart, *scene, footprint=footprint, cameras=cameras,
+        solid=solid, plants=plants, given=sun,
+    )  # fmt: skip
+    filled = fill_chart(chart, footprint, settings, light=light, progress=progress)
+    return GroundLayer(
+        filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
+    )
+
+
+def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """(A, B) texels that removed objects stand on: the hull of each object's low surfels."""
+    footprint = np.zeros(chart.source.shape, dtype=np.uint8)
+    ground = chart.ground
+    for means in removed:
+        street = ground.path.to_street(means)
+        above = ground.over(street)
+        row, column, on_chart = chart.index_of(street)
+        low = on_chart & (above < 2.5) & (above > -0.5)
+        if low.sum() < 3:
+            continue
+        own = np.zeros_like(footprint)
+        own[row[low], column[low]] = 1
+        if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12.0:
+            # Strays would stretch the hull: only texels with company count.
+            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
+            count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
+            areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
+            least = max(0.15, 0.25 * areas[1:].max(initial=0.0))
+            large = [k for k in range(1, count) if areas[k] > least]
+            rows, columns = np.nonzero(np.isin(component, large))
+            if len(rows) >= 3:
+                hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
+                cv2.fillConvexPoly(footprint, hull, 1)
+        footprint |= own
+    return footprint.astype(bool)

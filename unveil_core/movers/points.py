@@ -1,0 +1,110 @@
+"""Which of the drive's points lie on movers: a LiDAR draws a thing that drives along as a trail through the empty street."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.ground.sparse import GroundPoints
+from unveil_core.movers.contacts import Contacts
+from unveil_core.movers.seen_through import Body, Sight
+
+__all__ = ["points_along_track", "points_behind_contacts"]
+
+OVER_GROUND_M = 0.12
+"""What lies lower is the ground itself."""
+SIDE_M = 2.0
+"""Contacts that reach so far in depth show a thing's long side; behind them lies no more than its width."""
+LONG_SHARE = 2.0
+"""Seen from its end a thing may reach so many times its width farther."""
+BEYOND_M = 20.0
+"""A LiDAR sees a thing before and after the camera does: its way is prolonged by so much."""
+STEP_M = 0.5
+
+
+def points_behind_contacts(
+    points: NDArray[np.float64],
+    mask: NDArray[np.bool_],
+    contacts: Contacts,
+    camera: Camera,
+    body: Body,
+    ground: GroundPoints,
+) -> NDArray[np.bool_]:
+    """(P,) points within a mover as one frame shows it: in its pixels, and no farther behind its contacts than it may reach.
+
+    Args:
+        points: (P, 3) world; mask: (H, W) of the mover; contacts: its own, may be uncertain.
+    """
+    inside = np.zeros(len(points), dtype=bool)
+    if not len(contacts):
+        return inside
+    pixel, depth = camera.project(points)
+    index = np.flatnonzero(camera.in_picture(pixel, depth))
+    index = index[mask[pixel[index, 1].astype(int), pixel[index, 0].astype(int)]]
+    if not len(index):
+        return inside
+    nearest = np.abs(pixel[index, 0, None] - (contacts.columns[None] + 0.5)).argmin(axis=1)
+    long_side = float(np.ptp(contacts.depth)) > SIDE_M
+    reach = body.depth_m * (1.0 if long_side else LONG_SHARE)
+    error = 2 * contacts.error[nearest]
+    behind = depth[index] - contacts.depth[nearest]
+    hit = (behind > -0.4 - error) & (behind < reach + error)
+    index = index[hit]
+    inside[index] = ground.above(points[index]) > OVER_GROUND_M
+    return inside
+
+
+def points_along_track(
+    points: NDArray[np.float64],
+    track: NDArray[np.float64],
+    height: float,
+    sights: Sequence[Sight],
+    body: Body,
+    ground: GroundPoints,
+) -> NDArray[np.bool_]:
+    """(P,) points on the way of a mover: amid it all that no frames show to stand there, beside it and where the camera did
+    not see the mover pass only what other frames look through.
+
+    Args:
+        points: (P, 3) world; track: (K, 3) places in its middle, on the ground, one a frame, in order of time, K >= 2.
+        height: of the mover, metres.
+        sights: of all frames; ``taken`` of what may stand in the street, poles as well, and does not move.
+    """
+    found = np.zeros(len(points), dtype=bool)
+    way = (track @ ground.axes.T)[:, :2]
+    travelled = np.linalg.norm(way[-1] - way[0])
+    if travelled < body.drift_m / 3:
+        return found
+    ahead = (way[-1] - way[0]) / travelled
+    # It was where its contacts were, and as far beyond them as it is long.
+    own = body.drift_m * ahead
+    ends = [way[0] - own, *way, way[-1] + own]
+    ends = [ends[0] - BEYOND_M * ahead, *ends, ends[-1] + BEYOND_M * ahead]
+    dense = []
+    for a, b in zip(ends[:-1], ends[1:], strict=True):
+        count = max(2, int(np.linalg.norm(b - a) / STEP_M) + 1)
+        dense.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
+    local = points @ ground.axes.T
+    reach = body.depth_m
+    near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
+    amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
+    index = np.flatnonzero(np.isfinite(near))
+    above = ground.above(points[index])
+    index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
+    through, taken, seen = (np.zeros(len(index), np.int64) for _ in range(3))
+    for sight in sights:
+        camera = sight.camera
+        pixel, depth = camera.project(points[index])
+        inside = np.flatnonzero(camera.in_picture(pixel, depth))
+        row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
+        through[inside] += sight.open[row, column]
+        taken[inside] += sight.taken[row, column]
+        seen[inside] += 1
+    open_ = (through >= 2) & (through > taken)
+    swept = np.isfinite(amid[index]) & (2 * taken < np.maximum(seen, 1))
+    found[index[open_ | swept]] = True
+    return found

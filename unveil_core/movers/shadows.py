@@ -1,0 +1,125 @@
+"""A mover's own shadow in one frame: ground beside it that is dark here and lit in most other frames.
+
+What stands casts its shadow in all frames alike, so a place that is darker than other frames show it tells of a mover.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px
+from unveil_core.ground.sparse import GroundPoints
+
+__all__ = ["mover_shadow"]
+
+DARK = 0.8
+"""Shadow is darker than this share of what most other frames show of the place."""
+REACH = 2.5
+"""So many heights of the mover in the image its shadow may reach beyond it."""
+OTHERS, FEWEST_OTHERS = 16, 3
+"""At most so many other frames are asked for a place, and so many must show it."""
+AROUND = 400
+"""About so many places farther off say how much brighter or darker this photograph is than the others."""
+ALMOST_LIT, ALIKE = 0.9, 1.25
+"""Shadow goes on where brightness is less than so many times its median and others do not show that it is lit, by this share."""
+TOUCH_PX = 4
+"""So far from a mover its shadow may begin, pixels at 384, see :func:`unveil_core.geometry.images.border_px`."""
+
+
+def mover_shadow(
+    frame: int,
+    mask: Mask,
+    cameras: Sequence[Camera],
+    gray: Callable[[int], NDArray[np.float32]],
+    plain: Callable[[int], Mask],
+    ground: GroundPoints,
+) -> Mask:
+    """(H, W) pixels of a frame in the shadow of its movers.
+
+    Args:
+        frame: which; mask: (H, W) of its movers, all False where it has none.
+        cameras: of all frames; gray: gives (H, W) brightness of frame v; plain: its pixels that show ground and no mover.
+    """
+    camera = cameras[frame]
+    none = np.zeros(mask.shape, dtype=bool)
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return none
+    count, component, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    region = np.zeros(mask.shape, np.uint8)
+    for k in range(1, count):
+        x, y, w, h = stats[k, :4]
+        reach = int(REACH * h) + 2
+        # Beside what casts it, and before it: behind it the thing itself hides the ground.
+        region[y : y + h + h // 2 + 2, max(0, x - reach) : x + w + reach] = 1
+    here = plain(frame)
+    near = here & region.astype(bool) & ~mask
+    far = np.flatnonzero(here & ~region.astype(bool))
+    far = far[:: max(1, len(far) // AROUND)]
+    asked = np.concatenate([np.flatnonzero(near), far])
+    if not near.any():
+        return none
+    row, column = np.unravel_index(asked, mask.shape)
+    pixels = np.stack([column + 0.5, row + 0.5], axis=1)
+    depth = ground.intersect(camera, pixels)
+    local = np.stack(
+        [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels))], 1
+    )
+    known = np.isfinite(depth)
+    places = camera.centre + np.where(known, depth, 0.0)[:, None] * (local @ camera.world_to_camera[:3, :3])
+    order = sorted((v for v in range(len(cameras)) if v != frame), key=lambda v: (abs(v - frame), v))
+    if len(order) > OTHERS:  # near and far ones: near ones show it best, in far ones the mover has gone
+        order = order[:: max(1, len(order) // OTHERS)][:OTHERS]
+    shown = np.full((len(order), len(asked)), np.nan, np.float32)
+    for k, v in enumerate(order):
+        other = cameras[v]
+        pixel, away = other.project(places)
+        ok = known & other.in_picture(pixel, away, nearest=0.0) & (away < 3 * depth)
+        index = np.flatnonzero(ok)
+        r, c = pixel[index, 1].astype(int), pixel[index, 0].astype(int)
+        free = plain(v)[r, c]
+        shown[k, index[free]] = gray(v)[r[free], c[free]]
+    enough = np.isfinite(shown).sum(axis=0) >= FEWEST_OTHERS
+    typical = np.ones(len(asked), np.float32)
+    typical[enough] = np.nanmedian(shown[:, enough], axis=0)
+    ratio = np.where(enough, gray(frame)[row, column] / np.maximum(typical, 1.0), np.nan)
+    beside = ratio[near.sum() :]
+    exposure = float(np.nanmedian(beside)) if np.isfinite(beside).sum() >= 20 else 1.0
+    dark = none.copy()
+    dark[row[: near.sum()], column[: near.sum()]] = ratio[: near.sum()] < DARK * exposure
+    dark = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)).astype(bool)
+    seed = cv2.dilate(
+        mask.astype(np.uint8), np.ones((2 * border_px(camera.width, TOUCH_PX) + 1,) * 2, np.uint8)
+    ).astype(bool)
+    count, component = cv2.connectedComponents((dark | mask).astype(np.uint8), connectivity=8)
+    touching = np.zeros(count, dtype=bool)
+    touching[np.unique(component[seed & (dark | mask)])] = True
+    touching[0] = False
+    shadow = _whole(touching[component] & dark, near, (row, column), ratio / exposure, gray(frame))
+    grown = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * border_px(camera.width) + 1,) * 2, np.uint8)).astype(bool)
+    return grown & (here | seed) & ~mask
+
+
+def _whole(
+    shadow: Mask, near: Mask, asked: tuple[NDArray[np.int64], NDArray[np.int64]], ratio: NDArray[np.floating],
+    gray: NDArray[np.float32],
+) -> Mask:  # fmt: skip
+    """A shadow (H, W) with the ground beside it that is as dark and of which too few other frames tell.
+
+    Args:
+        near: (H, W) ground to consider; asked: rows and columns (N,) of the pixels whose ``ratio`` (N,) is known, or nan.
+        gray: (H, W) brightness.
+    """
+    if not shadow.any():
+        return shadow
+    lit = np.zeros(shadow.shape, dtype=bool)
+    lit[asked] = ratio >= ALMOST_LIT
+    alike = near & ~lit & (gray < ALIKE * np.median(gray[shadow]))
+    _, component = cv2.connectedComponents((alike | shadow).astype(np.uint8), connectivity=8)
+    return np.isin(component, np.unique(component[shadow])) & (alike | shadow)

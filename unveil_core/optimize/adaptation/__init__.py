@@ -1,0 +1,1 @@
+"""Choices made from held-out blocks: iterations, surfels, sky resolution, colour degree."""

@@ -1,0 +1,1 @@
+"""One training step: parameters, losses, Adam, density control, schedule."""

@@ -1,0 +1,205 @@
+"""The optimization, shared by reconstruction and re-optimization.
+
+Two stages as in *3D StreetUnveiler*: first colour and labels with density control, then the geometric terms
+(L_d, L_n, L_ds) with opacity pruning. Who calls decides how many steps of which kind are taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy, deepcopy
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from unveil_core.optimize.training.adam import Adam
+from unveil_core.optimize.training.density import DensityControl, DensitySettings
+from unveil_core.optimize.training.losses import (
+    LossWeights,
+    depth_prior,
+    l1_dssim,
+    normal_consistency,
+    semantic_cross_entropy,
+)
+from unveil_core.optimize.training.parameters import LearningRates, TrainableSurfels
+from unveil_core.optimize.training.soft_labels import render_soft_labels
+from unveil_core.optimize.training.views import TrainingView
+from unveil_core.raster import Rendered, render
+from unveil_core.surfels.sky import Sky
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["Optimization", "TrainSettings"]
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """What a step does.
+
+    Attributes:
+        weights: of the losses.
+        density: density control, None = the set of surfels is fixed.
+        prune_opacity: surfels fainter than this go when it is time to prune (paper: 0.3), except ``spared_labels``.
+        sky_rate: Adam step of the sky panorama, 0 = fixed.
+        soft_labels: whether labels are probabilities that are trained; for comparison.
+        near, far: metres; the range that distortion is measured in.
+    """
+
+    weights: LossWeights = field(default_factory=LossWeights)
+    density: DensitySettings | None = None
+    prune_opacity: float = 0.3
+    sky_rate: float = 2e-3
+    soft_labels: bool = False
+    near: float = 0.2
+    far: float = 100.0
+
+
+class Optimization:
+    """Surfels and a sky on their way to fit views.
+
+    Args:
+        surfels: the start, N surfels.
+        sky: the sky; its texture is trained unless ``sky_rate`` is 0.
+        settings, rates: see there.
+        label_count: K.
+        sky_label: compact label of the sky or None.
+        spared_labels: labels that opacity pruning leaves alone.
+        moving: (N,) bool, surfels that may change; None = all. Then the set of surfels is fixed.
+        seed: order of the views.
+    """
+
+    def __init__(
+        self,
+        surfels: Surfels,
+        sky: Sky,
+        settings: TrainSettings,
+        rates: LearningRates,
+        *,
+        label_count: int,
+        sky_label: int | None,
+        spared_labels: Sequence[int] = (),
+        moving: Tensor | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.settings, self.label_count, self.sky_label, self.moving = settings, label_count, sky_label, moving
+        self.spared = torch.tensor(list(spared_labels), dtype=torch.int64)
+        self.trainable = TrainableSurfels(surfels, rates, soft_labels=label_count if settings.soft_labels else 0)
+        self.sky = sky
+        self.texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
+        self._sky_adam = Adam(self.texture, settings.sky_rate) if settings.sky_rate > 0 else None
+        fixed = settings.density is None or moving is not None
+        self.density = None if fixed else DensityControl(settings.density, len(surfels))  # type: ignore[arg-type]
+        self._generator = np.random.default_rng(seed)
+        self._order: list[int] = []
+        self.loss = float("nan")
+        """Exponential mean over the steps."""
+
+    def __len__(self) -> int:
+        return len(self.trainable)
+
+    def copy(self) -> Optimization:
+        """The same state, to go on from on its own: a trial that may be thrown away."""
+        twin = copy(self)
+        twin.trainable = self.trainable.copy()
+        twin.texture = self.texture.detach().clone().requires_grad_(self.settings.sky_rate > 0)
+        twin._sky_adam = None if self._sky_adam is None else self._sky_adam.copy(twin.texture)
+        twin.density, twin._generator = deepcopy(self.density), deepcopy(self._generator)
+        twin._order = list(self._order)
+        return twin
+
+    def step(self, views: Sequence[TrainingView], *, geometry: bool, done: float) -> None:
+        """One view, one change; all views have their turn before one comes again.
+
+        Args:
+            views: the targets; their number stays the same, their resolution may not.
+            geometry: whether the terms of the second stage count (L_d, L_n, L_ds, L_alpha).
+            done: how much of the schedule is over, 0 to 1.
+        """
+        if not self._order:
+            self._order = self._generator.permutation(len(views)).tolist()
+        view = views[self._order.pop()]
+        current = self.trainable.surfels
+        out = self._render(current, view, geometry)
+        loss = self._loss(out, current, view, geometry)
+        loss.backward()  # type: ignore[no-untyped-call]
+        value = loss.item()
+        self.loss = value if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * value
+        if self.density is not None:
+            _observe(self.density, out, current, view)
+        self.trainable.step(self.moving, done=done)
+        if self._sky_adam is not None:
+            self._sky_adam.step()
+
+    def _render(self, current: Surfels, view: TrainingView, geometry: bool) -> Rendered:
+        w, s = self.settings.weights, self.settings
+        planes = ["rgb", "alpha"]
+        if w.semantic > 0 and view.labels is not None and not s.soft_labels:
+            planes.append("semantics")
+        if geometry:
+            planes += ["normal"] if w.normal > 0 else []
+            planes += ["depth"] if w.normal > 0 or (w.depth > 0 and view.depth is not None) else []
+            planes += ["distortion"] if w.distortion > 0 else []
+            planes += ["label_distortion"] if w.label_distortion > 0 else []
+        return render(current, view.camera, planes, label_count=self.label_count, near=s.near, far=s.far)
+
+    def _loss(self, out: Rendered, current: Surfels, view: TrainingView, geometry: bool) -> Tensor:
+        w = self.settings.weights
+        assert out.rgb is not None and out.alpha is not None
+        image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_grid, self.texture)
+        loss = l1_dssim(image, view.image, view.weight, dssim=w.dssim)
+        semantics = out.semantics
+        if self.settings.soft_labels and w.semantic > 0 and view.labels is not None:
+            logits, s = self.trainable.leaves["label_logits"], self.settings
+            semantics = render_soft_labels(current, logits, view.camera, near=s.near, far=s.far)
+        if semantics is not None and view.labels is not None:
+            loss = loss + w.semantic * semantic_cross_entropy(
+                semantics, out.alpha, view.labels, sky_label=self.sky_label, weight=view.weight
+            )
+        if out.distortion is not None:
+            loss = loss + w.distortion * out.distortion.mean()
+        if out.label_distortion is not None:
+            loss = loss + w.label_distortion * out.label_distortion.mean()
+        if out.normal is not None and out.depth is not None:
+            loss = loss + w.normal * normal_consistency(out.normal, out.depth, out.alpha, view.rays, view.weight)
+        if geometry and w.depth > 0 and view.depth is not None and out.depth is not None:
+            loss = loss + w.depth * depth_prior(out.depth, out.alpha, view.depth)
+        if geometry and w.opacity > 0:
+            loss = loss + w.opacity * torch.sigmoid(current.opacity_logits).mean()
+        return loss
+
+    def _settle_labels(self) -> None:
+        """Of soft labels the likeliest is the surfel's."""
+        if self.settings.soft_labels:
+            self.trainable.labels = self.trainable.leaves["label_logits"].detach().argmax(dim=1)
+
+    def grow(self) -> None:
+        """Density control acts, where there is any."""
+        self._settle_labels()
+        if self.density is not None:
+            self.density.act(self.trainable)
+
+    def prune(self) -> None:
+        """Faint surfels go."""
+        self._settle_labels()
+        opacity = torch.sigmoid(self.trainable.leaves["opacity_logits"].detach())
+        keep = (opacity >= self.settings.prune_opacity) | torch.isin(self.trainable.labels, self.spared)
+        if not bool(keep.all()):
+            self.trainable.keep(keep)
+            if self.density is not None:
+                self.density.clear(len(self.trainable))
+
+    def result(self) -> tuple[Surfels, Sky]:
+        """The surfels and the sky as they are now, detached."""
+        self._settle_labels()
+        return self.trainable.surfels.detach(), Sky(self.texture.detach().clone(), self.sky.axes)
+
+
+def _observe(density: DensityControl, out: Rendered, surfels: Surfels, view: TrainingView) -> None:
+    with torch.no_grad():
+        camera = view.camera
+        row = torch.from_numpy(camera.world_to_camera[2].astype(np.float32))
+        # Element by element: a matrix product may round differently with the memory's alignment, and splits hang on it.
+        depth = ((surfels.means.detach() * row[:3]).sum(dim=1) + row[3]).clamp_min(1e-3)
+        width = surfels.log_scales.detach().amax(dim=1).exp() * camera.fx / depth
+        density.observe(out.screen_gradients(), out.visible, max(camera.width, camera.height) / 2, width)

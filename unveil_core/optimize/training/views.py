@@ -1,0 +1,69 @@
+"""What the optimization compares its renders with: photographs, labels and sky directions as tensors, at any resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.training.losses import camera_rays
+from unveil_core.surfels.sky import Sky
+
+__all__ = ["TrainingView", "training_view"]
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingView:
+    """One target of the optimization.
+
+    Attributes:
+        camera: at the resolution of the tensors.
+        image: (H, W, 3) float32 in [0, 1].
+        labels: (H, W) int64 compact labels, negative = ignore; None = no semantics.
+        weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
+        sky_grid: (1, H, W, 2) where the sky panorama is sampled.
+        rays: (H, W, 3) camera-frame rays with unit z.
+        depth: (H, W) depth that is expected here, metres along the optical axis, 0 where there is no expectation; None =
+            nowhere.
+    """
+
+    camera: Camera
+    image: Tensor
+    labels: Tensor | None
+    weight: Tensor | None
+    sky_grid: Tensor
+    rays: Tensor
+    depth: Tensor | None = None
+
+
+def training_view(
+    camera: Camera,
+    image: NDArray[np.uint8],
+    labels: NDArray[np.int64] | None,
+    weight: NDArray[np.float32] | None,
+    sky: Sky,
+    *,
+    factor: float = 1.0,
+) -> TrainingView:
+    """Build a view, optionally smaller: the image by area, labels by nearest."""
+    if factor != 1.0:
+        size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        if labels is not None:
+            labels = cv2.resize(labels.astype(np.int16), size, interpolation=cv2.INTER_NEAREST).astype(np.int64)
+        if weight is not None:
+            weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+        camera = camera.resized(*size)
+    return TrainingView(
+        camera=camera,
+        image=torch.from_numpy(image.astype(np.float32) / 255),
+        labels=None if labels is None else torch.from_numpy(np.ascontiguousarray(labels)),
+        weight=None if weight is None else torch.from_numpy(np.ascontiguousarray(weight, dtype=np.float32)),
+        sky_grid=sky.grid(camera),
+        rays=camera_rays(camera),
+    )

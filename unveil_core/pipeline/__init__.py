@@ -1,0 +1,1 @@
+"""The stage graph, its runner and the settings of a run."""

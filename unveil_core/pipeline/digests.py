@@ -1,0 +1,69 @@
+"""Digests of everything that a stage depends on: they decide whether it is up to date."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from unveil_core.base.files import write_json_atomic
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.source_digest import code_digest
+from unveil_core.pipeline.stage import Stage
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["Digests", "input_hash"]
+
+
+class Digests:
+    """Content digests of files, remembered by size and time of change."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self.root = workspace.root
+        self.path = workspace.root / ".digests.json"
+        self.known: dict[str, list] = {}  # type: ignore[type-arg]
+        with suppress(OSError, ValueError):
+            self.known = json.loads(self.path.read_text())
+        self.used: set[str] = set()
+
+    def of_file(self, path: Path) -> str:
+        """The digest of a file's content; it is read only if size or time of change are others than last time."""
+        stat = path.stat()
+        key = str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path.absolute())
+        self.used.add(key)
+        held = self.known.get(key)
+        if held and held[0] == stat.st_size and held[1] == stat.st_mtime_ns:
+            return str(held[2])
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+        self.known[key] = [stat.st_size, stat.st_mtime_ns, digest]
+        return digest
+
+    def of(self, path: Path) -> list[tuple[str, str]]:
+        """(relative name, digest) of a file or of all files in a folder."""
+        if path.is_dir():
+            return [(str(p.relative_to(path)), self.of_file(p)) for p in sorted(path.rglob("*")) if p.is_file()]
+        return [("", self.of_file(path))] if path.is_file() else [("", "absent")]
+
+    def of_outside(self, files: Iterable[tuple[str, Path]]) -> list[tuple[str, str]]:
+        """(name, digest) of files outside the workspace, each given with the name under which it counts."""
+        return [(name, self.of_file(path) if path.is_file() else "absent") for name, path in files]
+
+    def save(self) -> None:
+        """Write what is remembered; files that are gone are forgotten."""
+        kept = {k: v for k, v in self.known.items() if k in self.used or (self.root / k).is_file()}
+        write_json_atomic(self.path, kept)
+
+
+def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:
+    """Digest of everything that a stage's result depends on: code, settings, and the content of all files that it reads."""
+    values = settings.to_json()
+    files = settings.files  # of these the content counts, see Stage.outside
+    parts: list[object] = [stage.name, stage.variant, code_digest(stage.run)]
+    parts += [{k: values[k] for k in stage.settings if k not in files}]
+    parts += [(name, digests.of(workspace.root / name)) for name in stage.inputs]
+    if stage.outside is not None:
+        parts += [digests.of_outside(stage.outside(workspace, settings, drive))]
+    return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()

@@ -1,0 +1,28 @@
+"""The stages in the order of their dependence. Each declares what it reads and writes in its own module of ``steps``."""
+
+from __future__ import annotations
+
+from unveil_core.pipeline.stage import Stage
+from unveil_core.pipeline.steps import (
+    choose,
+    import_,
+    inpaint,
+    instances,
+    mesh,
+    objects,
+    reconstruct,
+    remove,
+    reoptimize,
+    report,
+    segment,
+)
+
+__all__ = ["STAGES"]
+
+STAGES: tuple[Stage, ...] = tuple(
+    step.STAGE
+    for step in (
+        import_, objects, segment, choose, reconstruct, instances, remove, inpaint, reoptimize, mesh, report,
+    )
+)  # fmt: skip
+"""All stages in the order of their dependence."""

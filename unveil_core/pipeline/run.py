@@ -1,0 +1,77 @@
+"""run(): a drive in, an empty street out."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from unveil_core.base.errors import UnveilError
+from unveil_core.drives import open_drive
+from unveil_core.drives.check import check_drive
+from unveil_core.drives.marked import marked_objects
+from unveil_core.inpaint.frames.keyframe_plan import named_frames
+from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.runner import run_stages
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, Stage, silent
+from unveil_core.semantics.labels import choose_labels
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["run", "run_verb", "stage_named"]
+
+
+def stage_named(name: str) -> Stage:
+    """The stage of that name."""
+    return next(s for s in STAGES if s.name == name)
+
+
+def run(
+    drive: str | Path, workspace: str | Path, settings: RunSettings | None = None, *, until: str | None = None,
+    reporter: Reporter = silent,
+) -> Workspace:  # fmt: skip
+    """Run everything that is missing or changed, from a drive on disk to the report.
+
+    Args:
+        drive: a transforms.json, a COLMAP folder, or a folder that holds one.
+        workspace: folder of the results; made if need be, gone on with if it is there.
+        settings: what to remove and how; defaults remove everything removable.
+        until: name of the last stage to run.
+        reporter: receives each event as a dict.
+    Raises:
+        UnveilError: bad input; a workspace that this call made is gone again.
+        Cancelled: SIGINT or SIGTERM; calling again goes on.
+    """
+    settings = settings or RunSettings()
+    names = [s.name for s in STAGES]
+    stages = STAGES[: names.index(until) + 1] if until else STAGES
+    fresh = not Path(workspace).exists()
+    if not (Path(workspace) / "workspace.json").is_file():
+        # Before anything is made: whether the drive is whole and the selection selects something.
+        opened = open_drive(drive)
+        check_drive(opened)
+        if until not in ("import", "objects"):  # before the choice is made
+            marked = {m.id for m in marked_objects(settings.marked)}
+            own = [i for i in settings.instances if i not in marked]
+            if own or settings.remove or not settings.instances:
+                choose_labels(opened, settings.remove, own)
+    if settings.keyframes:
+        named_frames(open_drive(drive).frames, settings.keyframes)
+    space = Workspace.create(workspace)
+    try:
+        run_stages(space, stages, settings, Path(drive).absolute(), reporter=reporter)
+    except UnveilError:
+        if fresh and not space.drive_dir.exists():
+            shutil.rmtree(space.root, ignore_errors=True)
+        raise
+    return space
+
+
+def run_verb(
+    name: str, workspace: str | Path, settings: RunSettings | None = None, *, reporter: Reporter = silent
+) -> bool:
+    """Run one stage of an existing workspace, if it is not up to date; returns whether it ran."""
+    space = Workspace.open(workspace)
+    state = space.state()
+    settings = settings or RunSettings.from_json(state.get("settings", {}))
+    drive = Path(str(state.get("drive", "")))
+    return bool(run_stages(space, [stage_named(name)], settings, drive, reporter=reporter))

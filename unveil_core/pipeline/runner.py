@@ -1,0 +1,214 @@
+"""Runs stages: skips what is up to date, redoes what changed, survives a kill at any moment.
+
+A stage writes into a folder of its own; when it has finished, its outputs are renamed into place under a journal (see
+``workspace.journal``). The ``input_hash`` in workspace.json belongs to the outputs that lie there, whatever became of later
+attempts: a cancelled or failed attempt leaves the finished result valid.
+"""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
+from unveil_core.base.files import disk_is_full
+from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.pipeline.digests import Digests, input_hash
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Reporter, Stage, StageContext, silent
+from unveil_core.workspace.journal import PARTIAL, commit, recover
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["depends_on", "is_current", "run_stages"]
+
+
+@contextmanager
+def _signals(flag: threading.Event) -> Iterator[None]:
+    """SIGINT and SIGTERM (and Ctrl+Break on Windows) raise the flag; the next progress call ends the work."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heeded = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, n)]
+    previous = {s: signal.signal(s, lambda *_: flag.set()) for s in heeded}
+    try:
+        yield
+    finally:
+        for s, handler in previous.items():
+            signal.signal(s, handler)
+
+
+def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool:
+    """Whether an input is one of the outputs, a folder that holds one, or lies in one."""
+    return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in outputs)
+
+
+def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
+    """The input hashes of the stages whose outputs a stage reads: with them one can tell at a glance what is stale."""
+    return {
+        name: entry["input_hash"]
+        for name, entry in recorded.items()
+        if name != stage.name and "input_hash" in entry and depends_on(stage.inputs, entry.get("outputs", ()))
+    }
+
+
+@contextmanager
+def _room_on(root: Path) -> Iterator[None]:
+    """Errors for want of space become the one line that says so."""
+    try:
+        yield
+    except OSError as error:
+        if disk_is_full(error, root):
+            raise DiskFullError(root) from error
+        raise
+
+
+def run_stages(
+    workspace: Workspace,
+    stages: Sequence[Stage],
+    settings: RunSettings,
+    drive: Path,
+    *,
+    force: bool = False,
+    reporter: Reporter = silent,
+) -> list[str]:
+    """Run stages in order, each only if something that it depends on has changed.
+
+    Args:
+        workspace: where.
+        stages: in the order of their dependence.
+        settings: recorded in workspace.json.
+        drive: the drive as the user gave it.
+        force: run them even if they are up to date.
+        reporter: receives each event.
+    Returns:
+        names of the stages that ran.
+    Raises:
+        Cancelled: SIGINT or SIGTERM came; the workspace resumes.
+        DiskFullError: no room; the workspace resumes.
+        UnveilError: bad input; the stage's partial output is gone.
+    """
+    ran: list[str] = []
+    for stage in stages:
+        if stage.check is not None:
+            stage.check(settings)
+    stop = threading.Event()
+    with _room_on(workspace.root), workspace.lock(), _signals(stop):
+        recover(workspace)
+        digests = Digests(workspace)
+        workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
+        for stage in stages:
+            missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
+            if missing:
+                raise WorkspaceError(
+                    f"has no {missing[0]}, which {stage.name} needs",
+                    path=workspace.root,
+                    mend="run the stages before it, or `unveil run`",
+                )
+            wanted = input_hash(stage, workspace, settings, drive, digests)
+            all_recorded = workspace.state().get("stages", {})
+            recorded, follows = all_recorded.get(stage.name, {}), _follows(stage, all_recorded)
+            if not force and is_current(stage, workspace, recorded, wanted):
+                if recorded.get("status") != "done" or recorded.get("follows") != follows or "attempt" in recorded:
+                    # After a broken-off attempt with other settings, or made from other inputs of the same content.
+                    kept = {k: v for k, v in recorded.items() if k != "attempt"}
+                    workspace.replace_stage(stage.name, {**kept, "status": "done", "follows": follows})
+                reporter(workspace.log(stage.name, "up to date", done=1, total=1))
+                continue
+            _Attempt(workspace, stage, settings, drive, stop, reporter).make(wanted, follows)
+            ran.append(stage.name)
+            digests.save()
+    return ran
+
+
+def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str) -> bool:
+    """Whether a stage's outputs are there and were made from what its input hash ``wanted`` says."""
+    return recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
+
+
+@dataclass
+class _Attempt:
+    """One stage being run."""
+
+    workspace: Workspace
+    stage: Stage
+    settings: RunSettings
+    drive: Path
+    stop: threading.Event
+    reporter: Reporter
+    last_logged: float = 0.0
+
+    def make(self, wanted: str, follows: dict[str, str]) -> None:
+        """Run the stage and commit its outputs under the input hash ``wanted``."""
+        stage, workspace = self.stage, self.workspace
+        partial = workspace.root / f"{PARTIAL}{stage.name}"
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        values = self.settings.to_json()
+        chosen = {k: values[k] for k in stage.settings}
+        started = time.monotonic()
+        workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
+        self.reporter(workspace.log(stage.name, "started"))
+        try:
+            facts = stage.run(StageContext(workspace, self.settings, self.progress, self.drive, partial))
+            if self.stop.is_set():
+                raise Cancelled(stage.name)
+        except BaseException as error:
+            shutil.rmtree(partial, ignore_errors=True)
+            self._record_end(error)
+            if isinstance(error, KeyboardInterrupt):
+                raise Cancelled(stage.name) from error
+            raise
+        seconds = round(time.monotonic() - started, 2)
+        record = {
+            "status": "done",
+            "seconds": seconds,
+            "peak_memory_mb": peak_memory_mb(),
+            "input_hash": wanted,
+            "settings": chosen,
+            "outputs": list(stage.outputs),
+            "follows": follows,
+            **(facts or {}),
+        }
+        commit(workspace, stage.name, partial, stage.outputs, record)
+        self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+
+    def progress(self, done: int, total: int, message: str = "", **metrics: float) -> None:
+        """What the stage calls after each unit of work; raises Cancelled where the run is to stop."""
+        if self.stop.is_set():
+            raise Cancelled(self.stage.name)
+        now = time.monotonic()
+        if done >= total or now - self.last_logged > 0.2:  # a log of every step would be larger than the result
+            self.last_logged = now
+            rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
+            self.reporter(self.workspace.log(self.stage.name, message, done=done, total=total, **rounded))
+
+    def _record_end(self, error: BaseException) -> None:
+        """Record how an attempt ended; the entries of the result that lies there stay."""
+        status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
+        detail: dict[str, Any] = {}
+        if not isinstance(error, UnveilError | Cancelled):
+            detail["traceback"] = traceback.format_exc()
+        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be said
+            self.workspace.update_stage(self.stage.name, status=status)
+            self.reporter(self.workspace.log(self.stage.name, str(error), level="error", **detail))
+
+
+def _versions() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    from unveil_core import __version__
+
+    found = {"unveil": __version__, "python": platform.python_version()}
+    for name in ("torch", "numpy", "numba", "opencv-contrib-python-headless"):
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found

@@ -1,0 +1,138 @@
+"""What the user decides about a run. Numeric presets per quality live with the modules they drive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
+
+__all__ = ["MOVERS", "ORDERS", "QUALITIES", "RunSettings"]
+
+QUALITIES = ("draft", "standard", "high")
+MOVERS = ("auto", "keep")
+ORDERS = ("reverse", "forward", "independent")
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """Settings of a run, recorded in workspace.json.
+
+    Attributes:
+        remove: class names and groups to remove; empty = everything removable that occurs.
+        instances: ids of single objects to remove.
+        marked: path of a JSON file of objects that a person marked, with boxes or mattes (see ``drives.marked``); made
+            absolute; None = none.
+        quality: "draft", "standard" or "high".
+        device: "auto", "cpu" or "cuda".
+        seed: of everything random.
+        max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
+        shadows: "auto" takes the shadows of what was removed along, "off" leaves them; "AZIMUTH,ELEVATION" in degrees tells
+            where the sun stands instead of looking for it by its shadows (see ``inpaint.sun.sun_towards``).
+        iterations, splats: steps and most surfels of the reconstruction; None = chosen while it runs, by held-out error against
+            cost.
+        sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
+        adapt: False takes all that the quality's limits allow instead of choosing.
+        movers: "auto" looks for things that move during the drive, which then go from all frames and never become part of the
+            scene; "keep" takes everything for standing.
+        inpainter: single-image inpainter for what is neither ground nor seen from anywhere: a name in ``INPAINTERS``, or the
+            path of an ONNX file, which is made absolute.
+        reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
+        order: of the frames when holes are filled, "reverse", "forward" or "independent".
+        keyframes: frames that invent what nobody saw for all others, by stem or number (see ``inpaint.drive_plan.named_frames``);
+            none = chosen by how much each newly shows.
+    """
+
+    remove: tuple[str, ...] = ()
+    instances: tuple[int, ...] = ()
+    quality: str = "standard"
+    device: str = "auto"
+    seed: int = 0
+    max_side: int | None = None
+    shadows: str = "auto"
+    movers: str = "auto"
+    inpainter: str = "exemplar"
+    order: str = "reverse"
+    keyframes: tuple[str, ...] = ()
+    iterations: int | None = None
+    sh_degree: int | None = None
+    splats: int | None = None
+    adapt: bool = True
+    reference_inpainter: str | None = None
+    marked: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
+            raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+        if self.marked is not None:
+            object.__setattr__(self, "marked", str(Path(self.marked).expanduser().absolute()))
+        for name, path in self.networks.items():  # a later call may come from another folder
+            object.__setattr__(self, name, str(path.expanduser().absolute()))
+        for name, value, known in (
+            ("quality", self.quality, QUALITIES),
+            ("device", self.device, ("auto", "cpu", "cuda")),
+            ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
+            ("order", self.order, ORDERS),
+            ("movers", self.movers, MOVERS),
+        ):
+            if value not in known:
+                raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")
+        if self.shadows not in ("auto", "off") and self.sun is None:
+            raise SettingsError(
+                f"unknown shadows {self.shadows!r}",
+                mend="use auto, off, or the sun's azimuth and elevation in degrees, as 135,40",
+            )
+        if self.keyframes and self.order == "independent":
+            raise SettingsError(
+                "keyframes are of no use when each frame is filled for itself",
+                mend="leave them out, or use another order",
+            )
+        if self.max_side is not None and self.max_side < 32:
+            raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
+        for name, given, low, high in (
+            ("iterations", self.iterations, 20, 1_000_000), ("sh_degree", self.sh_degree, 0, 3),
+            ("splats", self.splats, 100, 20_000_000),
+        ):  # fmt: skip
+            if given is not None and not low <= given <= high:
+                raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
+        if self.seed < 0:
+            raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
+        if self.device == "cuda":
+            raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
+
+    @property
+    def sun(self) -> tuple[float, float] | None:
+        """Azimuth and elevation of the sun, degrees, where ``shadows`` gives them."""
+        try:
+            azimuth, elevation = (float(part) for part in self.shadows.split(","))
+        except ValueError:
+            return None
+        return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that settings name, by setting: of them the content counts."""
+        marked = {} if self.marked is None else {"marked": Path(self.marked)}
+        return {**self.networks, **marked}
+
+    @property
+    def networks(self) -> dict[str, Path]:
+        """The networks that settings name, by setting."""
+        return {
+            name: Path(value)
+            for name, value in (("inpainter", self.inpainter), ("reference_inpainter", self.reference_inpainter))
+            if value is not None and is_file(value)
+        }
+
+    def to_json(self) -> dict[str, object]:
+        """A JSON-able dict."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
+
+    @staticmethod
+    def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
+        """Inverse of :meth:`to_json`."""
+        known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return RunSettings(**known)

@@ -1,0 +1,1 @@
+"""The stages, one a module: what each reads, computes and writes."""

@@ -1,0 +1,40 @@
+"""Stage ``mesh``: the full and the empty street as fused meshes."""
+
+from __future__ import annotations
+
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.mesh import fuse, write_glb, write_ply
+from unveil_core.mesh.views import depth_views
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.surfels.ply import read_surfels
+
+__all__ = ["STAGE"]
+
+MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
+"""Edge of a voxel of the fused meshes, metres."""
+
+
+def run(context: StageContext) -> None:
+    """meshes/full.ply, meshes/empty.ply, meshes/empty.glb."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    voxel = MESH_VOXEL_M[context.settings.quality]
+    for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
+        surfels = read_surfels(path)
+        mesh = fuse(
+            depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M), voxel_size=voxel, max_depth=30.0,
+            progress=context.progress,
+        )  # fmt: skip
+        write_ply(mesh, context.output(f"meshes/{state}.ply"), drive.to_world)
+        if state == "empty":
+            write_glb(mesh, context.output("meshes/empty.glb"), drive.to_world)
+
+
+STAGE = Stage(
+    "mesh",
+    run,
+    inputs=("drive", "surfels/full.ply", "surfels/empty.ply"),
+    outputs=("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"),
+    settings=("quality",),
+)

@@ -1,0 +1,70 @@
+"""Stage ``reconstruct``: surfels, sky and exposures from points and photographs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from unveil_core.drives.exposure import write_exposures
+from unveil_core.drives.imported import read_imported
+from unveil_core.optimize.adaptation.choices import CHOICES
+from unveil_core.optimize.exposure import fit_exposures
+from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.surfels.ply import write_surfels
+from unveil_core.surfels.sky import save_sky
+from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.movers import read_moving
+
+__all__ = ["STAGE"]
+
+
+def asked_for(settings: RunSettings) -> ReconstructSettings:
+    """The quality's limits, and what the user has decided instead.
+
+    Colour by direction only if asked for: it explains the photographs better, but from where a removed object hid a wall nobody
+    saw the wall's colour, and what it is guessed to be there shows the object's ghost.
+    """
+    preset = PRESETS[settings.quality]
+    given = {
+        "iterations": settings.iterations, "sh_degree": settings.sh_degree or 0, "budget": settings.splats,
+    }  # fmt: skip
+    decided: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))
+
+
+def run(context: StageContext) -> Facts:
+    """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
+    return reconstruct_with(context, asked_for(context.settings))
+
+
+def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Facts:
+    """What :func:`run` does, with settings of one's own: for comparison."""
+    moving = read_moving(context.workspace.root)
+    drive = moving.standing(read_imported(context.workspace.drive_dir))
+    scene, hidden = load_labels(context.workspace), moving.hidden(drive)
+    exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
+    write_exposures(exposures, context.output("surfels/exposure.json"))
+    done = reconstruct(
+        drive,
+        scene,
+        settings,
+        exposures=exposures,
+        hidden=hidden,
+        seed=context.settings.seed,
+        progress=context.progress,
+    )
+    comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
+    write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=drive.to_world, comments=comments)
+    save_sky(done.sky, context.output("surfels/sky.npz"))
+    return {"choices": done.choices}
+
+
+STAGE = Stage(
+    "reconstruct",
+    run,
+    inputs=("drive", "labels.json", "movers"),
+    outputs=("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
+    settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
+)

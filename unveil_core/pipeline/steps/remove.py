@@ -1,0 +1,136 @@
+"""Stage ``remove``: which surfels and pixels go, and what of the street behind them nobody saw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.files import write_image_atomic
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.marked import MarkedObject, marked_objects, matte
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.inpaint.street_scene import drive_ground
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
+from unveil_core.raster import render
+from unveil_core.remove.behind import empty_street
+from unveil_core.remove.observed import never_seen, seen_view
+from unveil_core.remove.regions import region_map
+from unveil_core.remove.selection import select_removed
+from unveil_core.remove.unsupported import unsupported
+from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
+from unveil_core.workspace.movers import read_moving
+
+__all__ = ["STAGE"]
+
+LOOSE_M = 0.5
+"""How far from an object its loose ends may lie, metres."""
+
+
+def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) pixels in which this frame shows something that goes.
+
+    From the frame's own labels or instances where it has them, else from the rendered share of the removed surfels: so
+    masks on some frames are carried to the others through the scene.
+    """
+    label = frame_labels(frame, scene)
+    known = label >= 0
+    mask = np.isin(label, scene.removed_labels)
+    instances = frame_instances(frame)
+    if scene.instances and instances is not None:
+        mask |= np.isin(instances, scene.instances)
+    elif scene.instances:
+        mask |= rendered > 0.5
+    return mask | (~known & (rendered > 0.5))
+
+
+def marked_pixels(
+    marked: Sequence[MarkedObject], drive: Drive, frame: Frame, rendered: NDArray[np.float32]
+) -> NDArray[np.bool_]:
+    """(H, W) pixels of marked objects: their mattes where this frame has them, else their ``rendered`` share (H, W)."""
+    mattes = [None if m.mattes is None else matte(m.mattes, drive, frame) for m in marked]
+    mask = np.zeros(rendered.shape, dtype=bool)
+    for own in mattes:
+        mask |= rendered > 0.5 if own is None else own
+    return mask
+
+
+def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) surfels that go because no masked frame backs them: masks drawn by hand are missing in some frames and loose in others,
+    and where there are no classes, a surfel's label is no more than what most frames say."""
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    cameras = [f.camera for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
+    masks = [np.isin(label, scene.removed_labels) for label in labels if (label >= 0).any()]
+    reach = LOOSE_M
+    return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
+
+
+def run(context: StageContext) -> None:
+    """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_selection(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    of_surfel = load_array(workspace.root / "surfels/instances.npy")
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(drive.up))
+    on_ground = scene.labels.indices(GROUND_CLASSES)
+    if not on_ground:
+        gone |= _loose_ends(drive, scene, surfels, gone)
+    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
+    keep = torch.from_numpy(~gone)
+    left = surfels.select(keep)
+    by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
+    # No label or instance image tells where these are: they are drawn apart.
+    kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
+    told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
+    ground = drive_ground(drive, scene, left)
+    empty = empty_street(drive, surfels, gone, ground, on_ground)
+    moving = read_moving(workspace.root)
+    views = []
+    for done, frame in enumerate(drive.frames):
+        planes = ("alpha", "depth", "semantics")
+        with torch.no_grad():
+            full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
+        assert full.alpha is not None and full.depth is not None and full.semantics is not None
+        share = full.semantics.numpy()
+        own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
+        own |= marked_pixels(by_hand, drive, frame, share[..., 2])
+        label = frame_labels(frame, scene)
+        by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
+        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))
+        context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
+    for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
+        unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
+        removed = grow(view.hidden, border_px(frame.camera.width))
+        save_mask(removed, frame_file(context.output("masks/removed"), frame))
+        save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, view.hidden, unseen))
+        context.progress(len(drive.frames) + done + 1, 2 * len(drive.frames), "finding what nobody saw")
+
+
+STAGE = Stage(
+    "remove",
+    run,
+    inputs=(
+        "drive",
+        "labels.json",
+        "movers",
+        "selection.json",
+        "objects.json",
+        "surfels/full.ply",
+        "surfels/instances.npy",
+    ),
+    outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
+    settings=("marked",),
+    outside=files_of_marked,
+)

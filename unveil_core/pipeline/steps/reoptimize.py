@@ -1,0 +1,90 @@
+"""Stage ``reoptimize``: the scene taught again near removed objects; renders and delivered frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.drives.exposure import read_exposures
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.raster.picture import picture_of
+from unveil_core.remove.selection import near_removed
+from unveil_core.surfels.ply import read_surfels, write_surfels
+from unveil_core.surfels.sky import load_sky
+from unveil_core.surfels.surfels import concatenate
+from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.movers import read_moving
+
+__all__ = ["STAGE"]
+
+
+def run(context: StageContext) -> None:
+    """surfels/empty.ply; renders/ and frames/, each in its own photograph's exposure."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    full = read_surfels(workspace.surfels_full)
+    sky = load_sky(workspace.root / "surfels/sky.npz")
+    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    displaced = load_array(workspace.root / "surfels/displaced.npy").astype(bool)
+    relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
+    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
+    preset = REOPTIMIZE_PRESETS[context.settings.quality]
+    stays = ~(gone | displaced)
+    near = near_removed(full, gone, preset.near_m)
+    surfels = concatenate([full.select(torch.from_numpy(stays)), seeds])
+    movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
+    exposures = read_exposures(workspace.exposure_json)
+    clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
+    empty = reoptimize(
+        surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
+        near=NEAR_M, far=FAR_M, label_count=len(scene.labels),
+        seed=context.settings.seed, progress=context.progress,
+    )  # fmt: skip
+    write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
+    moving = read_moving(workspace.root)
+    for i, frame in enumerate(drive.frames):
+        picture = picture_of(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
+        write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
+        removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
+        shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
+        photograph = read_image(frame.image_path)
+        # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
+        # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
+        taught = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
+        street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
+        delivered = compose_frame(photograph, street, removed | shadows)
+        write_image_atomic(frame_file(context.output("frames"), frame), delivered)
+
+
+STAGE = Stage(
+    "reoptimize",
+    run,
+    inputs=(
+        "drive",
+        "labels.json",
+        "movers",
+        "surfels/full.ply",
+        "surfels/sky.npz",
+        "surfels/exposure.json",
+        "surfels/removed.npy",
+        "surfels/seeds.ply",
+        "surfels/displaced.npy",
+        "surfels/relit.npy",
+        "inpainted",
+        "masks/removed",
+        "masks/shadows",
+    ),
+    outputs=(
+        "surfels/empty.ply",
+        "renders",
+        "frames",
+    ),
+    settings=("quality", "seed"),
+)

@@ -1,0 +1,54 @@
+"""A scene as a photograph would show it: surfels, and the sky where they leave light through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.raster import render
+from unveil_core.surfels.sky import Sky
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["picture_of", "render_numpy", "with_sky"]
+
+
+def with_sky(rgb: NDArray[np.float32], alpha: NDArray[np.float32], sky: Sky, camera: Camera) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 sRGB of rendered colour (H, W, 3) and alpha (H, W) over the sky."""
+    picture = rgb + (1 - alpha)[..., None] * sky.render(camera).numpy()
+    return np.clip(np.round(picture * 255), 0, 255).astype(np.uint8)
+
+
+def picture_of(surfels: Surfels, sky: Sky, camera: Camera, *, near: float, far: float) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: metres, as ``render`` takes them."""
+    with torch.no_grad():
+        out = render(surfels, camera, ("rgb", "alpha"), near=near, far=far)
+    assert out.rgb is not None and out.alpha is not None
+    return with_sky(out.rgb.numpy(), out.alpha.numpy(), sky, camera)
+
+
+def render_numpy(
+    surfels: Surfels, camera: Camera, *, near: float, far: float, apart: Sequence[int] = ()
+) -> dict[str, NDArray[np.float32]]:
+    """rgb (H, W, 3), alpha (H, W), depth (H, W; expected, 0 where nothing) of a scene, as arrays.
+
+    Args:
+        apart: labels; where there are any, ``kinds`` (H, W, 2) tells the weight of all others, and of these.
+    """
+    planes = ["rgb", "alpha", "depth"]
+    if apart:
+        planes.append("semantics")
+        surfels = replace(surfels, labels=torch.isin(surfels.labels, torch.tensor(apart)).long())
+    with torch.no_grad():
+        out = render(surfels, camera, planes, label_count=2 if apart else None, near=near, far=far)
+    assert out.rgb is not None and out.alpha is not None and out.depth is not None
+    alpha = out.alpha.numpy().copy()
+    depth = np.where(alpha > 1e-3, out.depth.numpy() / np.maximum(alpha, 1e-3), 0)
+    found = {"rgb": out.rgb.numpy().copy(), "alpha": alpha, "depth": depth.astype(np.float32)}
+    if out.semantics is not None:
+        found["kinds"] = out.semantics.numpy().copy()
+    return found

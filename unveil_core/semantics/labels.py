@@ -1,0 +1,173 @@
+"""The labels of one drive: which classes occur, what is to be removed, and the label image of each frame.
+
+A drive brings Cityscapes semantics, or nothing but masks of what to remove; the second kind of scene has the two labels
+*keep* and *remove*. A drive that brings nothing at all is all *keep*; what goes is marked by hand, see ``drives.marked``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import DriveError, SelectionError
+from unveil_core.base.files import read_instance_image, read_label_image
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
+
+__all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels"]
+
+
+@dataclass(frozen=True)
+class SceneLabels:
+    """What the labels of a scene are and which go.
+
+    Attributes:
+        labels: the compact label set.
+        source: "semantics", "masks" or "nothing".
+        removed: names of the classes that are removed whole; may be empty when single instances are chosen.
+        instances: ids of single objects that are removed.
+        pixel_counts: pixels per label over the drive, as many as labels.
+    """
+
+    labels: LabelSet
+    source: str
+    removed: tuple[str, ...]
+    instances: tuple[int, ...]
+    pixel_counts: tuple[int, ...]
+
+    @property
+    def removed_labels(self) -> tuple[int, ...]:
+        """Compact labels of :attr:`removed`."""
+        return self.labels.indices(self.removed)
+
+    @property
+    def removable_labels(self) -> tuple[int, ...]:
+        """Compact labels of everything that could be removed: the default classes and what is removed here."""
+        known = {*REMOVABLE, "remove", *self.removed}
+        return self.labels.indices(known)
+
+    def to_json(self) -> dict[str, object]:
+        """A JSON-able dict, for labels.json and selection.json together."""
+        return {**self.labels_json(), **self.selection_json()}
+
+    def labels_json(self) -> dict[str, object]:
+        """The part that does not depend on what was chosen: the scene need not be made anew for another choice."""
+        return {
+            "names": list(self.labels.names),
+            "disk_ids": list(self.labels.disk_ids),
+            "source": self.source,
+            "pixel_counts": list(self.pixel_counts),
+        }
+
+    def selection_json(self) -> dict[str, object]:
+        """What was chosen."""
+        return {"removed": list(self.removed), "instances": list(self.instances)}
+
+    @staticmethod
+    def from_json(data: dict) -> SceneLabels:  # type: ignore[type-arg]
+        """Inverse of :meth:`to_json`."""
+        return SceneLabels(
+            LabelSet(tuple(data["names"]), tuple(int(i) for i in data["disk_ids"])),
+            str(data["source"]),
+            tuple(data["removed"]),
+            tuple(int(i) for i in data["instances"]),
+            tuple(int(i) for i in data["pixel_counts"]),
+        )
+
+
+def find_labels(drive: Drive) -> SceneLabels:
+    """Which labels occur in a drive, with everything removable chosen; ``removed`` is empty where nothing is.
+
+    Raises:
+        DriveError: some frames lack semantics that others have.
+    """
+    with_semantics = [f for f in drive.frames if f.semantic_path is not None]
+    if with_semantics and len(with_semantics) < len(drive.frames):
+        first = next(f for f in drive.frames if f.semantic_path is None)
+        raise DriveError("has no semantic_path while other frames do", path=first.image_path, mend="add it or drop all")
+    if with_semantics:
+        counts = np.zeros(256, dtype=np.int64)
+        for frame in with_semantics:
+            counts += np.bincount(read_label_image(frame.semantic_path).ravel(), minlength=256)  # type: ignore[arg-type]
+        labels = LabelSet.cityscapes(np.flatnonzero(counts[:19]))
+        pixel_counts = tuple(int(counts[i]) for i in labels.disk_ids)
+        default = tuple(n for n in REMOVABLE if n in labels.names)
+        return SceneLabels(labels, "semantics", default, (), pixel_counts)
+    masked = [f for f in drive.frames if f.mask_path is not None]
+    removed_pixels = kept = 0
+    for frame in masked:
+        mask = read_label_image(frame.mask_path)  # type: ignore[arg-type]
+        removed_pixels += int((mask == 0).sum())
+        kept += int((mask != 0).sum())
+    if not masked:
+        kept = sum(f.camera.width * f.camera.height for f in drive.frames)
+    removed = ("remove",) if removed_pixels else ()
+    source = "masks" if masked else "nothing"
+    return SceneLabels(LabelSet.keep_remove(), source, removed, (), (kept, removed_pixels))
+
+
+def choose_labels(
+    drive: Drive, remove: Sequence[str] = (), instances: Sequence[int] = (), *, known: Collection[int] | None = None
+) -> SceneLabels:
+    """Find which labels occur in a drive and resolve what the user wants removed.
+
+    Args:
+        drive: with semantics on all frames, masks on some, or neither when instances are chosen.
+        remove: class names and groups as typed; empty = every removable class that occurs, or the masks.
+        instances: ids of single objects.
+        known: all ids that there are; None = those in the drive's instance images, unchecked where it has none.
+    Raises:
+        DriveError: neither semantics nor masks, and no instance chosen.
+        SelectionError: the selection is empty.
+    """
+    scene = find_labels(drive)
+    if scene.source == "nothing" and not instances:
+        raise DriveError(
+            "the drive has neither semantics nor masks", path=drive.root,
+            mend="add semantic_path or mask_path to its frames, or mark objects and choose them",
+        )  # fmt: skip
+    wanted = expand_names(remove, scene.labels.names) if remove else (() if instances else scene.removed)
+    if scene.source == "masks" and (remove or not instances):
+        wanted = ("remove",)  # masks carry no class: whatever name was typed, the masked pixels are meant
+    counts = dict(zip(scene.labels.names, scene.pixel_counts, strict=True))
+    chosen = tuple(n for n in wanted if counts.get(n, 0) > 0)
+    if instances:
+        _check_instances(drive, instances, known)
+    elif not chosen:
+        asked = ", ".join(remove) if remove else ", ".join(REMOVABLE)
+        found = ", ".join(n for n, c in counts.items() if c) or "nothing"
+        raise SelectionError(f"nothing to remove: the drive has no {asked}; found: {found}")
+    return replace(scene, removed=chosen, instances=tuple(instances))
+
+
+def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[int] | None) -> None:
+    if known is None:
+        pictures = [f.instance_path for f in drive.frames if f.instance_path is not None]
+        if not pictures:  # the objects of such a drive are found after its import
+            return
+        known = {int(i) for path in pictures for i in np.unique(read_instance_image(path)) if i}
+    missing = [i for i in instances if i not in known]
+    if missing:
+        listed = ", ".join(str(i) for i in sorted(known)) or "none"
+        raise SelectionError(f"nothing to remove: the drive has no instance {missing[0]}; found: {listed}")
+
+
+def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
+    """(H, W) compact labels of a frame, -1 where it says nothing (void, or a frame without a mask)."""
+    if scene.source == "semantics":
+        return scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
+    if scene.source == "nothing":
+        return np.zeros((frame.camera.height, frame.camera.width), dtype=np.int64)
+    if frame.mask_path is None:
+        return np.full((frame.camera.height, frame.camera.width), -1, dtype=np.int64)
+    return (read_label_image(frame.mask_path) == 0).astype(np.int64)
+
+
+def frame_instances(frame: Frame) -> NDArray[np.int64] | None:
+    """(H, W) instance ids of a frame, 0 = none; None where the drive has no instance image for it."""
+    if frame.instance_path is None:
+        return None
+    return read_instance_image(frame.instance_path).astype(np.int64)

@@ -1,0 +1,1 @@
+"""A workspace folder: its files, lock and journal."""

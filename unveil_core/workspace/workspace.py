@@ -1,0 +1,208 @@
+"""A workspace: the folder that all stages read and write. Files are the interface."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_json_atomic
+
+__all__ = ["Workspace"]
+
+
+class Workspace:
+    """Paths and state of a workspace folder.
+
+    Attributes:
+        root: the folder.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = Path(root)
+
+    # ------------------------------------------------------------------------------------------------------- open, create
+
+    @staticmethod
+    def open(root: str | Path) -> Workspace:
+        """Open an existing workspace.
+
+        Raises:
+            WorkspaceError: there is none.
+        """
+        workspace = Workspace(Path(root))
+        if not workspace.workspace_json.is_file():
+            raise WorkspaceError("is no workspace", path=root, mend="make one with `unveil run` or `unveil import`")
+        return workspace
+
+    @staticmethod
+    def create(root: str | Path) -> Workspace:
+        """Open a workspace, or make one in a folder that is empty or not there yet.
+
+        Raises:
+            WorkspaceError: the folder holds something else, or cannot be written.
+        """
+        workspace = Workspace(Path(root))
+        if workspace.workspace_json.is_file():
+            return workspace
+        if workspace.root.exists() and not workspace.root.is_dir():
+            raise WorkspaceError("is a file", path=root, mend="name a folder for the workspace")
+        if workspace.root.is_dir() and any(workspace.root.iterdir()):
+            raise WorkspaceError("is not empty and no workspace", path=root, mend="name a new or empty folder")
+        try:
+            workspace.root.mkdir(parents=True, exist_ok=True)
+            write_json_atomic(workspace.workspace_json, {"format": 1, "stages": {}})
+        except OSError as error:
+            raise WorkspaceError(f"cannot be written: {error.strerror}", path=root) from error
+        return workspace
+
+    # -------------------------------------------------------------------------------------------------------------- paths
+
+    @property
+    def workspace_json(self) -> Path:
+        """Drive, settings, versions, and the state of each stage."""
+        return self.root / "workspace.json"
+
+    @property
+    def events_jsonl(self) -> Path:
+        """What happened, a JSON object a line."""
+        return self.root / "events.jsonl"
+
+    @property
+    def drive_dir(self) -> Path:
+        """The imported drive."""
+        return self.root / "drive"
+
+    @property
+    def labels_json(self) -> Path:
+        """The labels that occur."""
+        return self.root / "labels.json"
+
+    @property
+    def selection_json(self) -> Path:
+        """The classes and objects that go."""
+        return self.root / "selection.json"
+
+    @property
+    def objects_json(self) -> Path:
+        """The single objects that can go, as they are known before there is a scene."""
+        return self.root / "objects.json"
+
+    @property
+    def surfels_full(self) -> Path:
+        """The scene with everything in it."""
+        return self.root / "surfels" / "full.ply"
+
+    @property
+    def exposure_json(self) -> Path:
+        """Exposure and white balance of the photographs; absent in workspaces of before, which have none."""
+        return self.root / "surfels" / "exposure.json"
+
+    @property
+    def surfels_empty(self) -> Path:
+        """The empty street."""
+        return self.root / "surfels" / "empty.ply"
+
+    # -------------------------------------------------------------------------------------------------------------- state
+
+    def state(self) -> dict[str, Any]:
+        """The parsed workspace.json.
+
+        Raises:
+            WorkspaceError: it is damaged.
+        """
+        try:
+            data: dict[str, Any] = json.loads(self.workspace_json.read_text())
+            return data
+        except (OSError, ValueError) as error:
+            raise WorkspaceError(f"cannot be read: {error}", path=self.workspace_json) from error
+
+    def update(self, **values: object) -> None:
+        """Set top-level entries of workspace.json."""
+        write_json_atomic(self.workspace_json, {**self.state(), **values})
+
+    def update_stage(self, name: str, **values: object) -> None:
+        """Set entries of one stage."""
+        state = self.state()
+        state.setdefault("stages", {}).setdefault(name, {}).update(values)
+        write_json_atomic(self.workspace_json, state)
+
+    def replace_stage(self, name: str, entry: dict[str, Any]) -> None:
+        """Put ``entry`` in the place of all entries of one stage."""
+        state = self.state()
+        state.setdefault("stages", {})[name] = entry
+        write_json_atomic(self.workspace_json, state)
+
+    def log(
+        self, stage: str, message: str = "", *, level: str = "info", done: int = 0, total: int = 0, **metrics: object
+    ) -> dict[str, object]:
+        """Append an event; returns it."""
+        event: dict[str, object] = {
+            "t": round(time.time(), 3), "stage": stage, "done": done, "total": total, "message": message, "level": level,
+            **metrics,
+        }  # fmt: skip
+        with self.events_jsonl.open("a") as stream:
+            stream.write(json.dumps(event) + "\n")
+        return event
+
+    def events(self) -> list[dict[str, Any]]:
+        """All events; a last line that was cut short by a kill is left out."""
+        if not self.events_jsonl.is_file():
+            return []
+        found = []
+        for line in self.events_jsonl.read_text().splitlines():
+            with suppress(ValueError):
+                found.append(json.loads(line))
+        return found
+
+    # --------------------------------------------------------------------------------------------------------------- lock
+
+    def lock(self) -> Lock:
+        """A context in which no other process works here."""
+        return Lock(self.root / ".lock")
+
+
+class Lock:
+    """One process at a time. The operating system drops the lock with the process, however it ends."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._handle: int | None = None
+
+    def __enter__(self) -> Lock:
+        self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+        for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
+            try:
+                self._take(self._handle)
+                break
+            except OSError as error:
+                if patience:
+                    time.sleep(patience)
+                    continue
+                os.close(self._handle)
+                self._handle = None
+                raise WorkspaceError(
+                    "is in use by another process", path=self.path.parent, mend="wait or stop it"
+                ) from error
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+    @staticmethod
+    def _take(handle: int) -> None:
+        if platform.system() == "Windows":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
