@@ -31,8 +31,8 @@ def thin_points(positions: NDArray[np.float64], cell: NDArray[np.float64] | floa
     size = size.min(initial=np.inf) * 2.0**level
     key = np.floor(positions / size[:, None]).astype(np.int64)
     columns = (*key.T, level.astype(np.int64))
-    # Stable, so that the first point of a run of equal cells is the first in the given order; np.unique over rows is ten
-    # times slower, for it compares them as opaque bytes.
+    # Stable, so that the first point of a run of equal cells is the first in the given order; np.unique over rows is
+    # several times slower, for it compares them as opaque bytes.
     order = np.lexsort(columns)
     first = np.ones(len(order), dtype=bool)
     first[1:] = np.any([c[order[1:]] != c[order[:-1]] for c in columns], axis=0)
