@@ -48,9 +48,11 @@ def select_removed(
         removable = np.isin(labels, scene.removable_labels)
         margin = MARGIN_M
         for instance in np.unique(instance_of_surfel[chosen]):
+            if instance == 0:  # belongs to no object
+                continue
             box = fit_box(means[chosen & (instance_of_surfel == instance)], axes, gap=1.0)
             # Larger than a bus: several objects that touch, whose common box would take the street with it.
-            if instance == 0 or max(box.size) > 12.0:
+            if max(box.size) > 12.0:
                 continue
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
             above = -margin if _hangs(box, means[~removable], axes) else margin
