@@ -153,8 +153,8 @@ def test_summary_of_nothing(tmp_path: Path) -> None:
 def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_path: Path) -> None:
     for count, told in (
         (0, ""),
-        (1, "1 thing moved, gone from every frame"),
-        (3, "3 things moved, gone from every frame"),
+        (1, "1 dynamic object, removed from every frame"),
+        (3, "3 dynamic objects, removed from every frame"),
     ):
         (tmp_path / "workspace.json").write_text(json.dumps({"stages": {"segment": {"movers": count}}}))
         out = io.StringIO()
@@ -162,8 +162,8 @@ def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_p
         assert out.getvalue().strip() == told
     assert movers({}) == (0, "")
     shown = replace(gather(finished, None, no_progress), state={"stages": {"segment": {"movers": 3}}})
-    assert "things moved, gone from every frame" in build_page(shown)
-    assert "things moved" not in build_page(replace(shown, state={}))
+    assert "dynamic objects, removed from every frame" in build_page(shown)
+    assert "dynamic objects" not in build_page(replace(shown, state={}))
 
 
 def test_wording() -> None:

@@ -50,7 +50,7 @@ def measure_frames(
 
     Args:
         drive: with a truth; frames: (H, W, 3) uint8, one per frame of the drive.
-        removed: (H, W) own masks of what was removed, for where the truth has none.
+        removed: (H, W) masks of what the run removed, for where the truth has none.
         film: further figures; ``FILM_FIGURES`` by default.
     Returns:
         ``regions``: by name (see ``evaluate.pictures``) PSNR in dB, SSIM, and their pixels; ``changed_outside``: the largest
@@ -61,16 +61,16 @@ def measure_frames(
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0])
     compared: list[Mask] = []
     outside = 0
-    for frame, picture, own in zip(drive.frames, frames, removed, strict=True):
+    for frame, picture, mask_of_run in zip(drive.frames, frames, removed, strict=True):
         photograph = read_image(frame.image_path)
-        change = np.abs(picture[~own].astype(np.int16) - photograph[~own])
+        change = np.abs(picture[~mask_of_run].astype(np.int16) - photograph[~mask_of_run])
         outside = max(outside, int(change.max(initial=0)))
         path = None if drive.truth_root is None else truth_file(drive.truth_root / "images", frame)
         if path is None or drive.truth_root is None:
-            compared.append(own)
+            compared.append(mask_of_run)
             continue
         street = fitted(read_image(path), picture.shape)
-        regions = regions_of(drive.truth_root, frame, picture.shape, removed=own, unobserved=None)
+        regions = regions_of(drive.truth_root, frame, picture.shape, removed=mask_of_run, unobserved=None)
         compared.append(regions["removed"])
         error = squared_error(picture, street)
         similar = ssim_map(picture, street) if min(picture.shape[:2]) >= SSIM_WINDOW else np.full(error.shape, np.nan)

@@ -59,12 +59,12 @@ def bench_step(
             yardstick.run(*prepared, whole)
             others.append((time.perf_counter() - begun) * 1e3)
     steps, others = steps[WARM_UP:], others[WARM_UP:]
-    told: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "machine": before, "size": size, "surfels": count, "sh_degree": degree,
         "step_ms": round(statistics.median(steps), 2), "least_ms": round(min(steps), 2),
         "peak_memory_mb": peak_memory_mb(), "second_process_s": second_process_seconds(),
     }  # fmt: skip
     if others:
-        told["yardstick_ms"] = round(statistics.median(others), 2)
-        told["ratio"] = round(statistics.median(a / b for a, b in zip(steps, others, strict=True)), 3)
-    return told
+        figures["yardstick_ms"] = round(statistics.median(others), 2)
+        figures["ratio"] = round(statistics.median(a / b for a, b in zip(steps, others, strict=True)), 3)
+    return figures

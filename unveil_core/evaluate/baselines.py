@@ -1,11 +1,11 @@
-"""What one gets without any 3D: single-image inpainting, frame by frame.
+"""Baselines without 3D: single-image inpainting, frame by frame.
 
 * Telea, *An image inpainting technique based on the fast marching method* (2004), and Bertalmio et al.,
   *Navier-Stokes, fluid dynamics, and image and video inpainting* (2001), as OpenCV has them.
 * He and Sun, *Statistics of patch offsets for image completion* (2012), as OpenCV's ``xphoto`` has it: the strongest
   classical filling that needs no weights.
 
-Every function takes an image (H, W, 3) uint8 sRGB and a mask (H, W) of what must go, grows the mask by the border that ours
+Every function takes an image (H, W, 3) uint8 sRGB and a mask (H, W) of what is removed, grows the mask by the border that ours
 is grown by (:func:`with_border`), and returns an image of which only the pixels inside the grown mask have changed.
 """
 

@@ -134,7 +134,7 @@ def write_metrics(metrics: dict[str, Any], path: Path) -> None:
 def _flicker(
     root: Path, drive: Drive, truth: Path | None, results: Mapping[Frame, FrameScores], progress: Progress
 ) -> dict[str, Any]:
-    """Empty where nothing says how far away the street is."""
+    """Flicker of each method; empty where no depth of the street is known."""
     exact = truth is not None and any(truth_file(truth / "depth", f) is not None for f in drive.frames)
     if not exact and not (root / "surfels/empty.ply").is_file():
         return {}

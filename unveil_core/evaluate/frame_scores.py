@@ -1,4 +1,4 @@
-"""What one frame of a workspace contributes to its evaluation."""
+"""The scores of one frame of a workspace."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def _read_delivery(root: Path, frame: Frame) -> _Delivery:
 def _score_against_truth(
     result: FrameScores, sources: Sources, truth: Path, delivery: _Delivery, street: Picture, with_baselines: bool
 ) -> None:
-    """Add to ``result`` what the true ``street`` (H, W, 3) says about each method."""
+    """Add to ``result`` the scores of each method against the true ``street`` (H, W, 3)."""
     frame, photograph, shape = delivery.frame, delivery.photograph, delivery.photograph.shape[:2]
     regions = regions_of(truth, frame, shape, removed=delivery.removed, unobserved=delivery.unobserved)
     region = regions.get("removed")

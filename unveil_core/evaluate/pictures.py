@@ -1,4 +1,4 @@
-"""The per-frame pictures that an evaluation compares: where they lie, brought to one size, and the regions it looks at."""
+"""The per-frame pictures that an evaluation compares: their files, resized to one size, and the regions that are measured."""
 
 from __future__ import annotations
 

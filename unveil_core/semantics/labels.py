@@ -1,7 +1,7 @@
 """The labels of one drive: which classes occur, what is to be removed, and the label image of each frame.
 
 A drive brings Cityscapes semantics, or nothing but masks of what to remove; the second kind of scene has the two labels
-*keep* and *remove*. A drive that brings nothing at all is all *keep*; what goes is marked by hand, see ``drives.marked``.
+*keep* and *remove*. A drive that brings neither is all *keep*; what is removed is marked by hand, see ``drives.marked``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "fr
 
 @dataclass(frozen=True)
 class SceneLabels:
-    """What the labels of a scene are and which go.
+    """The labels of a scene, and which of them are removed.
 
     Attributes:
         labels: the compact label set.
@@ -156,7 +156,7 @@ def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[i
 
 
 def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
-    """(H, W) compact labels of a frame, -1 where it says nothing (void, or a frame without a mask)."""
+    """(H, W) compact labels of a frame, -1 where unknown (void, or a frame without a mask)."""
     if scene.source == "semantics":
         return scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
     if scene.source == "nothing":

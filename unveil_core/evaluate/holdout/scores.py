@@ -192,7 +192,7 @@ def write_strips(
     """Pictures side by side, photograph, with the cars, delivered, and filled by shift-map, of the frames that show most.
 
     Args:
-        each: so many frames of each car: where it is largest, and where it has half of that.
+        each: number of frames per car: the one where it is largest, where it has half of that area, and so on.
     """
     chosen: dict[int, None] = {}
     for car in cars:

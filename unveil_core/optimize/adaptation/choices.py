@@ -98,6 +98,6 @@ class Looks:
         return float((x * psnr).sum() / (x * x).sum() * np.log(1.1))
 
     def pays(self) -> bool:
-        """Whether to go on as now."""
+        """Whether to continue as now."""
         gain = self.gain()
         return gain is None or gain >= self.settings.least_gain

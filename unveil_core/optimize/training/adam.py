@@ -88,7 +88,7 @@ class Adam:
         self.first, self.second = torch.zeros_like(values), torch.zeros_like(values)
 
     def copy(self, values: Tensor) -> Adam:
-        """The same state for another tensor of that shape, to go on from on its own."""
+        """A copy of the state for another tensor of the same shape."""
         twin = Adam(values, self.rate)
         twin.turn, twin.first, twin.second = self.turn, self.first.clone(), self.second.clone()
         return twin
