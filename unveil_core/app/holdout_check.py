@@ -17,7 +17,7 @@ import torch
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate import METHODS
@@ -26,7 +26,7 @@ from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars,
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.pictures import own_mask
-from unveil_core.ground.fit import fit_drive_ground
+from unveil_core.ground.fit import fit_drive_ground, longest_track
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -127,7 +127,7 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
     labels = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
-    track = max(tracks(drive), key=len)
+    track = longest_track(drive)
     ground = fit_drive_ground(
         surfels.select(torch.from_numpy(~gone)), labels.labels, [drive.frames[i].camera for i in track], drive.up,
     )  # fmt: skip

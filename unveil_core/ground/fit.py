@@ -7,12 +7,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import Ground, StreetPath, fit_ground, fit_path
+from unveil_core.ground.path import StreetPath, fit_path, way_of
+from unveil_core.ground.street import Ground
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.semantics.classes import GROUND_CLASSES, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["fit_drive_ground"]
+__all__ = ["fit_drive_ground", "longest_track"]
+
+ALIKE_WAYS = 0.05
+"""Tracks whose ways differ by a smaller share are of one rig: the first of them is the path's."""
+
+
+def longest_track(drive: Drive) -> list[int]:
+    """Frame indices, in order of travel, of the camera that has gone the longest way; of a rig, of its first camera."""
+    found = tracks(drive)
+    ways = [way_of(np.stack([drive.frames[i].camera.centre for i in track])) for track in found]
+    return next(track for track, way in zip(found, ways, strict=True) if way >= (1 - ALIKE_WAYS) * max(ways))
 
 
 def fit_drive_ground(

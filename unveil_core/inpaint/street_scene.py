@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
-from unveil_core.ground.fit import fit_drive_ground
-from unveil_core.ground.street import Ground, StreetPath, straighten_path
+from unveil_core.ground.fit import fit_drive_ground, longest_track
+from unveil_core.ground.path import StreetPath, shift_path
+from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.rectify import find_drift
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart, blur_levels, read_chart
@@ -48,7 +49,7 @@ def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPa
     Args:
         path: of the street; by default the way that the cameras took.
     """
-    track = max(tracks(drive), key=len)
+    track = longest_track(drive)
     cameras = [drive.frames[i].camera for i in track]
     return fit_drive_ground(left, scene.labels, cameras, drive.up, path=path)
 
@@ -160,7 +161,7 @@ def path_by_lines(
     """
     chart = read_chart(ground, cameras, images, labels, usable)
     drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1.0 / chart.texel)
-    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel)
+    return shift_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel)
 
 
 def ground_usable(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 from unveil_core.movers.seen_through import Body, Sight
 
@@ -32,7 +32,7 @@ def points_behind_contacts(
     contacts: Contacts,
     camera: Camera,
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
     """(P,) points within a mover as one frame shows it: in its pixels, and no farther behind its contacts than it may reach.
 
@@ -54,7 +54,7 @@ def points_behind_contacts(
     behind = depth[index] - contacts.depth[nearest]
     hit = (behind > -0.4 - error) & (behind < reach + error)
     index = index[hit]
-    inside[index] = ground.above(points[index]) > OVER_GROUND_M
+    inside[index] = ground.over(points[index]) > OVER_GROUND_M
     return inside
 
 
@@ -64,7 +64,7 @@ def points_along_track(
     height: float,
     sights: Sequence[Sight],
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
     """(P,) points on the way of a mover: amid it all that no frames show to stand there, beside it and where the camera did
     not see the mover pass only what other frames look through.
@@ -93,7 +93,7 @@ def points_along_track(
     near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
     amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
     index = np.flatnonzero(np.isfinite(near))
-    above = ground.above(points[index])
+    above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, taken, seen = (np.zeros(len(index), np.int64) for _ in range(3))
     for sight in sights:

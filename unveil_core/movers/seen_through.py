@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
 __all__ = ["MASKED", "SLIM", "Body", "Evidence", "Sight", "WIDE", "look_through", "sight_of", "sticks"]
@@ -93,7 +93,7 @@ def sight_of(camera: Camera, behind: Mask, removable: Mask) -> Sight:
     return Sight(camera, clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
 
 
-def sticks(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints) -> Float64:
+def sticks(contacts: Contacts, camera: Camera, body: Body, ground: HeightField) -> Float64:
     """(M, S, 3) places inside what would stand at the contacts that ``camera`` sees."""
     up = ground.axes[2]
     away = contacts.points - camera.centre

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts, find_contacts
 from unveil_core.movers.seen_through import Body, Sight, look_through, sticks
 
@@ -60,7 +60,7 @@ def _certain(contacts: Contacts, body: Body) -> Contacts:
 
 
 def _seen_through(
-    contacts: Contacts, frame: int, sights: Sequence[Sight], body: Body, ground: GroundPoints
+    contacts: Contacts, frame: int, sights: Sequence[Sight], body: Body, ground: HeightField
 ) -> tuple[Mask, Mask]:
     """(M,) contacts that other frames look through, and (M,) those of which they say anything."""
     evidence = look_through(sticks(contacts, sights[frame].camera, body, ground), sights, frame, farther=body.farther)
@@ -69,7 +69,7 @@ def _seen_through(
 
 
 def instance_moves(
-    masks: Sequence[Mask | None], below: Sequence[Mask], sights: Sequence[Sight], body: Body, ground: GroundPoints
+    masks: Sequence[Mask | None], below: Sequence[Mask], sights: Sequence[Sight], body: Body, ground: HeightField
 ) -> str | None:
     """How it is known that a thing moves: "seen through", "drift", or None where nothing proves it.
 
@@ -106,7 +106,7 @@ def find_patches(
     wanted: dict[int, Body],
     below: Mask,
     sights: Sequence[Sight],
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> list[Patch]:
     """The connected pixels of each wanted label in a frame, with what the other frames say of them.
 

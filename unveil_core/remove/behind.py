@@ -13,8 +13,9 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
+from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.street import Ground
-from unveil_core.ground.terrain import Terrain, fit_terrain, ground_points
+from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.raster import render
 from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
@@ -36,7 +37,7 @@ class EmptyStreet:
     left: Surfels
     standing: Surfels
     ground: Ground | None
-    terrain: Terrain | None
+    terrain: HeightField | None
 
     def depth(self, camera: Camera, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(H, W) depth of what lies behind the ``pixels`` (H, W), see :func:`depth_behind`; inf elsewhere, and for the sky."""
