@@ -20,6 +20,7 @@ _VERBS = {
     "segment": "find the labels that occur, and what moves",
     "choose": "say which classes and objects go",
     "reconstruct": "fit the semantic surfel scene with everything in it",
+    "ground": "find the street's path and the ground, once for a scene",
     "instances": "find the listed objects among the scene's surfels",
     "remove": "take the chosen objects out and find what nobody ever saw",
     "inpaint": "fill frames in reversed time, the ground in street coordinates",
