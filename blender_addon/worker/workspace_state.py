@@ -101,7 +101,7 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         if state == "done" and not _follows(entry, recorded, stages):
             state = "stale"
         message = _why_failed(root, name) if state == "failed" else ""
-        if state == "to do" and entry.get("status") == "running":
+        if state in ("to do", "stale") and entry.get("status") == "running":
             message = "was broken off; Unveil goes on from here"
         stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
@@ -112,17 +112,22 @@ def _none(root: Path, problem: str) -> WorkspaceState:
 
 
 def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bool) -> str:
+    """A stage's state by its entry alone. A cancelled, killed or failed attempt leaves the finished result as it was."""
     status = entry.get("status")
-    if status == "running":
-        return "running" if in_use else "to do"  # it was killed
-    if status == "failed":
+    if status == "running" and in_use:
+        return "running"
+    attempt = entry.get("attempt")
+    attempted = attempt.get("settings") if isinstance(attempt, dict) else None
+    if status == "failed" and ("input_hash" not in entry or _fits(attempted, wanted)):
         return "failed"
-    if status != "done":
+    if "input_hash" not in entry:
         return "to do"
-    made_with = entry.get("settings")
-    if isinstance(made_with, dict) and any(wanted[k] != v for k, v in made_with.items() if k in wanted):
-        return "stale"
-    return "done"
+    return "done" if _fits(entry.get("settings"), wanted) else "stale"
+
+
+def _fits(settings: object, wanted: Mapping[str, object]) -> bool:
+    """Whether recorded settings are the wanted ones, as far as both name them."""
+    return not isinstance(settings, dict) or all(wanted[k] == v for k, v in settings.items() if k in wanted)
 
 
 def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:

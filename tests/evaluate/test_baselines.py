@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from tests.pavement import box, tiles
-from unveil_core.evaluate.baselines import GROWN_PX, navier_stokes, shift_map, telea
+from unveil_core.evaluate.baselines import navier_stokes, shift_map, telea, with_border
 from unveil_core.evaluate.metrics import psnr
-from unveil_core.geometry.images import grow
 from unveil_core.inpaint.single_image import opencv
 
 EVERY = pytest.mark.parametrize("fill", [telea, navier_stokes, shift_map])
@@ -26,7 +25,7 @@ def test_only_the_grown_mask_changes(fill) -> None:
     spoiled = image.copy()
     spoiled[mask] = (255, 0, 255)
     result = fill(spoiled, mask)
-    outside = ~grow(mask, GROWN_PX)
+    outside = ~with_border(mask)
     np.testing.assert_array_equal(result[outside], spoiled[outside])
     assert result.dtype == np.uint8
     assert (np.abs(result[mask].astype(int) - (255, 0, 255)).max(axis=1) > 20).all()
@@ -58,7 +57,7 @@ def test_large_images_are_filled_around_each_hole(monkeypatch: pytest.MonkeyPatc
     spoiled[mask] = (255, 0, 255)
     monkeypatch.setattr(opencv, "WHOLE_IMAGE_PX", 100)
     result = shift_map(spoiled, mask)
-    outside = ~grow(mask, GROWN_PX)
+    outside = ~with_border(mask)
     np.testing.assert_array_equal(result[outside], image[outside])
     assert psnr(result, image, mask) > psnr(telea(spoiled, mask), image, mask) + 3
 
@@ -83,7 +82,7 @@ def test_masks_of_every_kind(fill, name: str) -> None:
     result = fill(image, mask)
     assert result.shape == image.shape
     assert result is not image
-    outside = ~grow(mask, GROWN_PX)
+    outside = ~with_border(mask)
     np.testing.assert_array_equal(result[outside], image[outside])
     if name == "none" or name == "all":
         np.testing.assert_array_equal(result, image)

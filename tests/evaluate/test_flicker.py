@@ -135,6 +135,35 @@ def test_depth_of_every_second_pixel_and_of_other_sizes(tmp_path: Path) -> None:
     assert np.allclose(differences(picture, picture, matches), 0)
 
 
+@pytest.mark.parametrize("size", [(160, 120), (128, 96), (100, 75)])
+def test_depth_images_of_another_size_are_read_where_the_pixels_lie(tmp_path: Path, size: tuple[int, int]) -> None:
+    """Of a road that begins 2 m before the camera, with a post 3 m away and nothing known above."""
+    camera = camera_at(0.0)
+
+    def depth_of(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+        view = camera.resized(width, height)
+        rays = view.rays()
+        with np.errstate(divide="ignore"):
+            depth = np.where(rays[..., 1] > 0.08, 1.2 / rays[..., 1], 0.0)
+        post = np.abs(rays[..., 0] - 0.1) < 0.06
+        return np.where(post & (depth > 3.0), 3.0, depth), post
+
+    given, _ = depth_of(*size)
+    write_image_atomic(tmp_path / "depth.png", np.round(given * 256).astype(np.uint16))
+    found = read_depth(tmp_path / "depth.png", camera, 1.0)
+    assert found.step == 1
+    true, post = depth_of(WIDTH, HEIGHT)
+    known = (true > 0) & (found.depth > 0)
+    error = np.abs(found.depth / np.where(true > 0, true, 1.0) - 1)
+    inner = ~(np.abs(np.gradient(post.astype(float), axis=1)) > 0) & known & (true < 6)
+    assert inner.sum() > 700 and error[inner].max() < 0.01
+    # At the post's edges it is the one depth or the other.
+    road = 1.2 / np.maximum(camera.rays()[..., 1], 0.08)
+    close = known & (true < 6)
+    assert (np.minimum(np.abs(found.depth / 3.0 - 1), np.abs(found.depth / road - 1)) < 0.05)[close].all()
+    assert (known == (true > 0)).mean() > 0.98
+
+
 def test_cameras_are_tracks_of_their_own_and_methods_may_lack_frames() -> None:
     frames = frames_at([0.0, 0.0, 0.0, 0.0])
     frames = [replace(f, camera_name="left" if i % 2 else "right") for i, f in enumerate(frames)]

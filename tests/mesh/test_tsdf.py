@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import time
 import weakref
 from collections.abc import Iterator
 
-import numba
 import numpy as np
 import pytest
 
 from tests.mesh.street import HALF_WIDTH, Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, SettingsError
+from unveil_core.base.parallel import threads
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import DepthView, Mesh, fuse
 
@@ -178,15 +179,24 @@ def test_noise_is_averaged() -> None:
     assert np.quantile(error, 0.95) < 0.08
 
 
+def fused_by(count: int, views: list[DepthView], *, voxel_size: float) -> Mesh:
+    with threads(count):
+        return fuse(views, voxel_size=voxel_size, max_depth=12.0)
+
+
+def test_one_thread_means_one() -> None:
+    """All that a process computes, this thread has computed."""
+    views = street_views(3)
+    fused_by(1, views, voxel_size=0.2)  # compiled, or read from the cache
+    alone, together = -time.thread_time(), -time.process_time()
+    fused_by(1, views, voxel_size=0.06)
+    alone, together = alone + time.thread_time(), together + time.process_time()
+    assert together < 1.1 * alone + 0.02
+
+
 def test_the_same_whatever_the_threads() -> None:
     views = street_views(3, cars=(CAR,))
-    first = fuse(views, voxel_size=0.15, max_depth=12.0)
-    threads = numba.get_num_threads()
-    try:
-        numba.set_num_threads(1)
-        second = fuse(views, voxel_size=0.15, max_depth=12.0)
-    finally:
-        numba.set_num_threads(threads)
+    first, second = (fused_by(count, views, voxel_size=0.15) for count in (3, 1))
     np.testing.assert_array_equal(first.vertices, second.vertices)
     np.testing.assert_array_equal(first.faces, second.faces)
     np.testing.assert_array_equal(first.colors, second.colors)

@@ -22,7 +22,7 @@ from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_ply
 from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera
-from unveil_core.report.pictures import REGION_COLORS, page_size, pick
+from unveil_core.report.pictures import REGION_COLORS, fitted, page_size, pick
 
 VOID = {"meta", "link", "img", "input", "br", "line", "polyline"}
 
@@ -250,6 +250,15 @@ def test_pages_stay_small(width: int, height: int, count: int) -> None:
     assert wide / tall == pytest.approx(width / height, rel=0.05)
     if (width, height) == (384, 256):
         assert (wide, tall) == (width, height)
+
+
+def test_regions_stay_in_place_when_the_page_shrinks_them() -> None:
+    wide = np.zeros((1280, 1920), np.uint8)
+    wide[401:704, 601:1404] = 3
+    small = fitted(wide, (768, 512), labels=True)
+    rows, columns = np.nonzero(small == 3)
+    assert abs(columns.mean() + 0.5 - 1002.5 * 0.4) < 0.25 and abs(rows.mean() + 0.5 - 552.5 * 0.4) < 0.25
+    assert set(np.unique(small)) == {0, 3}
 
 
 def test_free_viewpoints_stand_beside_the_recorded_ones(finished: Path, tmp_path: Path) -> None:

@@ -56,10 +56,10 @@ def _gpu() -> str:
 
 def _render_once() -> dict[str, object]:
     """A real forward and backward pass on a handful of surfels."""
-    import numba
     import numpy as np
     import torch
 
+    from unveil_core.base.parallel import thread_count
     from unveil_core.geometry.camera import Camera
     from unveil_core.raster import render
     from unveil_core.surfels.surfels import Surfels
@@ -80,6 +80,6 @@ def _render_once() -> dict[str, object]:
         raise RuntimeError("the rasterizer gives wrong values")
     return {
         "rasterizer_first_call_s": round(time.monotonic() - started, 2),
-        "numba_threads": numba.get_num_threads(),
+        "threads": thread_count(),
         "cuda": torch.cuda.is_available(),
     }

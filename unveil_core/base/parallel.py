@@ -4,9 +4,11 @@ A compiled kernel takes ``(start, stop, *arguments)``, releases the interpreter'
 range. Chunks are handed out as threads become free; since a chunk's result does not depend on who computes it, results
 are the same for any number of threads.
 
-Threads of our own, not numba's parallel loops: those compile a loop's body twice, and which of the two copies runs
-depends on whether the code was compiled in this process or comes from the cache. With fast math the two round
-differently, and a drive unveiled twice would not give the same files.
+This is the only way in which the package's own kernels use several threads. Threads of our own, not numba's parallel
+loops: those compile a loop's body twice, and which of the two copies runs depends on whether the code was compiled in this
+process or comes from the cache. With fast math the two round differently, and a drive unveiled twice would not give the
+same files. They also keep a count of threads of their own, and where neither TBB nor OpenMP is found they end the process
+when two threads enter them.
 """
 
 from __future__ import annotations
@@ -19,10 +21,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["FAST", "in_parallel", "thread_count", "threads"]
+__all__ = ["EXACT", "FAST", "in_parallel", "thread_count", "threads"]
 
-FAST = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
+FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
 """How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
+EXACT: dict[str, Any] = {"cache": True, "nogil": True}
+"""How numba compiles a kernel for :func:`in_parallel` that rounds as it is written."""
 
 
 def _available() -> int:

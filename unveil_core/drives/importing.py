@@ -11,6 +11,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -32,6 +33,7 @@ from unveil_core.drives.points import write_points
 from unveil_core.drives.scale import units_per_metre
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.label_images import resize_labels
 from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["import_drive", "localized"]
@@ -75,20 +77,27 @@ def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np
     return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
 
 
-def _warp(
-    picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: bool, border: int
-) -> NDArray[np.generic]:
+def _warp(picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[Any]:
     """A picture of the frame as the target camera sees it."""
     if frame.distortion is None:
-        mode = cv2.INTER_NEAREST if label else cv2.INTER_AREA
-        return cv2.resize(picture, (target.width, target.height), interpolation=mode)
+        return _resized(picture, target, label=label)
     # Shrinking through remap would alias; undistort at full size first, then shrink.
     full = frame.camera
     mode = cv2.INTER_NEAREST if label else cv2.INTER_CUBIC
     flat = cv2.remap(picture, *_maps(frame, full), mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,) * 3)
-    if (target.width, target.height) == (full.width, full.height):
-        return flat
-    return cv2.resize(flat, (target.width, target.height), interpolation=cv2.INTER_NEAREST if label else cv2.INTER_AREA)
+    return _resized(flat, target, label=label)
+
+
+def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[Any]:
+    size = (target.width, target.height)
+    if picture.shape[:2] == size[::-1]:
+        return picture
+    return resize_labels(picture, size) if label else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+
+
+def _read_mask(path: Path) -> NDArray[np.uint8]:
+    """(H, W) uint8, 0 = remove and 255 for all else: greys of a soft border would share its votes."""
+    return np.where(read_label_image(path) == 0, 0, 255).astype(np.uint8)
 
 
 def import_drive(
@@ -148,7 +157,7 @@ def _import_frame(frame: Frame, folder: Path, max_side: int | None) -> dict[str,
         ("image", "images", frame.image_path, suffix, read_image, False, 0),
         ("semantics", "semantics", frame.semantic_path, ".png", read_label_image, True, 255),
         ("instances", "instances", frame.instance_path, ".png", read_instance_image, True, 0),
-        ("mask", "masks", frame.mask_path, ".png", read_label_image, True, 255),
+        ("mask", "masks", frame.mask_path, ".png", _read_mask, True, 255),
     )
     for key, place, path, ending, read, label, border in kinds:
         if path is None:

@@ -5,8 +5,8 @@
 * He and Sun, *Statistics of patch offsets for image completion* (2012), as OpenCV's ``xphoto`` has it: the strongest
   classical filling that needs no weights.
 
-Every function takes an image (H, W, 3) uint8 sRGB and a mask (H, W) of what must go, grows the mask by two pixels as
-anybody would (silhouettes bleed), and returns an image of which only the pixels inside the grown mask have changed.
+Every function takes an image (H, W, 3) uint8 sRGB and a mask (H, W) of what must go, grows the mask by the border that ours
+is grown by (:func:`with_border`), and returns an image of which only the pixels inside the grown mask have changed.
 """
 
 from __future__ import annotations
@@ -17,13 +17,10 @@ import cv2
 import numpy as np
 
 from unveil_core.base.types import Mask, Picture
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.single_image import opencv
 
-__all__ = ["BASELINES", "GROWN_PX", "navier_stokes", "shift_map", "telea"]
-
-
-GROWN_PX = 2
+__all__ = ["BASELINES", "navier_stokes", "shift_map", "telea", "with_border"]
 
 
 def telea(image: Picture, mask: Mask) -> Picture:
@@ -58,4 +55,9 @@ def _hole(image: Picture, mask: Mask) -> Mask:
         raise ValueError(f"an image must be (H, W, 3) uint8, not {image.shape} {image.dtype}")
     if mask.shape != image.shape[:2]:
         raise ValueError(f"a mask of {mask.shape} does not fit an image of {image.shape[:2]}")
-    return grow(mask.astype(bool), GROWN_PX)
+    return with_border(mask.astype(bool))
+
+
+def with_border(mask: Mask) -> Mask:
+    """A mask (H, W) with the border that the baselines fill, too: as wide as that of the masks that ours fills."""
+    return grow(mask, border_px(mask.shape[1]))

@@ -26,7 +26,7 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
-from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
+from unveil_core.evaluate.baselines import BASELINES, with_border
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.free_views import measure_free_views
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
@@ -235,7 +235,7 @@ def _measure_against_truth(
             started = time.perf_counter()
             pictures[name] = fill(photograph, region)
             result.seconds[name] = time.perf_counter() - started
-            result.filled[name] = pictures[name][grow(region, GROWN_PX)]
+            result.filled[name] = pictures[name][with_border(region)]
     elif with_baselines and region is not None:
         pictures.update(dict.fromkeys(BASELINES, photograph))
         result.filled = dict.fromkeys(BASELINES, photograph[region])
@@ -291,7 +291,7 @@ def _flicker(
         assert region is not None
         for name, colors in results[frame].filled.items():
             pictures[name] = read_image(frame.image_path)
-            pictures[name][grow(region, GROWN_PX)] = colors
+            pictures[name][with_border(region)] = colors
         return pictures
 
     found = measure_flicker(drive.frames, depth_of, region_of, pictures_of, progress)

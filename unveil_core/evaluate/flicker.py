@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -75,8 +74,8 @@ class Matches:
 def read_depth(path: Path, camera: Camera) -> DepthGrid:
     """A 16-bit depth image with 256 steps a metre and 0 for none.
 
-    As large as the picture or a whole number of times smaller it is used as it is; of another size, each pixel takes the
-    nearest sample, which is exact to that sample's size.
+    As large as the picture or a whole number of times smaller it is used as it is; of another size it is read between its
+    samples where these are of one surface.
 
     Args:
         camera: of the picture.
@@ -87,8 +86,25 @@ def read_depth(path: Path, camera: Camera) -> DepthGrid:
     step = max(1, camera.width // depth.shape[1])
     if (camera.height / step, camera.width / step) != depth.shape:
         step = 1
-        depth = cv2.resize(depth, (camera.width, camera.height), interpolation=cv2.INTER_NEAREST).astype(np.float64)
+        depth = _at_size(depth, camera.height, camera.width)
     return DepthGrid(camera, depth, step)
+
+
+def _at_size(depth: NDArray[np.float64], height: int, width: int) -> NDArray[np.float64]:
+    """(height, width) of a depth image (h, w) at pixel centres: between samples of one surface inverse depth, which is linear
+    over a plane; across an edge, or beside a sample without depth, the nearest sample."""
+    rows, columns = (
+        (np.arange(n) + 0.5) * have / n - 0.5 for n, have in zip((height, width), depth.shape, strict=True)
+    )
+    near = depth[np.clip(np.round(rows), 0, None).astype(int)[:, None], np.clip(np.round(columns), 0, None).astype(int)]
+    v, u = (p.ravel() for p in np.meshgrid(rows, columns, indexing="ij"))
+    inverse = np.where(depth > 0, 1.0 / np.where(depth > 0, depth, 1.0), np.nan)
+    around = np.stack([inverse, inverse**2], axis=-1)
+    mean, square = _sampled(around, u, v).reshape(height, width, 2).transpose(2, 0, 1)
+    with np.errstate(invalid="ignore"):
+        # One surface: the neighbours lie within what two frames may disagree by, on either side of their mean.
+        alike = square - mean**2 < (AGREEMENT * mean) ** 2
+        return np.where(alike, 1.0 / np.where(alike, mean, 1.0), near)
 
 
 def rendered_depth(surfels: Surfels, camera: Camera, *, near: float, far: float) -> DepthGrid:

@@ -15,7 +15,7 @@ from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart, blur_levels, read_chart, usable_pixels
@@ -75,7 +75,7 @@ def drive_ground_layer(
     """
     cameras = [f.camera for f in drive.frames]
     usable = [
-        usable_pixels(ground, camera, label, scene.labels, grow(removed, 1), depth)
+        usable_pixels(ground, camera, label, scene.labels, grow(removed, border_px(camera.width, 1)), depth)
         for camera, label, removed, depth in zip(cameras, views.labels, views.removed, views.depths, strict=True)
     ]
     means = surfels.means.double().numpy()

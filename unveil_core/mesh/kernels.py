@@ -14,7 +14,14 @@ then (z_seen - z) * w / |n|.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
+from numpy.typing import NDArray
+
+from unveil_core.base.parallel import EXACT, in_parallel
+from unveil_core.base.types import Float32, Float64
+
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
 
 __all__ = [
     "BLOCK", "HALF_KEYS", "SMALLEST_COSINE", "allocate", "count_quads", "integrate", "inverse_depth_slopes",
@@ -28,6 +35,8 @@ SMALLEST_COSINE = 0.05
 """Surfaces seen at a flatter angle are treated as if at this one: their normals are noise."""
 JUMP = 1.1
 """Neighbouring pixels whose depths differ by more than this factor lie on different surfaces."""
+ROWS, BLOCKS = 16, 64
+"""Rows of a picture, and blocks of voxels, that a thread takes at a time: some tenths of a millisecond of work."""
 
 
 @njit(cache=True)
@@ -59,16 +68,23 @@ def _slope(w, y, x, dy, dx):
     return 0.5 * (slopes[0] + slopes[1])
 
 
-@njit(cache=True, parallel=True)
-def inverse_depth_slopes(w, fx, fy, cx, cy):
+def inverse_depth_slopes(w: Float32, fx: float, fy: float, cx: float, cy: float) -> tuple[Float32, Float32]:
     """Normals in camera coordinates (H, W, 3) float32, unit, facing the camera; and cosine-like factor w/|n| (H, W).
 
     The factor is that of the pixel or of a flatter neighbour (:func:`_flattest`).
     """
-    height, width = w.shape
-    normals = np.zeros((height, width, 3), np.float32)
-    factor = np.zeros((height, width), np.float32)
-    for y in prange(height):
+    normals = np.zeros((*w.shape, 3), np.float32)
+    factor = np.zeros(w.shape, np.float32)
+    in_parallel(_slopes, len(w), ROWS, w, fx, fy, cx, cy, normals, factor)
+    flattest = factor.copy()
+    in_parallel(_flattest, len(w), ROWS, w, factor, flattest)
+    return normals, flattest
+
+
+@njit(**EXACT)
+def _slopes(start, stop, w, fx, fy, cx, cy, normals, factor):
+    width = w.shape[1]
+    for y in range(start, stop):
         for x in range(width):
             if w[y, x] <= 0:
                 continue
@@ -81,19 +97,17 @@ def inverse_depth_slopes(w, fx, fy, cx, cy):
             ray_x, ray_y = (x + 0.5 - cx) / fx, (y + 0.5 - cy) / fy
             lowest = SMALLEST_COSINE * np.sqrt(1 + ray_x * ray_x + ray_y * ray_y)
             factor[y, x] = max(w[y, x] / length, lowest)
-    return normals, _flattest(w, factor)
 
 
-@njit(cache=True, parallel=True)
-def _flattest(w, factor):
-    """The smallest factor of each pixel and its neighbours on the same surface, (H, W) float32.
+@njit(**EXACT)
+def _flattest(start, stop, w, factor, flattest):
+    """The smallest factor of each pixel and its neighbours on the same surface, into ``flattest`` (H, W) float32.
 
     At a flat angle the noise of a depth tilts its normal towards the camera sooner than away from it. Such a pixel would say of
     space just above the road that it is free, and that with more weight than all pixels that know better: holes.
     """
     height, width = w.shape
-    flattest = factor.copy()
-    for y in prange(height):
+    for y in range(start, stop):
         for x in range(width):
             if w[y, x] <= 0:
                 continue
@@ -101,7 +115,6 @@ def _flattest(w, factor):
                 for u in range(max(x - 1, 0), min(x + 2, width)):
                     if w[y, x] < JUMP * w[v, u] and w[v, u] < JUMP * w[y, x]:
                         flattest[y, x] = min(flattest[y, x], factor[v, u])
-    return flattest
 
 
 # ----------------------------------------------------------------------------------------------------------- allocation
@@ -203,21 +216,31 @@ def allocate(w, normals, factor, fx, fy, cx, cy, to_world, voxel, truncation, fu
 # ---------------------------------------------------------------------------------------------------------- integration
 
 
-@njit(cache=True, parallel=True)
 def integrate(
-    volume, blocks, chosen, w, factor, weight, rgb, fx, fy, cx, cy, to_camera, voxel, truncation, furthest
-):  # fmt: skip
+    volume: Float32, blocks: Int64, chosen: Int64, w: Float32, factor: Float32, weight: Float32, rgb: NDArray[np.uint8],
+    fx: float, fy: float, cx: float, cy: float, to_camera: Float64, voxel: float, truncation: float, furthest: float,
+) -> None:  # fmt: skip
     """Average one view into ``volume`` (B, 512, 6) float32: distance / truncation, weight, r, g, b, colour weight.
 
     Distances are along the surface normal (see the module), truncated to [-1, 1]. The weight is (cosine / depth)^2, so
     that a flat angle speaks only where no better one does; behind the surface it falls to zero with the distance to
     the tangent plane and with the way along the ray, which curved things leave again long before the plane does.
     """
+    in_parallel(
+        _integrate, len(chosen), BLOCKS, volume, blocks, chosen, w, factor, weight, rgb, fx, fy, cx, cy, to_camera, voxel,
+        truncation, furthest,
+    )  # fmt: skip
+
+
+@njit(**EXACT)
+def _integrate(
+    start, stop, volume, blocks, chosen, w, factor, weight, rgb, fx, fy, cx, cy, to_camera, voxel, truncation, furthest
+):  # fmt: skip
     height, width = w.shape
     rx0, rx1, rx2, tx = to_camera[0, 0], to_camera[0, 1], to_camera[0, 2], to_camera[0, 3]
     ry0, ry1, ry2, ty = to_camera[1, 0], to_camera[1, 1], to_camera[1, 2], to_camera[1, 3]
     rz0, rz1, rz2, tz = to_camera[2, 0], to_camera[2, 1], to_camera[2, 2], to_camera[2, 3]
-    for c in prange(chosen.size):
+    for c in range(start, stop):
         b = chosen[c]
         for i in range(BLOCK):
             gx = (blocks[b, 0] * BLOCK + i) * voxel
@@ -319,11 +342,16 @@ def _crosses(corners, jump):
     return crossed
 
 
-@njit(cache=True, parallel=True)
-def mark_cells(volume, neighbours, jump, rank):
+def mark_cells(volume: Float32, neighbours: Int32, jump: np.float32, rank: NDArray[np.int16]) -> Int64:
     """Number the cells that get a vertex within their block: ``rank`` (B, 512) int16, -1 none. Returns (B,) counts."""
-    counts = np.zeros(volume.shape[0], np.int64)
-    for b in prange(volume.shape[0]):
+    counts = np.zeros(len(volume), np.int64)
+    in_parallel(_mark_cells, len(volume), BLOCKS, volume, neighbours, jump, rank, counts)
+    return counts
+
+
+@njit(**EXACT)
+def _mark_cells(start, stop, volume, neighbours, jump, rank, counts):
+    for b in range(start, stop):
         corners = np.empty(8, np.float32)
         used = 0
         for i in range(BLOCK):
@@ -338,13 +366,21 @@ def mark_cells(volume, neighbours, jump, rank):
                         rank[b, cell] = used
                         used += 1
         counts[b] = used
-    return counts
 
 
-@njit(cache=True, parallel=True)
-def place_vertices(volume, neighbours, blocks, rank, first, voxel, vertices, colors):
+def place_vertices(
+    volume: Float32, neighbours: Int32, blocks: Int64, rank: NDArray[np.int16], first: Int64, voxel: float, vertices: Float32,
+    colors: Float32,
+) -> None:  # fmt: skip
     """Positions (V, 3) float32 and colours (V, 3) float32, 0 to 255, at the cells' mean edge crossings."""
-    for b in prange(volume.shape[0]):
+    in_parallel(
+        _place_vertices, len(volume), BLOCKS, volume, neighbours, blocks, rank, first, voxel, vertices, colors
+    )  # fmt: skip
+
+
+@njit(**EXACT)
+def _place_vertices(start, stop, volume, neighbours, blocks, rank, first, voxel, vertices, colors):
+    for b in range(start, stop):
         corners = np.empty(8, np.float32)
         for i in range(BLOCK):
             for j in range(BLOCK):
@@ -409,11 +445,16 @@ def _quad(volume, neighbours, rank, first, b, i, j, k, axis, quad):
     return 1 if inside else -1
 
 
-@njit(cache=True, parallel=True)
-def count_quads(volume, neighbours, rank, first):
+def count_quads(volume: Float32, neighbours: Int32, rank: NDArray[np.int16], first: Int64) -> Int64:
     """Quads per block, (B,) int64."""
-    counts = np.zeros(volume.shape[0], np.int64)
-    for b in prange(volume.shape[0]):
+    counts = np.zeros(len(volume), np.int64)
+    in_parallel(_count_quads, len(volume), BLOCKS, volume, neighbours, rank, first, counts)
+    return counts
+
+
+@njit(**EXACT)
+def _count_quads(start, stop, volume, neighbours, rank, first, counts):
+    for b in range(start, stop):
         quad = np.empty(4, np.int64)
         used = 0
         for i in range(BLOCK):
@@ -424,13 +465,18 @@ def count_quads(volume, neighbours, rank, first):
                     for axis in range(3):
                         used += _quad(volume, neighbours, rank, first, b, i, j, k, axis, quad) != 0
         counts[b] = used
-    return counts
 
 
-@njit(cache=True, parallel=True)
-def write_quads(volume, neighbours, rank, first, first_quad, vertices, faces):
+def write_quads(
+    volume: Float32, neighbours: Int32, rank: NDArray[np.int16], first: Int64, first_quad: Int64, vertices: Float32, faces: Int32
+) -> None:  # fmt: skip
     """Two triangles a quad, split along the shorter diagonal, counter-clockwise from outside: ``faces`` (2 Q, 3)."""
-    for b in prange(volume.shape[0]):
+    in_parallel(_write_quads, len(volume), BLOCKS, volume, neighbours, rank, first, first_quad, vertices, faces)
+
+
+@njit(**EXACT)
+def _write_quads(start, stop, volume, neighbours, rank, first, first_quad, vertices, faces):
+    for b in range(start, stop):
         quad = np.empty(4, np.int64)
         f = 2 * first_quad[b]
         for i in range(BLOCK):

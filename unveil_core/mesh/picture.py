@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh.mesh import Mesh
 
@@ -52,17 +53,18 @@ def render_mesh_picture(
     shade = (1 - headlight) + headlight * facing
     picture = np.empty((fine.height, fine.width, 3), dtype=np.float32)
     picture[:] = background
-    _draw(screen, mesh.faces, mesh.colors.astype(np.float32), shade, picture)
+    # Every pixel belongs to one band of rows.
+    in_parallel(_draw, BANDS, 1, screen, mesh.faces, mesh.colors.astype(np.float32), shade, picture)
     if samples > 1:
         picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
 
-@njit(cache=True, parallel=True)
-def _draw(screen, faces, colors, shade, picture):
-    """Bands of rows in parallel: every pixel belongs to one band, so the picture does not depend on the threads."""
+@njit(**EXACT)
+def _draw(start, stop, screen, faces, colors, shade, picture):
+    """Draw the bands of rows from ``start`` to ``stop``, each with a z-buffer of its own."""
     height, width = picture.shape[:2]
-    for band in prange(BANDS):
+    for band in range(start, stop):
         top, bottom = height * band // BANDS, height * (band + 1) // BANDS
         inverse = np.zeros((bottom - top, width), np.float32)
         for f in range(faces.shape[0]):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Picture
+from unveil_core.geometry.label_images import resize_labels
 from unveil_core.remove.regions import OBSERVED, SEEN_ELSEWHERE, UNOBSERVED
 
 __all__ = ["REGION_COLORS", "REGION_NAMES", "fitted", "jpeg_uri", "page_size", "pick", "png_uri", "region_overlay_uri"]
@@ -44,11 +45,12 @@ def page_size(width: int, height: int, count: int) -> tuple[int, int]:
 
 
 def fitted(image: Picture, size: tuple[int, int], *, labels: bool = False) -> Picture:
-    """An image at (width, height), by area or, for labels, by the nearest pixel."""
+    """An image at (width, height), by area; labels by what covers most of a pixel."""
     if (image.shape[1], image.shape[0]) == size:
         return image
-    how = cv2.INTER_NEAREST if labels else cv2.INTER_AREA
-    return cv2.resize(image, size, interpolation=how).astype(np.uint8)
+    if labels:
+        return resize_labels(image, size).astype(np.uint8)
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def jpeg_uri(image: Picture, quality: int = 82) -> str:

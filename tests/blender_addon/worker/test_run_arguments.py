@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from blender_addon.worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
-from unveil_core.app.cli import _parser, _settings
+from unveil_core.app.parser import command_parser
+from unveil_core.app.verbs import settings_of
 from unveil_core.pipeline.settings import RunSettings
 
 PLAIN = {
@@ -39,7 +40,7 @@ def test_the_command_records_what_the_add_on_compares_with(changed: dict[str, ob
     selection = ["--remove", "car,person", "--instances", "3,7"]
     options = settings_arguments(settings, absolute)
     for verb in (["run", "drive", "-o", "ws"], ["inpaint", "ws"]):
-        given = _settings(_parser().parse_args([*verb, *options, *selection])).to_json()
+        given = settings_of(command_parser().parse_args([*verb, *options, *selection])).to_json()
         expected = recorded(settings, selection, absolute)
         assert {name: given[name] for name in expected} == expected
     assert given["shadows"] in ("auto", "off", "135,40.5")
@@ -57,7 +58,7 @@ def test_a_choice_replaces_the_one_before(chosen: list[str], goes: tuple[object,
     """Also of the kinds that it does not name: a stage keeps what is recorded unless it is told."""
     options = selection_arguments(chosen)
     before = RunSettings(remove=("truck",), instances=(9,), marked="/old.json")
-    given = _settings(_parser().parse_args(["choose", "ws", *options]), before).to_json()
+    given = settings_of(command_parser().parse_args(["choose", "ws", *options]), before).to_json()
     assert (given["remove"], given["instances"], given["marked"]) == goes
     expected = recorded(SimpleNamespace(**PLAIN), options)
     assert (expected["remove"], expected["instances"], expected["marked"]) == goes

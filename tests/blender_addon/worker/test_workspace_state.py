@@ -83,11 +83,16 @@ def test_running_failed_and_killed(root: Path) -> None:
     assert (stage.state, stage.message) == ("failed", "out of splats")
 
 
-def test_what_follows_a_stage_that_is_not_done_is_stale(root: Path) -> None:
-    workspace = Workspace.open(root)
-    workspace.update_stage("import", status="cancelled")
-    found = states(root)
-    assert found["segment"] == found["choose"] == "stale" and found["reconstruct"] == "to do"
+def test_what_follows_a_stale_stage_is_stale(root: Path) -> None:
+    found = states(root, {"max_side": 32})
+    assert found["import"] == found["segment"] == found["choose"] == "stale" and found["reconstruct"] == "to do"
+
+
+@pytest.mark.parametrize("end", ["cancelled", "failed", "running"])
+def test_a_broken_off_attempt_with_other_settings_leaves_the_result_done(root: Path, end: str) -> None:
+    Workspace.open(root).update_stage("segment", status=end, attempt={"settings": {"movers": "keep"}})
+    assert states(root, {"movers": "auto"})["segment"] == "done"
+    assert states(root, {"movers": "keep"})["segment"] == ("failed" if end == "failed" else "stale")
 
 
 def test_no_workspace_and_a_damaged_one(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.drives.tiny_drive import camera_to_world, edit, make_tiny_drive
+from tests.drives.tiny_drive import CAR, ROAD, SKY, camera_to_world, edit, make_tiny_drive
 from unveil_core.base.errors import DriveError, SelectionError, UnveilError
-from unveil_core.base.files import read_image
+from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.importing import import_drive
@@ -53,11 +53,19 @@ def test_import_opens_again_and_links_originals(tmp_path: Path) -> None:
 
 
 def test_smaller_images_see_the_same(tmp_path: Path) -> None:
-    drive = open_drive(make_tiny_drive(tmp_path / "d"))
+    drive = open_drive(make_tiny_drive(tmp_path / "d", masks=True))
     local = import_drive(drive, tmp_path / "ws" / "drive", max_side=16)
     frame = local.frames[0]
     assert (frame.camera.width, frame.camera.height) == (16, 12)
-    assert read_image(frame.image_path).shape == (12, 16, 3)
+    blocks = read_image(drive.frames[0].image_path).reshape(12, 2, 16, 2, 3).mean(axis=(1, 3))
+    assert np.abs(read_image(frame.image_path) - blocks).max() <= 0.5
+    assert frame.semantic_path is not None and frame.instance_path is not None and frame.mask_path is not None
+    car = np.zeros((12, 16), bool)
+    car[6:9, 9:13] = True
+    beside = np.where(np.arange(12)[:, None] < 5, SKY, ROAD)
+    assert np.array_equal(read_label_image(frame.semantic_path), np.where(car, CAR, beside))
+    assert np.array_equal(read_instance_image(frame.instance_path), np.where(car, 300, 0))
+    assert np.array_equal(read_label_image(frame.mask_path), np.where(car, 0, 255))
     point = np.array([[9.0, 0.5, 1.0]])
     full = drive.frames[0].camera.project(point)[0]
     assert np.allclose(frame.camera.project(point - local.to_world.translation)[0] * 2, full)

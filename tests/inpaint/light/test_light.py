@@ -179,11 +179,11 @@ def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None
     pose = np.array([[0.0, -1, 0, 0], [0, 0, -1, 1.5], [1, 0, 0, 0], [0, 0, 0, 1]])
     camera = Camera(384, 256, 274.0, 274.0, 192.0, 128.0, pose)
     seen = np.minimum(7.0, 1.5 + 0.46 * at[:, 0])  # what the border leaves of a wall seven metres high
-    top = as_high_as_beside(chart, at, seen, [camera], 1.0)
+    top = as_high_as_beside(chart, at, seen, [camera])
     near = (seen > 3.5) & (seen < 6.5)  # within ten metres of where its top is seen
     assert near.sum() > 10 and np.allclose(top[near], 7.0, atol=0.1)
     assert np.allclose(top[seen == 7.0], 7.0)
-    assert np.array_equal(as_high_as_beside(chart, at, seen, [], 1.0), seen)
+    assert np.array_equal(as_high_as_beside(chart, at, seen, []), seen)
 
 
 def test_what_floats_before_a_front_is_not_of_the_house() -> None:
@@ -191,9 +191,9 @@ def test_what_floats_before_a_front_is_not_of_the_house() -> None:
     house = box_surfels(HOUSE, spacing=0.2)
     stray = box_surfels(np.array([[18.0, -7.5, 5.0], [18.6, -7.0, 5.6]]), spacing=0.2)
     both = concatenate([house, stray])
-    kept = flush_with_fronts(chart, both, [0], 1.0)
+    kept = flush_with_fronts(chart, both, [0])
     assert kept[: len(house)].all() and not kept[len(house) :].any()
-    assert flush_with_fronts(chart, both, [3], 1.0).all(), "only of what is solid"
+    assert flush_with_fronts(chart, both, [3]).all(), "only of what is solid"
 
 
 def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
@@ -208,11 +208,11 @@ def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
         top_seen.append(float(before.max()) if len(before) else 0.0)
         return -abs(top_seen[-1] - 10.0)  # as if the ground told of ten metres
 
-    columns = solid_columns(chart, house, [0], [], 1.0, judge)
+    columns = solid_columns(chart, house, [0], [], judge)
     means = columns.means.double().numpy()
     assert abs(means[means[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - 10.0) < 0.7
     assert len(set(np.round(top_seen, 1))) > 5, "several heights were tried"
-    plain = solid_columns(chart, house, [0], [], 1.0).means.double().numpy()
+    plain = solid_columns(chart, house, [0], []).means.double().numpy()
     assert abs(plain[plain[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - HOUSE[1, 2]) < 0.7, "as high as the others"
 
 

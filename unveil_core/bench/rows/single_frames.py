@@ -10,7 +10,8 @@ import numpy as np
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.bench.rows.footage import Footage, deliver, fill_around
-from unveil_core.evaluate.baselines import GROWN_PX, shift_map, telea
+from unveil_core.evaluate.baselines import shift_map, telea
+from unveil_core.geometry.images import border_px
 
 __all__ = ["classic", "per_frame", "untouched"]
 
@@ -37,10 +38,10 @@ def classic(fill: Callable[[Picture, Mask], Picture], *, wide: bool) -> Callable
     """
 
     def run(footage: Footage, progress: Progress) -> list[Picture]:
-        size = 2 * GROWN_PX + 1
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         clean: list[Picture] = []
         for image, hole in zip(footage.photographs, footage.holes if wide else footage.removed, strict=True):
+            size = 2 * border_px(hole.shape[1]) + 1
+            kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
             own = cv2.erode(hole.astype(np.uint8), kernel).astype(bool)
             clean.append(fill(image, own))
             progress(len(clean), len(footage.photographs), "filling frame by frame")

@@ -22,7 +22,7 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.importing import import_drive
 from unveil_core.evaluate.holdout.placement import CarPixels, Sight
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.semantics.classes import CITYSCAPES, GROUPS
 from unveil_core.semantics.labels import SceneLabels
 
@@ -31,7 +31,6 @@ __all__ = ["AddedLabels", "added_labels", "moved_points", "seen_elsewhere", "wri
 
 DEPTH_SHARE, DEPTH_M = 0.04, 0.1
 """What lies no farther behind the depth of a frame than this share of it, plus these metres, is seen there."""
-BORDER_PX = 2
 """A car's pixels and this border of them are no evidence: the pipeline grows its masks by as much."""
 
 
@@ -80,7 +79,10 @@ def seen_elsewhere(
         sights, cars: of all frames.
         far: the sky is taken to be this far away, metres.
     """
-    hidden = [grow(own.number > 0, BORDER_PX) | sight.barred for own, sight in zip(cars, sights, strict=True)]
+    hidden = [
+        grow(own.number > 0, border_px(own.number.shape[1])) | sight.barred
+        for own, sight in zip(cars, sights, strict=True)
+    ]
     found = []
     for i, (sight, own) in enumerate(zip(sights, cars, strict=True)):
         rows, columns = np.nonzero(own.number)

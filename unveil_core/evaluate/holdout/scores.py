@@ -14,13 +14,13 @@ from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.evaluate.baselines import BASELINES, GROWN_PX
+from unveil_core.evaluate.baselines import BASELINES, with_border
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.holdout.placement import CarPixels, Sight
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.pictures import fitted, own_mask
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["HoldoutFrame", "measure_holdout", "write_strips"]
@@ -96,7 +96,8 @@ def measure_holdout(
         if unobserved is not None:
             both += int((unobserved & regions["unseen"]).sum())
             either += int(((unobserved & own.region) | regions["unseen"]).sum())
-        elsewhere = ~grow((own.cars.number > 0) | own.sight.barred, 2 * GROWN_PX)
+        margin = 2 * border_px(photograph.shape[1])
+        elsewhere = ~grow((own.cars.number > 0) | own.sight.barred, margin)
         difference = np.abs(pictures["ours"][elsewhere].astype(np.int16) - photograph[elsewhere])
         outside, changed = outside + len(difference), changed + int((difference > 0).any(axis=1).sum())
         change += float(difference.mean(axis=1).sum())
@@ -143,7 +144,7 @@ def _pictures(
 
 def _hole(own: HoldoutFrame) -> Mask:
     """(H, W) what the single-image methods fill: what really goes too, or they would continue it into the hole."""
-    return grow((own.cars.number > 0) | own.removed, GROWN_PX)
+    return with_border((own.cars.number > 0) | own.removed)
 
 
 def _baselines(own: HoldoutFrame, painted: Picture) -> dict[str, Picture]:

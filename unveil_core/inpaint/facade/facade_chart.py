@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import read_bilinear
 from unveil_core.inpaint.facade.facade_fill import fill_facade
@@ -62,9 +62,9 @@ class FacadeChart:
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
-        s, l = self.s_start + self.texel * rows, self.front[rows]  # noqa: E741
-        height = self.ground.height_at(s, l) + self.texel * (columns + 0.5)
-        return self.ground.path.to_world(np.stack([s, l, height], axis=1))
+        s, t = self.s_start + self.texel * rows, self.front[rows]
+        height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)
+        return self.ground.path.to_world(np.stack([s, t, height], axis=1))
 
 
 def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:
@@ -139,7 +139,8 @@ def read_facade(
         x, y = pixel.astype(np.int64).T
         asked[part[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.
-        seen = wall[y, x] & ~grow(gone, 1)[y, x] & (np.abs(depth[y, x] - z) < AGREE_M + AGREE * z)
+        clear = ~grow(gone, border_px(camera.width, 1))[y, x]
+        seen = wall[y, x] & clear & (np.abs(depth[y, x] - z) < AGREE_M + AGREE * z)
         part, pixel, z = part[seen], pixel[seen], z[seen]
         # Seen from along the street a front is squeezed.
         straight = np.abs(front[rows[part]]) / np.maximum(np.linalg.norm(world[part] - camera.centre, axis=1), 1e-9)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.raster.picture import render_numpy
@@ -131,8 +131,8 @@ def look_behind(
 
 def hole_in_frame(task: FrameTask, behind: Behind, filled: Mask | None = None) -> Mask:
     """(H, W) pixels of the frame that still lack a surface; ``filled``: pixels that something else has filled."""
-    # The mask's border, beyond the object's own pixels, shows what lies beside them.
-    unseen = grow(task.unobserved, 3) & task.removed
+    # The mask's border, beyond the object's own pixels, shows what lies beside them: a wider border contains it.
+    unseen = grow(task.unobserved, border_px(task.camera.width, 3)) & task.removed
     # Where surfels carried from another frame cover the hole, it is no hole any more.
     empty = (unseen | (task.removed & behind.below)) & ~behind.ground & ~behind.solid
     return empty if filled is None else empty & ~filled

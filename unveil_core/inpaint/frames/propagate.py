@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.frames.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
@@ -36,9 +36,8 @@ RING_PX = 14
 """How far around the mask the photograph's own ground is compared with the chart."""
 FINE_TEXELS = 4.0
 """A pixel that covers more of the chart along the street starts to be taken from it."""
-BORDER_PX = 2
 STEEP = 0.1
-"""Where a gain changes by a larger share within that many pixels, the border of a shadow lies."""
+"""Where a gain changes by a larger share within a border's width, the border of a shadow lies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +178,9 @@ class _View:
     def _known(self, task: FrameTask, scene: Surfels) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Behind]:
         """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
         layer = self.layer
-        ring = grow(task.removed, RING_PX) & ~grow(task.removed, 2)
-        around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), BORDER_PX)
+        border = border_px(task.camera.width)
+        ring = grow(task.removed, RING_PX) & ~grow(task.removed, border)
+        around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), border)
         behind = look_behind(task, scene, layer, around, near=self.near, far=self.far)
         out, solid, ground = behind.out, behind.solid, behind.ground
         background = self.sky.render(task.camera).numpy()
@@ -195,7 +195,7 @@ class _View:
             fill[ground] = look.color[ground] + _tint(original, look.color, plain)
             on_ground = look.replaced | _shows_ground(look.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
-            shadow = grow(look.shadow, BORDER_PX) & look.covered & ~behind.in_front & ~task.removed & on_ground
+            shadow = grow(look.shadow, border) & look.covered & ~behind.in_front & ~task.removed & on_ground
             if task.stands is not None:
                 shadow &= ~task.stands  # the foot of a car that stays lies hardly before the ground
             gain[shadow] = look.gain[shadow]
@@ -207,7 +207,7 @@ class _View:
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
             distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
             # Nor does it show the penumbra, which no two views have in the same pixel: relit, it would be an outline.
-            distant = np.maximum(distant, _steep(look.gain)[shadow])[:, None]
+            distant = np.maximum(distant, _steep(look.gain, border)[shadow])[:, None]
             held = _held(relit[shadow], look.color[shadow])
             relit[shadow] = held * (1 - distant) + look.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
@@ -224,10 +224,10 @@ def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDAr
     return tint if float(np.abs(tint).max()) > 0.05 else np.zeros(3, dtype=np.float32)
 
 
-def _steep(gain: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(H, W) 0 to 1, how far the gain (H, W, 3) changes from pixel to pixel."""
+def _steep(gain: NDArray[np.float32], border: int) -> NDArray[np.float32]:
+    """(H, W) 0 to 1, how far the gain (H, W, 3) changes within ``border`` pixels."""
     level = gain.mean(axis=2)
-    kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
+    kernel = np.ones((2 * border + 1,) * 2, np.uint8)
     span = cv2.dilate(level, kernel) / cv2.erode(level, kernel) - 1
     steep: NDArray[np.float32] = cv2.GaussianBlur(np.clip((span - STEEP) / STEEP, 0, 1), (0, 0), 0.7)
     return steep

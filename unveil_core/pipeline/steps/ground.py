@@ -11,7 +11,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track
 from unveil_core.ground.path import fit_path, way_of
@@ -29,9 +29,6 @@ from unveil_core.workspace.movers import Moving, read_moving
 
 __all__ = ["STAGE"]
 
-BORDER_PX = 3
-"""Antialiased borders carry the colour of what may go so far beyond its label."""
-
 
 def _usable(
     drive: Drive, scene: SceneLabels, surfels: Surfels, moving: Moving, ground: Ground, labels: list[NDArray[np.int64]]
@@ -47,7 +44,9 @@ def _usable(
             depth = shown["depth"]
             # Masks on some frames are carried to the others through the scene.
             barred |= (labels[i] < 0) & (shown["kinds"][..., 1] > 0.5)
-        barred = grow(barred, BORDER_PX)
+        # As far as inpaint keeps away from what it removes: the border that goes with it, and a pixel more.
+        width = frame.camera.width
+        barred = grow(barred, border_px(width) + border_px(width, 1))
         if hidden is not None:
             barred |= hidden[i]
         usable.append(usable_pixels(ground, frame.camera, labels[i], scene.labels, barred, depth))

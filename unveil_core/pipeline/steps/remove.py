@@ -14,7 +14,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
@@ -109,8 +109,7 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
     for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
         unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
-        # Antialiased borders carry the object's colour one or two pixels beyond its label.
-        removed = grow(view.hidden, max(2, round(frame.camera.width / 400)))
+        removed = grow(view.hidden, border_px(frame.camera.width))
         save_mask(removed, frame_file(context.output("masks/removed"), frame))
         save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
         write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, view.hidden, unseen))

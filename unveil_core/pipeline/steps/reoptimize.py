@@ -9,7 +9,7 @@ from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.frames.compose import compose_frame
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.pipeline.stage import Stage, StageContext
@@ -57,7 +57,7 @@ def run(context: StageContext) -> None:
         photograph = read_image(frame.image_path)
         # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
         # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
-        taught = removed & ~grow(moving.pixels(frame), 2)
+        taught = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
         street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("frames"), frame), delivered)

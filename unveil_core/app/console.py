@@ -6,8 +6,10 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from unveil_core.pipeline.stage import Reporter
+if TYPE_CHECKING:  # the stages' module loads NumPy
+    from unveil_core.pipeline.stage import Reporter
 
 __all__ = ["reporting"]
 

@@ -1,0 +1,31 @@
+"""Borders of things, at every size of image."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.inpaint.frames.holes import Behind, FrameTask, hole_in_frame
+
+WIDTHS = (384, 512, 768, 1000, 1200, 1400, 1600, 1920, 2560, 3840)
+
+
+def test_borders_grow_with_the_image() -> None:
+    for least in (1, 2, 3, 4):
+        assert border_px(384, least) == border_px(120, least) == least
+        assert border_px(3840, least) == pytest.approx(least * 3840 / 800, abs=0.5)
+        assert all(border_px(a, least) <= border_px(b, least) for a, b in zip(WIDTHS, WIDTHS[1:], strict=False))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_hole_contains_the_border_of_its_mask(width: int) -> None:
+    """Above the horizon, where only what nobody saw is a hole: else a rim around the object would show the sky."""
+    camera = Camera(width, 200, 300.0, 300.0, width / 2, 100.0, np.eye(4))
+    hidden = np.zeros((200, width), bool)
+    hidden[60:140, width // 3 : width // 2] = True
+    removed, nothing = grow(hidden, border_px(width)), np.zeros_like(hidden)
+    task = FrameTask(camera, np.zeros((200, width, 3), np.uint8), removed, hidden)
+    hole = hole_in_frame(task, Behind({}, nothing, None, nothing, nothing, nothing))
+    assert np.array_equal(hole, removed) and (removed & ~hidden).any()
