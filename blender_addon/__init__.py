@@ -1,51 +1,62 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unveil in Blender: a drive in, the empty street out. The heavy work runs in a Python of its own (see ``jobs``).
+"""Unveil in Blender: a drive in, the empty street out. The heavy work runs in a Python of its own (see ``worker/``).
 
-Importing this package imports nothing else, so that the modules without bpy can be used, and tested, without Blender.
+Importing this package imports nothing else, so that the folders without bpy can be used, and tested, without Blender.
 """
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from importlib import import_module
 
 __all__ = ["register", "unregister"]
 
 MODULES = (
-    "session",
-    "properties",
-    "selection",
-    "view",
-    "previews",
-    "preferences",
-    "operators_import",
-    "operators_selection",
-    "operators_run",
-    "operators_environment",
-    "panels",
-    "panel_scene",
-    "panel_run",
-    "box_gizmos",
-    "handlers",
-    "command_line",
+    "worker.session",
+    "scene.settings",
+    "scene.view",
+    "scene.operators_view",
+    "choice.selection",
+    "choice.operators_selection",
+    "choice.box_gizmos",
+    "work.preferences",
+    "work.operators_import",
+    "work.operators_run",
+    "work.operators_environment",
+    "work.handlers",
+    "work.command_line",
+    "ui.previews",
+    "ui.panels",
+    "ui.panel_drive",
+    "ui.panel_selection",
+    "ui.panel_run",
+    "ui.panel_results",
 )
-"""Modules with ``register()`` and ``unregister()``, in the order of registration. Nothing but registration happens there."""
+"""Whatever is registered stands in one of these, in this order: Blender's classes in ``CLASSES``, all else in ``register()`` and
+``unregister()``, either of which may be missing."""
+
+_steps_back = ExitStack()
+"""What takes back what was registered, the latest first."""
 
 
 def register() -> None:
-    """Register all classes; what was registered is taken back when one of them fails."""
-    done = []
-    try:
+    """Register everything; where one step fails, those before it are taken back."""
+    global _steps_back
+    import bpy
+
+    with ExitStack() as steps_back:
         for name in MODULES:
             module = import_module(f".{name}", __package__)
-            module.register()
-            done.append(module)
-    except Exception:
-        for module in reversed(done):
-            module.unregister()
-        raise
+            for cls in getattr(module, "CLASSES", ()):
+                bpy.utils.register_class(cls)
+                steps_back.callback(bpy.utils.unregister_class, cls)
+            if hasattr(module, "register"):
+                module.register()
+            if hasattr(module, "unregister"):
+                steps_back.callback(module.unregister)
+        _steps_back = steps_back.pop_all()
 
 
 def unregister() -> None:
-    """The reverse, which also ends a job that still runs."""
-    for name in reversed(MODULES):
-        import_module(f".{name}", __package__).unregister()
+    """Take everything back, which also ends a job that still runs."""
+    _steps_back.close()

@@ -44,12 +44,12 @@ def exact_surfels(drive: Drive, labels: SceneLabels, empty: Path | None) -> Surf
     parts = []
     for frame in drive.frames:
         camera = frame.camera
-        depth, kind = true_planes(camera, drive.offset, crowded=empty is None)
+        depth, kind = true_planes(camera, drive.to_world.translation, crowded=empty is None)
         image = read_image(frame.image_path if empty is None else empty / f"{frame.name}.png")
         hit = np.isfinite(depth)
         points = camera.unproject(np.where(hit, depth, 0))[hit]
         label = labels.labels.compact(kind.astype(np.uint8))[hit]
-        normal = true_normals(points + drive.offset, kind[hit])
+        normal = true_normals(points + drive.to_world.translation, kind[hit])
         size = depth[hit] / camera.fx
         parts.append(
             surfels_from_points(points, image[hit], label, normal, size, sh_degree=0, opacity=0.95, scale_factor=0.8)
@@ -65,10 +65,10 @@ def build_exact_workspace(root: Path) -> Path:
     labels = choose_labels(drive, ("car",))
     write_json_atomic(workspace / "labels.json", labels.to_json())
     for state, empty in (("full", None), ("empty", street.parent / "truth/images")):
-        write_surfels(exact_surfels(drive, labels, empty), workspace / f"surfels/{state}.ply", offset=drive.offset)
+        write_surfels(exact_surfels(drive, labels, empty), workspace / f"surfels/{state}.ply", to_world=drive.to_world)
     samples = []
     for frame in drive.frames:
-        _, kind = true_planes(frame.camera, drive.offset, crowded=True)
+        _, kind = true_planes(frame.camera, drive.to_world.translation, crowded=True)
         samples.append((frame.camera, read_image(frame.image_path), kind == SKY))
     save_sky(fit_sky(samples, drive.up), workspace / "surfels/sky.npz")
     write_json_atomic(workspace / "workspace.json", {"format": 1, "drive": str(street), "settings": {}, "stages": {}})

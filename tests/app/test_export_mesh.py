@@ -22,10 +22,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     workspace = build_workspace(tmp_path_factory.mktemp("street"), count=2, truth=False)
     drive = read_imported(workspace / "drive")
     mesh = fuse(street_views(2), voxel_size=0.15, max_depth=12.0)
-    write_ply(mesh, workspace / "meshes/full.ply", offset=drive.offset)
+    write_ply(mesh, workspace / "meshes/full.ply", drive.to_world)
     less = Mesh(mesh.vertices, mesh.faces[: len(mesh.faces) // 2], mesh.colors)
-    write_ply(less, workspace / "meshes/empty.ply", offset=drive.offset)
-    write_glb(less, workspace / "meshes/empty.glb", offset=drive.offset, up=drive.up)
+    write_ply(less, workspace / "meshes/empty.ply", drive.to_world)
+    write_glb(less, workspace / "meshes/empty.glb", drive.to_world)
     return workspace
 
 

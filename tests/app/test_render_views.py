@@ -37,11 +37,11 @@ def everything(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def test_views_beside_the_path_show_the_true_street(everything: Path, workspace: Path) -> None:
     drive = read_imported(workspace / "drive")
     views = shifted(drive_path(drive), drive.up, beside=0.6, above=0.3)
-    assert [v.camera.centre[1] + drive.offset[1] for v in views] == pytest.approx([0.4 - 0.6] * FRAMES)
+    assert [v.camera.centre[1] + drive.to_world.translation[1] for v in views] == pytest.approx([0.4 - 0.6] * FRAMES)
     for view in views[1:-1]:
-        depth, kind = true_planes(view.camera, drive.offset, crowded=False)
+        depth, kind = true_planes(view.camera, drive.to_world.translation, crowded=False)
         pose = view.camera.camera_to_world
-        pose[:3, 3] += drive.offset
+        pose[:3, 3] += drive.to_world.translation
         pose[:3, 1:3] *= -1
         street = picture(pose, False)[0][..., ::-1]
         # The picture's border is what no recorded camera shows; edges are a pixel soft.
@@ -75,7 +75,7 @@ def test_normals_are_those_of_normal_maps(everything: Path, workspace: Path) -> 
     """Camera axes x right, y up, z to the viewer: the ground faces up, the left wall right and the right one left."""
     drive = read_imported(workspace / "drive")
     view = shifted(drive_path(drive), drive.up, beside=0.6, above=0.3)[3]
-    depth, kind = true_planes(view.camera, drive.offset, crowded=False)
+    depth, kind = true_planes(view.camera, drive.to_world.translation, crowded=False)
     axes = view.camera.world_to_camera[:3, :3] * np.array([[1], [-1], [-1]])
     normal = read_image(everything / "normal/03.png").astype(float) / 127.5 - 1
     column = np.broadcast_to(np.arange(depth.shape[1]), depth.shape)
@@ -91,7 +91,7 @@ def test_normals_are_those_of_normal_maps(everything: Path, workspace: Path) -> 
 
 def test_full_has_the_car_and_empty_has_not(workspace: Path, tmp_path: Path) -> None:
     drive = read_imported(workspace / "drive")
-    car = true_planes(drive.frames[4].camera, drive.offset, crowded=True)[1] == CAR
+    car = true_planes(drive.frames[4].camera, drive.to_world.translation, crowded=True)[1] == CAR
     shown = {}
     for state in ("full", "empty"):
         assert (

@@ -1,4 +1,4 @@
-"""Tracked boxes are read, checked, recentred and kept."""
+"""Tracked boxes are read, checked, brought to local coordinates and kept."""
 
 from __future__ import annotations
 
@@ -59,5 +59,5 @@ def test_boxes_are_imported_with_the_frames(tmp_path: Path) -> None:
     assert [len(f.boxes) for f in drive.frames] == [0, 1, 0]
     box = drive.frames[1].boxes[0]
     assert isinstance(box, TrackedBox) and box.class_name == "car"
-    np.testing.assert_allclose(np.asarray(box.centre) + drive.offset, [10.0, 2.0, 0.75])
+    np.testing.assert_allclose(np.asarray(box.centre) + drive.to_world.translation, [10.0, 2.0, 0.75])
     assert "boxes" not in json.loads((tmp_path / "drive/cameras.json").read_text())["frames"][0]

@@ -17,7 +17,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.importing import recentred
+from unveil_core.drives.importing import localized
 from unveil_core.geometry.camera import Camera
 
 UTM = np.array([352_140.0, 5_812_960.0, 34.0])
@@ -37,7 +37,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def drive(street: Path) -> Drive:
-    return recentred(open_drive(street))
+    return localized(open_drive(street))
 
 
 def same(a: Camera, b: Camera) -> None:
@@ -82,7 +82,7 @@ def test_a_workspaces_own_cameras(drive: Drive, tmp_path: Path) -> None:
         "name": frame.name, "camera": "front", "width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx,
         "cy": c.cy, "world_to_camera": c.world_to_camera.tolist(),
     }  # fmt: skip
-    (view,) = read_camera_path(written(tmp_path, {"offset": drive.offset.tolist(), "frames": [entry]}), drive)
+    (view,) = read_camera_path(written(tmp_path, {"to_world": drive.to_world.to_json(), "frames": [entry]}), drive)
     assert (view.name, view.track) == (frame.name, "front")
     same(view.camera, c)
 
@@ -178,7 +178,7 @@ def in_viewer(**values: object) -> Callable[[Path], Path]:
         (in_frame(w=1e9, h=1e9, fl_x=80), "pixels (1 to 16384 a side)"),
         (in_frame(w=math.inf, h=80, fl_x=80), "view 0000 is damaged: cannot convert float infinity"),
         (in_frame(w=100, h=80, fl_x=-1), "no focal length"),
-        (in_frame(transform_matrix=np.eye(4).tolist()), "units away from the drive (poses are camera-to-world"),
+        (in_frame(transform_matrix=np.eye(4).tolist()), "m away from the drive (poses are camera-to-world"),
         (in_frame(world_to_camera=[[1]]), "the pose of view 0000 is not a 4x4 matrix"),
         (in_frame(world_to_camera=np.eye(4).tolist()), "view 0000 lacks 'fx'"),
         (in_viewer(camera_type="equirectangular"), "camera_type equirectangular is not known"),

@@ -120,14 +120,14 @@ def test_depth_of_every_second_pixel_and_of_other_sizes(tmp_path: Path) -> None:
     full = np.round((4.0 + 0.05 * columns + 0.02 * rows) * 256).astype(np.uint16)
     for name, image in (("full", full), ("half", full[1::2, 1::2]), ("odd", full[::3, ::3][:, :20])):
         write_image_atomic(tmp_path / f"{name}.png", image)
-    half = read_depth(tmp_path / "half.png", camera, 2.0)
+    half = read_depth(tmp_path / "half.png", camera)
     own_rows, own_columns = half.pixels()
-    assert half.step == 2 and np.array_equal(half.depth * 128, full[np.ix_(own_rows, own_columns)])
-    assert read_depth(tmp_path / "full.png", camera, 1.0).step == 1
-    odd = read_depth(tmp_path / "odd.png", camera, 1.0)
+    assert half.step == 2 and np.array_equal(half.depth * 256, full[np.ix_(own_rows, own_columns)])
+    assert read_depth(tmp_path / "full.png", camera).step == 1
+    odd = read_depth(tmp_path / "odd.png", camera)
     assert odd.step == 1 and odd.depth.shape == (HEIGHT, WIDTH)
     # A view sees itself where it is, through samples of every second pixel too.
-    fine = DepthGrid(camera, full / 128.0)
+    fine = DepthGrid(camera, full / 256.0)
     matches = match_pixels(half, fine, np.ones((HEIGHT, WIDTH), bool))
     assert len(matches.rows) == half.depth.size
     assert np.allclose(matches.x, matches.columns + 0.5) and np.allclose(matches.y, matches.rows + 0.5)

@@ -49,7 +49,7 @@ def true_street(radius: float, s: np.ndarray, l: np.ndarray) -> np.ndarray:  # n
 
 @pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
 def test_path_follows_the_circle(radius: float) -> None:
-    path = fit_path(drive_on_circle(radius, 0.0), UP, unit=1.0)
+    path = fit_path(drive_on_circle(radius, 0.0), UP)
     generator = np.random.default_rng(0)
     s, l = generator.uniform(0, 25, 400), generator.uniform(-6, 6, 400)  # noqa: E741
     world = np.concatenate([true_street(radius, s, l), np.zeros((400, 1))], axis=1)
@@ -67,12 +67,12 @@ def test_round_trip(s: float, l: float, h: float) -> None:  # noqa: E741
     assert np.abs(PATH.to_world(back) - PATH.to_world(street)).max() < 0.05
 
 
-PATH = fit_path(drive_on_circle(60.0, 0.0), UP, unit=1.0)
+PATH = fit_path(drive_on_circle(60.0, 0.0), UP)
 
 
 def test_standing_camera_looks_along_the_street() -> None:
     camera = look(np.array([3.0, 4.0, 1.6]), 0.7)
-    path = fit_path([camera] * 5, UP, unit=1.0)
+    path = fit_path([camera] * 5, UP)
     ahead = camera.centre + 10 * np.array([np.cos(0.7), np.sin(0.7), 0.0])
     street = path.to_street(ahead[None])[0]
     assert abs(street[1]) < 1e-6
@@ -91,8 +91,8 @@ def street_points(radius: float, slope: float, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize(("radius", "slope"), [(np.inf, 0.0), (60.0, 0.03), (-80.0, -0.05)])
 def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) -> None:
-    path = fit_path(drive_on_circle(radius, slope), UP, unit=1.0)
-    ground = fit_ground(path, street_points(radius, slope), unit=1.0)
+    path = fit_path(drive_on_circle(radius, slope), UP)
+    ground = fit_ground(path, street_points(radius, slope))
     s = np.repeat(np.linspace(9, 19, 21), 2)
     l = np.tile([-3.0, -4.6], 21)  # noqa: E741
     world = np.concatenate([true_street(radius, s, l), np.zeros((42, 1))], axis=1)
@@ -105,8 +105,8 @@ def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) ->
 
 def test_rays_meet_the_ground_where_they_should() -> None:
     cameras = drive_on_circle(60.0, 0.03)
-    path = fit_path(cameras, UP, unit=1.0)
-    ground = fit_ground(path, street_points(60.0, 0.03), unit=1.0)
+    path = fit_path(cameras, UP)
+    ground = fit_ground(path, street_points(60.0, 0.03))
     camera = cameras[5]
     rays = camera.rays().reshape(-1, 3)
     depth, street = ground.intersect(camera, rays)
@@ -122,11 +122,11 @@ def test_rays_meet_the_ground_where_they_should() -> None:
 def test_a_path_is_moved_onto_a_line_beside_it(radius: float) -> None:
     """The car weaves about the street's middle; once its path is moved by what it was off, the middle lies at offset 0."""
     cameras = drive_on_circle(radius, 0.0)
-    path = fit_path(cameras, UP, unit=1.0)
+    path = fit_path(cameras, UP)
     s = np.arange(0.0, 25.0, 0.04)
     middle = np.concatenate([true_street(radius, s, 0.3 * np.sin(s / 3.5) - 0.5), np.zeros((len(s), 1))], axis=1)
     aside = path.to_street(middle)
-    moved = straighten_path(path, aside[:, 0], aside[:, 1], unit=1.0)
+    moved = straighten_path(path, aside[:, 0], aside[:, 1])
     amid = (s > 3) & (s < 22)
     assert np.abs(path.to_street(middle)[amid, 1]).max() > 0.5
     assert np.abs(moved.to_street(middle)[amid, 1]).max() < 0.05
@@ -141,10 +141,10 @@ def test_rays_go_over_a_crest_and_up_a_hill() -> None:
         return np.where(s < 20, 0.05 * s, 1.0 - 0.06 * (s - 20)) + 0.28 * np.maximum(s - 55, 0)
 
     cameras = [look(np.array([x, 0.0, float(height(np.array(x))) + 1.6]), 0.0, 0.0) for x in np.arange(0.0, 24.0)]
-    path = fit_path(cameras, UP, unit=1.0)
+    path = fit_path(cameras, UP)
     rng = np.random.default_rng(4)
     s, l = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)  # noqa: E741
-    ground = fit_ground(path, np.column_stack([s, l, height(s)]), unit=1.0)
+    ground = fit_ground(path, np.column_stack([s, l, height(s)]))
     camera = cameras[0]
     rays = np.column_stack([np.ones(200), rng.uniform(-0.02, 0.02, 200), np.linspace(-0.3, 0.06, 200)])
     depth, street = ground.intersect(camera, rays)

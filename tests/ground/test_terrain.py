@@ -39,7 +39,7 @@ def bank(horizontal: np.ndarray) -> np.ndarray:
 
 
 def test_it_is_as_good_as_its_points() -> None:
-    terrain = fit_terrain(scattered(bank), AXES, unit=1.0)
+    terrain = fit_terrain(scattered(bank), AXES)
     assert terrain is not None
     asked = np.random.default_rng(2).uniform((0, -7), (22, 7), (2000, 2))
     error = terrain.height_at(asked) - bank(asked)
@@ -57,7 +57,7 @@ def test_a_guess_carries_a_kerb_beneath_a_car() -> None:
     under = np.array([[8.5, 0.0], [8.5, 0.6]])
     step = []
     for guess in (None, kerb):
-        terrain = fit_terrain(points, AXES, unit=1.0, guess=guess)
+        terrain = fit_terrain(points, AXES, guess=guess)
         assert terrain is not None
         step.append(float(np.diff(terrain.height_at(under))[0]))
     assert step[0] < 0.08 and step[1] == pytest.approx(0.12, abs=0.01)
@@ -68,31 +68,30 @@ def test_a_bush_is_no_hill() -> None:
     bush = np.column_stack([rng.uniform((14, 2), (15.2, 3.2), (60, 2)), rng.uniform(0.5, 1.2, 60)])
     flat = scattered(lambda horizontal: np.zeros(len(horizontal)))
     bare = flat[~((flat[:, :2] > (14, 2)) & (flat[:, :2] < (15.2, 3.2))).all(axis=1)]
-    terrain = fit_terrain(np.concatenate([bare, bush]), AXES, unit=1.0)
+    terrain = fit_terrain(np.concatenate([bare, bush]), AXES)
     assert terrain is not None
     assert np.abs(terrain.height_at(rng.uniform((13, 1), (16, 4), (500, 2)))).max() < 0.05
 
 
 def test_nobody_knows_it_beyond_all_points() -> None:
     points = scattered(bank)
-    terrain = fit_terrain(points, AXES, unit=1.0)
+    terrain = fit_terrain(points, AXES)
     assert terrain is not None
     assert np.isnan(terrain.height_at(np.array([[40.0, 0.0], [10.0, 9.5], [-3.5, 0.0]]))).all()
-    assert fit_terrain(points[:0], AXES, unit=1.0) is None
+    assert fit_terrain(points[:0], AXES) is None
 
 
-@pytest.mark.parametrize("unit", [1.0, 0.01])
-def test_rays_meet_it_where_it_is(unit: float) -> None:
-    terrain = fit_terrain(scattered(bank, noise=0) * unit, AXES, unit=unit)
+def test_rays_meet_it_where_it_is() -> None:
+    terrain = fit_terrain(scattered(bank, noise=0), AXES)
     assert terrain is not None
-    view = camera(1.6 * unit, 0.1)
+    view = camera(1.6, 0.1)
     asked = np.zeros((48, 64), dtype=bool)
     asked[4:44, 4:60] = True
-    depth = terrain.depth(view, asked, near=0.2 * unit, far=100 * unit)
+    depth = terrain.depth(view, asked, near=0.2, far=100.0)
     assert np.isinf(depth[~asked]).all()
     rays = view.rays()
     found = np.isfinite(depth)
-    place = (view.centre + depth[found][:, None] * rays[found]) / unit
+    place = view.centre + depth[found][:, None] * rays[found]
     # The cells round off the foot of the bank, and linear steps a little more.
     assert np.abs(place[:, 2] - bank(place[:, :2])).max() < 0.06
     # The bank on the left (and only it) reaches above the horizon; a ray that is flat falls on neither road nor meadow.
@@ -105,7 +104,7 @@ def test_what_hides_first_counts() -> None:
     def crest(horizontal: np.ndarray) -> np.ndarray:
         return 1.2 * np.exp(-((horizontal[:, 0] - 10) ** 2) / 8)
 
-    terrain = fit_terrain(scattered(crest, noise=0, gap=False), AXES, unit=1.0)
+    terrain = fit_terrain(scattered(crest, noise=0, gap=False), AXES)
     assert terrain is not None
     depth = terrain.depth(camera(1.6, 0.0), np.ones((48, 64), dtype=bool), near=0.2, far=100.0)
     # A ray that falls by a tenth of its way meets the crest on its near side, not the ground 6 m behind it.
@@ -117,5 +116,5 @@ def test_points_lie_on_the_ground_when_all_about_them_does() -> None:
     on_ground = np.array([True] * 5 + [False] * 5)
     points = np.array([[1.0, 0.1, 0.0], [4.4, 0.0, 0.0], [8.0, 0.1, 0.0], [1.0, 0.0, 3.0]])
     # Amid ground; at its end; on something else; far from every surfel.
-    assert np.array_equal(ground_points(points, means, on_ground, unit=1.0), points[:1])
-    assert len(ground_points(points, means[:0], on_ground[:0], unit=1.0)) == 0
+    assert np.array_equal(ground_points(points, means, on_ground), points[:1])
+    assert len(ground_points(points, means[:0], on_ground[:0])) == 0

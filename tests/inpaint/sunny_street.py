@@ -56,10 +56,10 @@ def paint(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
 
 def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray, np.ndarray, Surfels, Surfels]:
     """The chart as read, the true one without the car, the car's footprint, and surfels of what stays and of the car."""
-    path = fit_path(drive_on_circle(np.inf, 0.0), UP, unit=1.0)
+    path = fit_path(drive_on_circle(np.inf, 0.0), UP)
     s, l = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")  # noqa: E741
     points = np.stack([s.ravel(), l.ravel(), np.zeros(s.size)], axis=1)
-    ground = fit_ground(path, path.to_world(points), unit=1.0)
+    ground = fit_ground(path, path.to_world(points))
     rows, columns = int(28 / TEXEL), int(14 / TEXEL)
     empty = StreetChart(
         ground, TEXEL, -1.0, -7.0, np.zeros((rows, columns, 3), np.float32), np.zeros((rows, columns), np.int16),

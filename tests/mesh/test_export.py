@@ -12,9 +12,12 @@ import trimesh
 from plyfile import PlyData
 
 from unveil_core.base.errors import WorkspaceError
+from unveil_core.geometry.axes import upright
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.mesh import Mesh, read_ply, write_glb, write_obj, write_ply
 
 UTM = np.array([389_512.25, 6_175_034.5, 71.125])
+SHIFT = Similarity(translation=UTM)
 
 
 @pytest.fixture
@@ -41,20 +44,20 @@ def test_ply_opens_elsewhere(mesh: Mesh, tmp_path: Path) -> None:
 
 def test_ply_keeps_far_coordinates(mesh: Mesh, tmp_path: Path) -> None:
     path = tmp_path / "mesh.ply"
-    write_ply(mesh, path, offset=UTM)
+    write_ply(mesh, path, SHIFT)
     vertex = PlyData.read(str(path))["vertex"]
     assert vertex["x"].dtype == np.float64
     world = np.stack([vertex[a] for a in "xyz"], axis=1)
     np.testing.assert_allclose(world - UTM, mesh.vertices, atol=1e-8)
-    again = read_ply(path, offset=UTM)
+    again = read_ply(path, SHIFT)
     np.testing.assert_allclose(again.vertices, mesh.vertices, atol=1e-6)
     np.testing.assert_array_equal(again.faces, mesh.faces)
     np.testing.assert_array_equal(again.colors, mesh.colors)
 
 
 def test_ply_of_nothing(tmp_path: Path) -> None:
-    write_ply(Mesh.empty(), tmp_path / "mesh.ply", offset=UTM)
-    assert len(read_ply(tmp_path / "mesh.ply", offset=UTM).faces) == 0
+    write_ply(Mesh.empty(), tmp_path / "mesh.ply", SHIFT)
+    assert len(read_ply(tmp_path / "mesh.ply", SHIFT).faces) == 0
 
 
 def test_damaged_ply_is_one_line(mesh: Mesh, tmp_path: Path) -> None:
@@ -71,7 +74,7 @@ def test_damaged_ply_is_one_line(mesh: Mesh, tmp_path: Path) -> None:
 
 def test_obj_keeps_far_coordinates_and_colours(mesh: Mesh, tmp_path: Path) -> None:
     path = tmp_path / "mesh.obj"
-    write_obj(mesh, path, offset=UTM)
+    write_obj(mesh, path, SHIFT)
     first, *lines = path.read_text().splitlines()
     assert first == f"# unveil mesh, sRGB vertex colours, offset {UTM[0]} {UTM[1]} {UTM[2]}"
     rows = np.array([line.split()[1:] for line in lines if line.startswith("v ")], dtype=np.float64)
@@ -93,7 +96,7 @@ def glb_json(path: Path) -> dict:
 
 def test_glb_is_y_up_with_the_offset_on_its_node(mesh: Mesh, tmp_path: Path) -> None:
     path = tmp_path / "mesh.glb"
-    write_glb(mesh, path, offset=UTM)
+    write_glb(mesh, path, SHIFT)
     node = glb_json(path)["nodes"][0]
     assert node["extras"]["offset_m"] == UTM.tolist()
     np.testing.assert_array_equal(node["translation"], [UTM[0], UTM[2], -UTM[1]])
@@ -120,24 +123,33 @@ def test_glb_colours_are_linear(mesh: Mesh, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("up", [(0, 0, 1), (0, -1, 0), (1, 0, 0), (0.1, 0.2, 0.9)])
-def test_glb_turns_any_up(mesh: Mesh, tmp_path: Path, up: tuple[float, ...]) -> None:
+def test_glb_stands_upright_in_the_worlds_size(mesh: Mesh, tmp_path: Path, up: tuple[float, ...]) -> None:
     path = tmp_path / "mesh.glb"
-    write_glb(mesh, path, up=up)
-    (geometry,) = trimesh.load(path, process=False).geometry.values()
-    height = mesh.vertices @ np.array(up) / np.linalg.norm(up)
-    np.testing.assert_allclose(geometry.vertices[:, 1], height, atol=1e-4)
-    # A rotation, not a mirror image: signed volumes stay.
-    before = np.linalg.det(mesh.vertices[mesh.faces].astype(np.float64))
-    after = np.linalg.det(np.asarray(geometry.vertices)[mesh.faces])
-    np.testing.assert_allclose(after, before, rtol=1e-4, atol=1e-2)
+    to_world = Similarity(0.1, upright(np.array(up)), np.array([3.0, -2.0, 5.0]))
+    write_glb(mesh, path, to_world)
+    placed = trimesh.load(path, process=False).to_geometry()
+    world = to_world.to_world(mesh.vertices)
+    np.testing.assert_allclose(placed.vertices[:, 1], world @ np.array(up) / np.linalg.norm(up), atol=1e-5)
+    # As the world is but turned, no mirror image: signed volumes stay.
+    before, after = (np.linalg.det(v[mesh.faces] - v[0]) for v in (world, np.asarray(placed.vertices)))
+    np.testing.assert_allclose(after, before, rtol=1e-3, atol=1e-4)
+
+
+def test_files_are_in_the_world_whatever_its_unit_and_axes(mesh: Mesh, tmp_path: Path) -> None:
+    to_world = Similarity(0.1, upright(np.array([0.0, 1.0, 0.0])), UTM)
+    write_ply(mesh, tmp_path / "mesh.ply", to_world)
+    write_obj(mesh, tmp_path / "mesh.obj", to_world)
+    world = UTM + 0.1 * mesh.vertices[:, [0, 2, 1]].astype(np.float64) * (1, 1, -1)
+    vertex = PlyData.read(str(tmp_path / "mesh.ply"))["vertex"]
+    np.testing.assert_allclose(np.stack([vertex[a] for a in "xyz"], axis=1) - UTM, world - UTM, atol=1e-6)
+    lines = (tmp_path / "mesh.obj").read_text().splitlines()
+    rows = np.array([line.split()[1:4] for line in lines if line.startswith("v ")], dtype=np.float64)
+    np.testing.assert_allclose(rows - UTM, world - UTM, atol=1e-6)
+    np.testing.assert_allclose(read_ply(tmp_path / "mesh.ply", to_world).vertices, mesh.vertices, atol=1e-5)
+    header = (tmp_path / "mesh.ply").read_bytes().split(b"end_header")[0].decode()
+    assert "comment scale 0.1\n" in header and "comment rotation 1.0 0.0 0.0 0.0 0.0 1.0 0.0 -1.0 0.0\n" in header
 
 
 def test_glb_of_nothing_is_valid(tmp_path: Path) -> None:
-    write_glb(Mesh.empty(), tmp_path / "mesh.glb", offset=UTM)
+    write_glb(Mesh.empty(), tmp_path / "mesh.glb", SHIFT)
     assert "meshes" not in glb_json(tmp_path / "mesh.glb")
-
-
-def test_offsets_must_be_numbers(mesh: Mesh, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="offset"):
-        write_ply(mesh, tmp_path / "mesh.ply", offset=(1.0, float("nan"), 0.0))
-    assert not list(tmp_path.iterdir())

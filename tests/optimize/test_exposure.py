@@ -9,7 +9,7 @@ import pytest
 
 from tests.hard_drives import make_tiny_street, replace_images
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import recentred
+from unveil_core.drives.importing import localized
 from unveil_core.optimize.exposure import affine_between, fit_exposures
 
 SAMPLES = Path(__file__).parents[2] / "sample_scenes"
@@ -24,7 +24,7 @@ def spoilt(image: np.ndarray, i: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["parked_street", "country_road"])
 def test_a_steady_camera_is_left_alone(name: str) -> None:
-    found = fit_exposures(recentred(open_drive(SAMPLES / name)))
+    found = fit_exposures(localized(open_drive(SAMPLES / name)))
     assert found.is_identity and not found.known and found.figures["used"] is False
     assert found.figures["rms_with"] > 0.93 * found.figures["rms_without"]
 
@@ -32,7 +32,7 @@ def test_a_steady_camera_is_left_alone(name: str) -> None:
 def test_gains_are_found_and_a_frame_that_tells_nothing_is_between_its_neighbours(tmp_path: Path) -> None:
     path = make_tiny_street(tmp_path / "street", [float(i) for i in range(8)])
     replace_images(path, "images", spoilt)
-    drive = recentred(open_drive(path))
+    drive = localized(open_drive(path))
     found = fit_exposures(drive)
     assert found.figures["used"] and found.figures["rms_with"] < 0.5 * found.figures["rms_without"]
     gain = np.stack([found.of(f).gain for f in drive.frames])

@@ -13,8 +13,8 @@ import torch
 from tests import small_street
 from tests.hard_drives import make_tiny_street
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import recentred
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.importing import localized
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings
 from unveil_core.optimize.reconstruct import MANY_FRAMES, PRESETS, Reconstruction, ReconstructSettings, reconstruct
@@ -41,10 +41,10 @@ def rich(points: np.ndarray, kind: np.ndarray) -> np.ndarray:
 
 def reconstructed(folder: Path, settings: ReconstructSettings) -> tuple[Reconstruction, float]:
     """The scene of a drive and the PSNR of its own frames."""
-    drive = recentred(open_drive(folder))
-    scene, limits = choose_labels(drive), scene_range(drive)
+    drive = localized(open_drive(folder))
+    scene = choose_labels(drive)
     done = reconstruct(drive, scene, settings)
-    told = evaluate_views(done.surfels, done.sky, list(drive.frames), scene, near=limits.near, far=limits.far)
+    told = evaluate_views(done.surfels, done.sky, list(drive.frames), scene, near=NEAR_M, far=FAR_M)
     return done, told["psnr"]
 
 

@@ -33,9 +33,7 @@ def wall(depth_m: float) -> Surfels:
 
 def again(surfels: Surfels, movable: np.ndarray, settings: ReoptimizeSettings, **more: object) -> Surfels:
     target = np.full((24, 32, 3), 200, np.uint8)
-    return reoptimize(
-        surfels, movable, SKY, [(CAMERA, target)], settings, unit=1.0, near=0.2, far=100.0, label_count=1, **more
-    )  # type: ignore[arg-type]
+    return reoptimize(surfels, movable, SKY, [(CAMERA, target)], settings, near=0.2, far=100.0, label_count=1, **more)  # type: ignore[arg-type]
 
 
 def test_only_what_may_move_takes_the_targets_colour() -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests.small_street import make_small_street
 from unveil_core.base.files import read_image
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import recentred
+from unveil_core.drives.importing import localized
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize import start as module
 from unveil_core.optimize.start import StartSettings, start_scene
@@ -49,7 +49,7 @@ def test_detail_gets_finer_cells_than_a_plain_wall_of_the_same_points() -> None:
 
 
 def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drive = recentred(open_drive(make_small_street(tmp_path)))
+    drive = localized(open_drive(make_small_street(tmp_path)))
     scene = choose_labels(drive)
     images = [read_image(f.image_path) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]

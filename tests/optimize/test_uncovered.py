@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from unveil_core.drives.scene_range import SceneRange
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster import render
@@ -15,7 +15,6 @@ from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
 CAMERA = Camera(96, 64, 80.0, 80.0, 48.0, 32.0, np.eye(4))
-LIMITS = SceneRange(1.0, 0.2, 100.0)
 UP = np.array([0.0, -1.0, 0.0])
 WALL, SKY, TREE = 0, 1, 2
 
@@ -42,7 +41,7 @@ def picture() -> tuple[np.ndarray, np.ndarray]:
 
 def alpha(surfels: Surfels) -> np.ndarray:
     with torch.no_grad():
-        out = render(surfels, CAMERA, ("alpha",), near=LIMITS.near, far=LIMITS.far).alpha
+        out = render(surfels, CAMERA, ("alpha",), near=NEAR_M, far=FAR_M).alpha
     assert out is not None
     return out.numpy()
 
@@ -51,7 +50,7 @@ def test_uncovered_pixels_get_surfels_of_their_label_at_the_depth_beside_them() 
     image, labels = picture()
     wall = lower_wall()
     assert (alpha(wall)[18:30] < 0.5).all()
-    full = cover_uncovered(wall, [CAMERA], [image], [labels], 3, SKY, UP, LIMITS)
+    full = cover_uncovered(wall, [CAMERA], [image], [labels], 3, SKY, UP)
     new = full.select(torch.arange(len(wall), len(full)))
     depth, kind = new.means[:, 2].numpy(), new.labels.numpy()
     assert set(kind) == {WALL, TREE}
@@ -65,8 +64,8 @@ def test_uncovered_pixels_get_surfels_of_their_label_at_the_depth_beside_them() 
 def test_views_that_show_the_same_plant_once() -> None:
     image, labels = picture()
     wall = lower_wall()
-    once = cover_uncovered(wall, [CAMERA], [image], [labels], 3, SKY, UP, LIMITS)
-    twice = cover_uncovered(wall, [CAMERA] * 2, [image] * 2, [labels] * 2, 3, SKY, UP, LIMITS)
+    once = cover_uncovered(wall, [CAMERA], [image], [labels], 3, SKY, UP)
+    twice = cover_uncovered(wall, [CAMERA] * 2, [image] * 2, [labels] * 2, 3, SKY, UP)
     assert len(twice) - len(wall) < 1.2 * (len(once) - len(wall))
 
 
@@ -76,9 +75,9 @@ def test_noise_unknown_labels_and_pixels_above_the_horizon_plant_nothing() -> No
     noisy = np.where(labels == WALL, labels, SKY)
     noisy[:32] = SKY
     noisy[np.random.default_rng(0).random(noisy.shape) < 0.05] = TREE
-    assert len(cover_uncovered(wall, [CAMERA], [image], [noisy], 3, SKY, UP, LIMITS)) == len(wall)
-    assert len(cover_uncovered(wall, [CAMERA], [image], [np.full_like(labels, -1)], 3, SKY, UP, LIMITS)) == len(wall)
-    assert len(cover_uncovered(wall, [CAMERA], [image], [np.zeros_like(labels)], 3, None, UP, LIMITS)) == len(wall)
+    assert len(cover_uncovered(wall, [CAMERA], [image], [noisy], 3, SKY, UP)) == len(wall)
+    assert len(cover_uncovered(wall, [CAMERA], [image], [np.full_like(labels, -1)], 3, SKY, UP)) == len(wall)
+    assert len(cover_uncovered(wall, [CAMERA], [image], [np.zeros_like(labels)], 3, None, UP)) == len(wall)
 
 
 def test_a_patch_that_one_view_of_three_labels_wrong_plants_nothing() -> None:
@@ -91,6 +90,6 @@ def test_a_patch_that_one_view_of_three_labels_wrong_plants_nothing() -> None:
     for i, pose in enumerate(poses):
         pose[0, 3] = 0.1 * i
     cameras = [replace(CAMERA, world_to_camera=p) for p in poses]
-    full = cover_uncovered(wall, cameras, [image] * 3, [labels, wrong, labels], 3, SKY, UP, LIMITS)
+    full = cover_uncovered(wall, cameras, [image] * 3, [labels, wrong, labels], 3, SKY, UP)
     assert len(full) == len(wall)
-    assert len(cover_uncovered(wall, cameras[1:2], [image], [wrong], 3, SKY, UP, LIMITS)) > len(wall)
+    assert len(cover_uncovered(wall, cameras[1:2], [image], [wrong], 3, SKY, UP)) > len(wall)

@@ -19,8 +19,8 @@ from unveil_core.app.export_mesh import export_mesh
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
-from unveil_core.drives.importing import recentred
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.importing import localized
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import ReconstructSettings, reconstruct
@@ -48,18 +48,16 @@ def reconstructed(path: Path, *, judges: Path | None = None) -> Outcome:
     """The scene of a drive, judged by (at most ten of) the frames that it was fitted to, or the same ones of another drive."""
     drive = open_drive(path)
     check_drive(drive)
-    drive = recentred(drive)
-    scene, limits = choose_labels(drive), scene_range(drive)
+    drive = localized(drive)
+    scene = choose_labels(drive)
     exposures = fit_exposures(drive)
     done = reconstruct(drive, scene, SETTINGS, exposures=exposures)
     surfels, sky = done.surfels, done.sky
     for values in (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, sky.texture):
         assert bool(torch.isfinite(values).all())
-    frames = list((drive if judges is None else recentred(open_drive(judges))).frames)
+    frames = list((drive if judges is None else localized(open_drive(judges))).frames)
     frames = frames[:: max(1, len(frames) // 10)]
-    told = evaluate_views(
-        surfels, sky, frames, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity
-    )
+    told = evaluate_views(surfels, sky, frames, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity)
     return Outcome(surfels, told["psnr"], told["miou"])
 
 

@@ -59,7 +59,7 @@ def test_objects_are_listed_right_after_the_import(tmp_path: Path) -> None:
     listed = objects_of(workspace)
     (car,) = listed["objects"]
     assert (car["id"], car["class"], car["source"], car["frames"]) == (5, "car", "images", 8)
-    offset = json.loads((workspace.drive_dir / "cameras.json").read_text())["offset"]
+    offset = json.loads((workspace.drive_dir / "cameras.json").read_text())["to_world"]["translation"]
     # Only two sides of it are ever seen.
     assert np.abs(np.array(car["box"]["centre"]) + offset - (LOW + HIGH) / 2).max() < 0.9
     assert 1.5 < car["distance_m"] < 7 and (workspace.root / car["thumbnail"]).stat().st_size > 200

@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 from tests.small_street import make_small_street
+from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.run import run
+from unveil_core.pipeline.runner import depends_on
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
@@ -32,8 +34,27 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def done(street: Path, tmp_path_factory: pytest.TempPathFactory) -> Workspace:
-    return run(street, tmp_path_factory.mktemp("runs") / "ws", DRAFT)
+def opened() -> list[tuple[str, str, bool]]:
+    """(running stage, path, whether to write) of every file that the run of ``done`` opened through Python."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def done(street: Path, opened: list[tuple[str, str, bool]], tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    now = [""]
+
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "open" and now[0] and isinstance(arguments[0], str | os.PathLike):
+            flags = arguments[2] if isinstance(arguments[2], int) else 0
+            opened.append((now[0], os.fspath(arguments[0]), bool(flags & (os.O_WRONLY | os.O_RDWR))))
+
+    def follow(event: dict[str, object]) -> None:
+        now[0] = "" if event["message"] == "done" else str(event["stage"])
+
+    sys.addaudithook(watch)
+    workspace = run(street, tmp_path_factory.mktemp("runs") / "ws", DRAFT, reporter=follow)
+    now[0] = ""
+    return workspace
 
 
 def results(root: Path) -> dict[str, bytes]:
@@ -80,6 +101,35 @@ def test_nothing_else_changes(done: Workspace, street: Path) -> None:
         assert np.array_equal(clean[~mask], image[~mask])
 
 
+def test_stages_read_and_write_what_they_declare(
+    done: Workspace, street: Path, opened: list[tuple[str, str, bool]]
+) -> None:
+    drive, root = street.parent.resolve(), done.root.resolve()
+    stages = {s.name: s for s in STAGES}
+    reading: set[str] = set()
+    wrong: set[str] = set()
+    for name, path, writes in opened:
+        where, stage = Path(path).resolve(), stages[name]
+        if where.is_relative_to(root):
+            inside = where.relative_to(root).as_posix()
+            if inside.startswith(("workspace.json", "events.jsonl", ".")) and not inside.startswith(".partial-"):
+                continue  # the runner's own
+            if inside.startswith(".partial-"):
+                right = Path(inside).parts[0] == f".partial-{name}"
+            else:
+                reading.add(name)
+                right = not writes and depends_on([inside], stage.inputs)
+        elif where.is_relative_to(drive):
+            declared = () if stage.outside is None else stage.outside(done, DRAFT, street)
+            right = not writes and where in {p.resolve() for _, p in declared}
+        else:
+            continue
+        if not right:
+            wrong.add(f"{name} {'writes' if writes else 'reads'} {path}")
+    assert not wrong, "\n".join(sorted(wrong))
+    assert reading == set(stages) - {"import"}
+
+
 def test_the_workspace_is_complete(done: Workspace) -> None:
     for name in (
         "labels.json", "instances.json", "metrics.json", "surfels/full.ply", "surfels/empty.ply", "meshes/full.ply",
@@ -89,7 +139,7 @@ def test_the_workspace_is_complete(done: Workspace) -> None:
     (car,) = json.loads((done.root / "instances.json").read_text())
     assert car["id"] == 5 and car["class"] == "car" and car["removed"]
     # Only two sides of the car were ever seen; its middle is known to within a metre all the same.
-    offset = json.loads((done.root / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((done.root / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert np.abs(np.array(car["box"]["centre"])[:2] + offset[:2] - (10.75, -2.55)).max() < 1.0
     stages = done.state()["stages"]
     assert all(stage["status"] == "done" for stage in stages.values()) and len(stages) == 11

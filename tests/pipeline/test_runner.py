@@ -18,7 +18,9 @@ from tests.inpaint.networks import blur, from_reference, mean_fill
 from unveil_core.base.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.steps.inpaint import check_networks, files_of_networks
+from unveil_core.workspace.journal import recover
 from unveil_core.workspace.workspace import Workspace
 
 
@@ -60,21 +62,10 @@ def test_up_to_date_stages_are_skipped(tmp_path: Path) -> None:
     assert go(tmp_path / "w", quality="draft", seed=3) == ["total"]
 
 
-def test_an_optional_input_may_be_absent_and_counts_where_it_is_there(tmp_path: Path) -> None:
-    workspace = Workspace.create(tmp_path / "w")
-    stages = (STAGES[0], replace(STAGES[1], optional=("extra.json",)))
-
-    def again() -> list[str]:
-        return run_stages(workspace, stages, RunSettings(), Path("."))
-
-    assert again() == ["letters", "total"] and again() == []
-    (tmp_path / "w" / "extra.json").write_text("{}")
-    assert again() == ["total"] and again() == []
-
-
 def test_networks_count_by_their_content(tmp_path: Path) -> None:
     workspace = Workspace.create(tmp_path / "w")
-    stages = (STAGES[0], replace(STAGES[1], settings=("inpainter", "reference_inpainter")))
+    names = ("inpainter", "reference_inpainter")
+    stages = (STAGES[0], replace(STAGES[1], settings=names, outside=files_of_networks))
     network = mean_fill(tmp_path / "mean.onnx")
 
     def again(**given: str) -> list[str]:
@@ -95,7 +86,7 @@ def test_networks_count_by_their_content(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["inpainter", "reference_inpainter"])
 def test_a_network_that_is_none_is_told_before_anything_runs(name: str, tmp_path: Path) -> None:
     workspace = Workspace.create(tmp_path / "w")
-    stages = (STAGES[0], replace(STAGES[1], settings=(name,)))
+    stages = (STAGES[0], replace(STAGES[1], settings=(name,), check=check_networks))
     with pytest.raises(SettingsError, match="absent.onnx: cannot be read"):
         run_stages(workspace, stages, RunSettings(**{name: str(tmp_path / "absent.onnx")}), Path("."))  # type: ignore[arg-type]
     assert not (tmp_path / "w/letters").exists()
@@ -127,14 +118,54 @@ def test_a_failing_stage_keeps_the_old_result(tmp_path: Path) -> None:
         context.output("sum/total.json").write_text("half")
         raise UnveilError("nothing to sum", path="letters", mend="write some")
 
-    stages = (STAGES[0], Stage("total", broken, ("letters",), STAGES[1].outputs, ("quality",), version=2))
+    stages = (STAGES[0], replace(STAGES[1], run=broken, variant="broken"))
     before = (tmp_path / "w/sum/total.json").read_text()
     with pytest.raises(UnveilError, match="letters: nothing to sum"):
         run_stages(Workspace.open(tmp_path / "w"), stages, RunSettings(), Path("."))
     assert (tmp_path / "w/sum/total.json").read_text() == before
     assert not list((tmp_path / "w").glob(".partial*"))
     assert Workspace.open(tmp_path / "w").state()["stages"]["total"]["status"] == "failed"
-    assert go(tmp_path / "w") == ["total"]
+    assert go(tmp_path / "w") == []
+
+
+@pytest.mark.parametrize("end", [Cancelled("total"), UnveilError("nothing to sum")])
+def test_an_attempt_with_other_settings_leaves_the_finished_result_valid(end: Exception, tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    record = Workspace.open(tmp_path / "w").state()["stages"]["total"]
+
+    def unwilling(context: StageContext) -> Facts:
+        if context.settings.quality == "high":
+            raise end
+        return {"texts": 20}
+
+    def again(quality: str) -> list[str]:
+        stages = (STAGES[0], replace(STAGES[1], run=unwilling))
+        return run_stages(Workspace.open(tmp_path / "w"), stages, RunSettings(quality=quality), Path("."))
+
+    (tmp_path / "w/sum/total.json").write_text("[]")  # what matters is what it was made from
+    assert again("standard") == []
+    with pytest.raises(type(end)):
+        again("high")
+    entry = Workspace.open(tmp_path / "w").state()["stages"]["total"]
+    assert entry["status"] in ("cancelled", "failed") and entry["attempt"]["settings"] == {"quality": "high"}
+    assert entry["settings"] == {"quality": "standard"} and entry["input_hash"] == record["input_hash"]
+    assert again("standard") == []
+    assert Workspace.open(tmp_path / "w").state()["stages"]["total"] == record
+
+
+def test_what_a_stage_returns_is_recorded_when_it_is_done_and_not_before(tmp_path: Path) -> None:
+    seen: list[dict[str, object]] = []
+
+    def counts(context: StageContext) -> Facts:
+        letters(context)
+        seen.append(context.workspace.state()["stages"]["letters"])
+        return {"count": context.settings.seed}
+
+    stages = (replace(STAGES[0], run=counts),)
+    for seed in (1, 2):
+        run_stages(Workspace.create(tmp_path / "w"), stages, RunSettings(seed=seed), Path("."))
+    assert "count" not in seen[0] and seen[1]["count"] == 1
+    assert Workspace.open(tmp_path / "w").state()["stages"]["letters"]["count"] == 2
 
 
 SCRIPT = """
@@ -187,13 +218,41 @@ def test_an_interrupted_move_is_finished(tmp_path: Path) -> None:
     (partial / "sum").mkdir(parents=True)
     (partial / "sum/total.json").write_text("new")
     (root / ".journal.json").write_text(
-        json.dumps({"stage": "total", "partial": partial.name, "outputs": list(STAGES[1].outputs)})
-    )
-    from unveil_core.pipeline.runner import recover
+        json.dumps({
+            "stage": "total", "partial": partial.name, "outputs": list(STAGES[1].outputs),
+            "record": {"status": "done", "input_hash": "of the new one"},
+        })
+    )  # fmt: skip
 
     recover(Workspace.open(root))
     assert (root / "sum/total.json").read_text() == "new"
     assert not partial.exists() and not (root / ".journal.json").exists()
+    assert Workspace.open(root).state()["stages"]["total"] == {"status": "done", "input_hash": "of the new one"}
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"partial": "../elsewhere", "outputs": []},
+        {"partial": "/elsewhere", "outputs": []},
+        {"partial": ".partial-total", "outputs": ["../../elsewhere"]},
+        {"partial": ".partial-total", "outputs": ["/elsewhere"]},
+        {"partial": ".partial-total", "outputs": "letters"},
+        {"partial": ".partial-total", "outputs": [], "record": None},
+        [],
+    ],
+)
+def test_a_journal_that_this_program_did_not_write_moves_and_removes_nothing(entry: object, tmp_path: Path) -> None:
+    go(tmp_path / "w")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere/thesis.txt").write_text("important")
+    if isinstance(entry, dict):
+        entry = {"stage": "total", "record": {}, **entry}
+    (tmp_path / "w/.journal.json").write_text(json.dumps(entry))
+    before = files(tmp_path)
+    with pytest.raises(WorkspaceError, match="is no journal of this program"):
+        go(tmp_path / "w")
+    assert files(tmp_path) == before
 
 
 def test_interrupt_ends_with_cancelled_and_resumes(tmp_path: Path) -> None:

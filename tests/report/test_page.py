@@ -83,8 +83,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
             seen = cast(camera, cars)
             views.append(DepthView(camera, seen["depth"], seen["rgb"]))
         mesh = fuse(views, voxel_size=0.2, max_depth=15.0)
-        shifted = (mesh.vertices.astype(np.float64) + OFFSET - local.offset).astype(np.float32)
-        write_ply(Mesh(shifted, mesh.faces, mesh.colors), workspace / f"meshes/{state}.ply", offset=local.offset)
+        shifted = (mesh.vertices.astype(np.float64) + OFFSET - local.to_world.translation).astype(np.float32)
+        write_ply(Mesh(shifted, mesh.faces, mesh.colors), workspace / f"meshes/{state}.ply", local.to_world)
     write_metrics(run_evaluation(workspace), workspace / "metrics.json")
     return workspace
 
@@ -227,7 +227,7 @@ def test_damaged_json_is_one_line(workspace: Path) -> None:
 def test_the_mesh_is_seen_in_both_views(finished: Path) -> None:
     drive = read_imported(finished / "drive")
     camera = bird_camera(drive)
-    centre = np.array([[8.0, 0.0, 0.0]]) + OFFSET - drive.offset
+    centre = np.array([[8.0, 0.0, 0.0]]) + OFFSET - drive.to_world.translation
     pixel, depth = camera.project(centre)
     assert depth[0] > 0
     assert 0 < pixel[0, 0] < camera.width

@@ -15,7 +15,7 @@ import pytest
 from unveil_core.drives import open_drive
 from unveil_core.drives.camera_path import read_camera_path
 from unveil_core.drives.check import check_drive
-from unveil_core.drives.importing import recentred
+from unveil_core.drives.importing import localized
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.semantics.classes import CITYSCAPES
 
@@ -76,7 +76,7 @@ def test_truth_differs_only_where_something_went(folder: Path) -> None:
 
 
 def test_points_fall_on_what_they_hit(folder: Path) -> None:
-    drive = recentred(open_drive(folder))
+    drive = localized(open_drive(folder))
     frame = drive.frames[10]
     assert frame.semantic_path is not None
     depth = read_instance_image(folder / f"truth/depth/{frame.name}.png").astype(np.float64) / 256
@@ -92,7 +92,7 @@ def test_points_fall_on_what_they_hit(folder: Path) -> None:
 
 
 def test_free_views_stand_beside_and_above_the_path(folder: Path) -> None:
-    drive = recentred(open_drive(folder))
+    drive = localized(open_drive(folder))
     views = read_camera_path(folder / "truth/free/transforms.json", drive)
     frames = {f.name: f.camera for f in drive.frames}
     assert [v.track for v in views].count("beside") == [v.track for v in views].count("above") == 7
@@ -114,7 +114,7 @@ def test_free_views_stand_beside_and_above_the_path(folder: Path) -> None:
 
 def test_free_views_show_the_street_of_the_truth(folder: Path) -> None:
     """What stands where, by the recorded truth's depth, has the same colour in the free picture."""
-    drive = recentred(open_drive(folder))
+    drive = localized(open_drive(folder))
     off = []
     for view in read_camera_path(folder / "truth/free/transforms.json", drive):
         picture = read_image(folder / f"truth/free/images/{view.name}.jpg").astype(float)

@@ -12,6 +12,7 @@ from plyfile import PlyData
 
 from tests.raster.scenes import random_ellipsoids, random_surfels
 from unveil_core.base.errors import UnveilError
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.surfels.ply import THIN_LOG_SCALE, read_surfels, write_surfels
 from unveil_core.surfels.surfels import Surfels
 
@@ -19,7 +20,9 @@ from unveil_core.surfels.surfels import Surfels
 @pytest.mark.parametrize("surfels", [random_surfels(9, 0, degree=2), random_ellipsoids(9, 0, degree=0)])
 def test_round_trip(surfels: Surfels, tmp_path: Path) -> None:
     path = tmp_path / "surfels.ply"
-    write_surfels(surfels, path, offset=np.array([1.0, 2.0, 3.0]), comments=("labels road, car",))
+    write_surfels(
+        surfels, path, to_world=Similarity(translation=np.array([1.0, 2.0, 3.0])), comments=("labels road, car",)
+    )
     read = read_surfels(path)
     for field in fields(Surfels):
         assert torch.equal(getattr(read, field.name), getattr(surfels, field.name)), field.name

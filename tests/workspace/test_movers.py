@@ -74,7 +74,7 @@ def test_the_mover_never_becomes_surfels(workspace: Workspace) -> None:
     surfels = read_surfels(workspace.surfels_full)
     scene = choose_labels(drive)
     cars = surfels.labels.numpy() == scene.labels.index("car")
-    where = surfels.means.double().numpy() + drive.offset
+    where = surfels.means.double().numpy() + drive.to_world.translation
     on_its_way = (np.abs(where[:, 1] - 1.75) < 1.2) & (where[:, 0] > 5) & (where[:, 0] < 30)
     parked = (np.abs(where[:, 1] + 3.05) < 1.2) & (where[:, 0] > 12) & (where[:, 0] < 18)
     assert (cars & parked).sum() > 300 and (cars & on_its_way).sum() <= 0.01 * (cars & parked).sum()

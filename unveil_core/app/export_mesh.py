@@ -57,7 +57,7 @@ def export_mesh(
     if path.is_dir():
         raise SettingsError("is a folder", path=path, mend="name a file in it")
     drive = read_imported(workspace.drive_dir)
-    mesh = read_ply(source, offset=drive.offset)
+    mesh = read_ply(source, drive.to_world)
     if not len(mesh.faces):
         raise WorkspaceError("has no triangles", path=source, mend="run `unveil mesh` on a scene that has surfaces")
     if triangles is not None:
@@ -67,11 +67,11 @@ def export_mesh(
             raise SettingsError(error.problem, path=source, mend=error.mend) from error
     try:
         if kind == "ply":
-            write_ply(mesh, path, offset=drive.offset)
+            write_ply(mesh, path, drive.to_world)
         elif kind == "obj":
-            write_obj(mesh, path, offset=drive.offset)
+            write_obj(mesh, path, drive.to_world)
         else:
-            write_glb(mesh, path, offset=drive.offset, up=drive.up)
+            write_glb(mesh, path, drive.to_world)
     except OSError as error:
         raise UnveilError(f"cannot be written: {error.strerror}", path=path) from error
     return path

@@ -19,7 +19,7 @@ from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
 from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars, sight_of
@@ -32,7 +32,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.files import load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
@@ -53,8 +53,6 @@ class _Scene:
     sights: list[Sight]
     removed: list[np.ndarray]
     cars: list[VirtualCar]
-    unit: float
-    far: float
 
 
 def check_footage(
@@ -95,7 +93,7 @@ def check_footage(
     for frame, own in zip(scene.drive.frames, pixels, strict=True):
         write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
     added = added_labels(scene.drive, scene.labels)
-    points = moved_points(scene.drive.points, scene.sights, pixels, scene.cars, unit=scene.unit)
+    points = moved_points(scene.drive.points, scene.sights, pixels, scene.cars)
     drive = write_holdout_drive(
         scene.drive, pixels, scene.removed, points, added, folder / "drive", _progress(reporter)
     )
@@ -109,10 +107,10 @@ def check_footage(
     )  # fmt: skip
     workspace = run(folder / "drive", folder / "workspace", chosen, until="reoptimize", reporter=reporter)
     progress = _progress(reporter)
-    known = seen_elsewhere(scene.sights, pixels, far=scene.far, unit=scene.unit, progress=progress)
+    known = seen_elsewhere(scene.sights, pixels, far=FAR_M, progress=progress)
     parts = zip(scene.drive.frames, scene.sights, pixels, scene.removed, known, strict=True)
     frames = [HoldoutFrame(*part) for part in parts]
-    found = measure_holdout(frames, scene.cars, drive, workspace.root, unit=scene.unit, progress=progress)
+    found = measure_holdout(frames, scene.cars, drive, workspace.root, progress=progress)
     write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
     write_json_atomic(folder / "holdout.json", found)
@@ -126,14 +124,12 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
             f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
         )
     drive = read_imported(workspace.drive_dir)
-    labels = load_labels(workspace)
+    labels = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
-    limits = scene_range(drive)
     track = max(tracks(drive), key=len)
     ground = fit_drive_ground(
         surfels.select(torch.from_numpy(~gone)), labels.labels, [drive.frames[i].camera for i in track], drive.up,
-        unit=limits.unit,
     )  # fmt: skip
     if ground is None:
         raise WorkspaceError(
@@ -146,12 +142,10 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
         own, shadow = (own_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
         removed.append(np.zeros(shape, dtype=bool) if own is None else own)
         barred = removed[-1] if shadow is None else removed[-1] | shadow
-        sights.append(sight_of(surfels, frame.camera, barred, near=limits.near, far=limits.far))
+        sights.append(sight_of(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
         progress(done + 1, len(drive.frames), "looking at the street")
-    cars = find_places(
-        ground, surfels, drive.points.positions, sights, count=count, unit=limits.unit, progress=progress
-    )
-    return _Scene(drive, labels, sights, removed, cars, limits.unit, limits.far)
+    cars = find_places(ground, surfels, drive.points.positions, sights, count=count, progress=progress)
+    return _Scene(drive, labels, sights, removed, cars)
 
 
 def _progress(reporter: Reporter) -> Callable[..., None]:

@@ -16,7 +16,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import SceneRange, scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
 from unveil_core.raster.picture import with_sky
@@ -84,9 +84,8 @@ def render_views(
     _check_settings(state, planes, beside, above)
     _check_output(workspace, output)
     drive = read_imported(workspace.drive_dir)
-    limits = scene_range(drive)
     views = drive_path(drive) if path is None else read_camera_path(path, drive)
-    views = shifted(views, drive.up, beside=beside * limits.unit, above=above * limits.unit)
+    views = shifted(views, drive.up, beside=beside, above=above)
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     several = len({v.track for v in views}) > 1
@@ -94,7 +93,7 @@ def render_views(
     try:
         for done, view in enumerate(views):
             name = f"{view.track}/{view.name}" if several else view.name
-            for plane, picture in _pictures(surfels, sky, view.camera, planes, limits, scene).items():
+            for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
                 write_image_atomic(output / plane / f"{name}.png", picture)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
@@ -135,13 +134,13 @@ def _scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:
 
 
 def _pictures(
-    surfels: Surfels, sky: Sky, camera: Camera, planes: Sequence[str], limits: SceneRange, scene: SceneLabels | None
+    surfels: Surfels, sky: Sky, camera: Camera, planes: Sequence[str], scene: SceneLabels | None
 ) -> dict[str, NDArray[np.uint8] | NDArray[np.uint16]]:
     """The asked planes of one view as they go to disk."""
     needed = tuple(dict.fromkeys(n for p in planes for n in _NEEDS[p]))
     with torch.no_grad():
         out = render(
-            surfels, camera, needed, near=limits.near, far=limits.far,
+            surfels, camera, needed, near=NEAR_M, far=FAR_M,
             label_count=None if scene is None else len(scene.labels),
         )  # fmt: skip
     found = {n: getattr(out, n).numpy() for n in needed}
@@ -154,7 +153,7 @@ def _pictures(
         elif plane == "alpha":
             pictures[plane] = _levels(alpha)
         elif plane == "depth":
-            steps = np.round(found["median_depth"] / limits.unit * DEPTH_STEPS_PER_M)
+            steps = np.round(found["median_depth"] * DEPTH_STEPS_PER_M)
             pictures[plane] = np.where(solid & (steps < 2**16), steps, 0).astype(np.uint16)
         elif plane == "normal":
             # To the axes of normal maps: OpenCV's y and z point the other way.
@@ -178,7 +177,8 @@ def _described(view: View, name: str, planes: Sequence[str], drive: Drive) -> di
     """The view's entry of transforms.json, in the drive's own coordinates and OpenGL axes."""
     camera = view.camera
     pose = camera.camera_to_world
-    pose[:3, 3] += drive.offset
+    pose[:3, 3] = drive.to_world.to_world(pose[:3, 3])
+    pose[:3, :3] = drive.to_world.rotation @ pose[:3, :3]
     pose[:3, 1:3] *= -1
     keys = {"depth": "depth_file_path", "semantics": "semantic_path"}
     files = {keys.get(p, "file_path"): f"{p}/{name}.png" for p in planes if p in keys}

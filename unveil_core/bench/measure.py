@@ -13,7 +13,6 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.scene_range import scene_range
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_file
@@ -29,11 +28,11 @@ def _flicker(drive: Drive, frames: Sequence[Picture], removed: Sequence[Mask]) -
     """The warping error by the truth's depth, in levels of 255; nothing without that."""
     assert drive.truth_root is not None
     place = {frame: i for i, frame in enumerate(drive.frames)}
-    folder, unit = drive.truth_root / "depth", scene_range(drive).unit
+    folder = drive.truth_root / "depth"
 
     def depth_of(frame: Frame) -> DepthGrid | None:
         path = truth_file(folder, frame)
-        return None if path is None else read_depth(path, frame.camera, unit)
+        return None if path is None else read_depth(path, frame.camera)
 
     found = measure_flicker(
         drive.frames, depth_of, lambda f: removed[place[f]], lambda f: {"row": frames[place[f]]}

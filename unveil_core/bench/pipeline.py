@@ -22,8 +22,9 @@ from unveil_core.bench.timing import forget_peak_memory, machine
 from unveil_core.drives import open_drive
 from unveil_core.evaluate.pictures import truth_file
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.inpaint.single_image.onnx_models import load_reference
-from unveil_core.inpaint.single_image.registry import INPAINTERS, inpainter, is_file
+from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent

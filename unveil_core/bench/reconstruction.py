@@ -22,8 +22,8 @@ from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.importing import recentred
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.importing import localized
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
 from unveil_core.geometry.images import grow
@@ -118,22 +118,21 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
     """The fused mesh of what stays, against the true surface; empty without a truth."""
     if drive.truth_root is None or not (drive.truth_root / "depth").is_dir():
         return {}
-    limits = scene_range(drive)
     removable = np.array(scene.removable_labels, np.int64)
     without = [np.isin(frame_labels(f, scene), removable) for f in frames]
-    views = depth_views(surfels, frames, near=limits.near, far=limits.far, without=without)
-    mesh = fuse(views, voxel_size=VOXEL_M * limits.unit, max_depth=DEPTH_M * limits.unit)
+    views = depth_views(surfels, frames, near=NEAR_M, far=FAR_M, without=without)
+    mesh = fuse(views, voxel_size=VOXEL_M, max_depth=DEPTH_M)
     corners = mesh.vertices.astype(np.float64)
-    found = corners[thin_points(corners, SAMPLE_M * limits.unit)]
-    reference, depth = _true_surface(drive, REACH_M * limits.unit)
-    true = reference[depth < DEPTH_M * limits.unit]
-    reference, true = (p[thin_points(p, SAMPLE_M * limits.unit)] for p in (reference, true))
-    distances = surface_distances(found, true, reference=reference, crop=CROP_M * limits.unit)
+    found = corners[thin_points(corners, SAMPLE_M)]
+    reference, depth = _true_surface(drive, REACH_M)
+    true = reference[depth < DEPTH_M]
+    reference, true = (p[thin_points(p, SAMPLE_M)] for p in (reference, true))
+    distances = surface_distances(found, true, reference=reference, crop=CROP_M)
     return {
-        "chamfer_m": round(distances.chamfer / limits.unit, 4),
-        **{f"f_score_{t}": round(distances.f_score(t * limits.unit), 4) for t in (0.05, 0.25)},
-        **{f"precision_{t}": round(distances.precision(t * limits.unit), 4) for t in (0.05, 0.25)},
-        **{f"recall_{t}": round(distances.recall(t * limits.unit), 4) for t in (0.05, 0.25)},
+        "chamfer_m": round(distances.chamfer, 4),
+        **{f"f_score_{t}": round(distances.f_score(t), 4) for t in (0.05, 0.25)},
+        **{f"precision_{t}": round(distances.precision(t), 4) for t in (0.05, 0.25)},
+        **{f"recall_{t}": round(distances.recall(t), 4) for t in (0.05, 0.25)},
         "points": [len(found), len(true)],
         "cropped": len(found) - len(distances.to_true),
     }
@@ -141,8 +140,7 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
 
 def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
     """What the alpha maps call never seen when the removable classes go, against what truly was; empty without a truth."""
-    limits = scene_range(drive)
-    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M * limits.unit)
+    gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M)
     left = surfels.select(torch.from_numpy(~gone))
     both = either = 0
     for frame in frames:
@@ -152,7 +150,7 @@ def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: 
         alpha = []
         for part in (surfels, left):
             with torch.no_grad():
-                plane = render(part, frame.camera, ("alpha",), near=limits.near, far=limits.far).alpha
+                plane = render(part, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
             assert plane is not None
             alpha.append(plane.numpy())
         removed = grow(np.isin(frame_labels(frame, scene), scene.removed_labels), 2)
@@ -198,7 +196,7 @@ def bench_reconstruction(
         raise SettingsError(f"no variant is called {variant!r}", mend=f"use {', '.join(VARIANTS)}")
     drive = open_drive(path)
     check_drive(drive)
-    drive = recentred(drive)
+    drive = localized(drive)
     if any(f.distortion is not None for f in drive.frames):
         raise SettingsError(
             "the drive's images are distorted", mend="import it first and name the workspace's drive folder"
@@ -216,7 +214,7 @@ def bench_reconstruction(
             told, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
         )
     seconds, cpu_seconds = time.perf_counter() - begun, time.process_time() - begun_cpu
-    surfels, sky, limits = done.surfels, done.sky, scene_range(drive)
+    surfels, sky = done.surfels, done.sky
     return {
         "machine": before, "drive": path.name, "quality": quality, "without": list(without),
         "variant": variant, "salt": salt, "seed": seed,
@@ -224,7 +222,7 @@ def bench_reconstruction(
         "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(
-            surfels, sky, held, scene, near=limits.near, far=limits.far, align_exposure=not exposures.is_identity
+            surfels, sky, held, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity
         ),
         "geometry": _geometry(drive, scene, surfels, training.frames)
         | _unobserved_iou(drive, scene, surfels, training.frames), "choices": done.choices,

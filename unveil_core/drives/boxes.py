@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["TrackedBox", "read_boxes"]
 
@@ -25,9 +26,10 @@ class TrackedBox:
     Attributes:
         id: of the object, 1 to 65535, the same in all frames.
         class_name: a Cityscapes class (checked where it is used).
-        centre: (3,) of the box, world units relative to the drive's offset.
-        size: length, width, height, world units.
-        yaw: of the length, radians about the z axis, 0 along x, counterclockwise.
+        centre: (3,) of the box.
+        size: length, width, and height, which is along the drive's up.
+        yaw: of the length, radians about the up axis, counterclockwise seen from above; 0 along x where z is up, else along x
+            made level (see :func:`unveil_core.geometry.axes.upright`).
     """
 
     id: int
@@ -36,10 +38,11 @@ class TrackedBox:
     size: tuple[float, float, float]
     yaw: float
 
-    def shifted(self, shift: NDArray[np.float64]) -> TrackedBox:
-        """The box in coordinates whose origin lies at ``shift`` (3,) of these."""
-        x, y, z = (float(v) for v in np.asarray(self.centre) - shift)
-        return TrackedBox(self.id, self.class_name, (x, y, z), self.size, self.yaw)
+    def to_local(self, to_world: Similarity) -> TrackedBox:
+        """The box of a drive's files in local coordinates. Its yaw stays: it counts from what becomes x."""
+        x, y, z = (float(v) for v in to_world.to_local(self.centre))
+        length, width, height = (v / to_world.scale for v in self.size)
+        return TrackedBox(self.id, self.class_name, (x, y, z), (length, width, height), self.yaw)
 
     def local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """(P, 3) of points in the box's own axes, in half sizes: inside are those in [-1, 1]."""

@@ -23,13 +23,14 @@ from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import opengl_to_opencv
 
 __all__ = ["View", "drive_path", "read_camera_path", "shifted"]
 
 LARGEST_SIDE = 16_384
 FARTHEST = 1000.0, 20.0
-"""A path with no view within so many units, or so many lengths of the drive, is in other coordinates."""
+"""A path with no view within so many metres, or so many lengths of the drive, is in other coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
 
     Args:
         path: a JSON file, see the module.
-        drive: whose offset is taken off, and whose first camera gives size and focal length where the file gives none.
+        drive: whose own coordinates the file has; its first camera gives size and focal length where the file gives none.
     Raises:
         DriveError: the file, the view and what is wrong with it.
     """
@@ -81,7 +82,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
         except (TypeError, ValueError, OverflowError) as error:
             raise DriveError(f"view {name} is damaged: {error}", path=path) from error
         views.append(
-            View(name, _file_name(str(entry.get("camera", "camera")), "camera"), _moved(camera, -drive.offset))
+            View(name, _file_name(str(entry.get("camera", "camera")), "camera"), drive.to_world.camera_to_local(camera))
         )
     if len({(v.track, v.name) for v in views}) < len(views):
         views = [replace(v, name=f"{i:04d}") for i, v in enumerate(views)]
@@ -95,8 +96,8 @@ def shifted(views: Sequence[View], up: Float64, *, beside: float = 0.0, above: f
     Args:
         views: in order of travel within each track.
         up: (3,) of the world.
-        beside: world units to the right of the direction of travel, negative to the left.
-        above: world units up.
+        beside: metres to the right of the direction of travel, negative to the left.
+        above: metres up.
     """
     if not beside and not above:
         return tuple(views)
@@ -215,8 +216,8 @@ def _workspace_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, na
     pose_from_matrix(turned, path, name)
     fx, fy, cx, cy = (float(entry[n]) for n in ("fx", "fy", "cx", "cy"))
     camera = Camera(int(entry["width"]), int(entry["height"]), fx, fy, cx, cy, pose)
-    offset = np.asarray(top.get("offset", (0.0, 0.0, 0.0)), dtype=np.float64).reshape(3)
-    return _moved(_checked(camera, path, name), offset)
+    to_world = Similarity.from_json(top["to_world"]) if "to_world" in top else Similarity()
+    return to_world.camera_to_world(_checked(camera, path, name))
 
 
 def _check_near(views: Sequence[View], drive: Drive, path: Path) -> None:
@@ -225,6 +226,6 @@ def _check_near(views: Sequence[View], drive: Drive, path: Path) -> None:
     away = min(float(np.linalg.norm(centres - v.camera.centre, axis=1).min()) for v in views)
     if away > reach:
         raise DriveError(
-            f"its nearest view is {away:.0f} units away from the drive", path=path,
+            f"its nearest view is {away:.0f} m away from the drive", path=path,
             mend="poses are camera-to-world in the coordinates of the drive's own file",
         )  # fmt: skip

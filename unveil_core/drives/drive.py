@@ -1,7 +1,7 @@
-"""A drive in memory: frames with cameras and label files, points, and the local origin.
+"""A drive in memory: frames with cameras and label files, points, and the way back to the coordinates of its files.
 
-Every reader (transforms.json, COLMAP, …) returns a :class:`Drive`; importing one into a workspace undistorts and
-recentres it, and the imported copy opens as a :class:`Drive` again, so that all later stages know one type.
+Every reader (transforms.json, COLMAP, …) returns a :class:`Drive`; importing one into a workspace undistorts it and brings it
+to metres, z up and a local origin, and the imported copy opens as a :class:`Drive` again, so that all later stages know one type.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["Distortion", "Drive", "Frame", "PointCloud", "tracks"]
 
@@ -38,7 +39,7 @@ class Frame:
     Attributes:
         name: the file stem, unique within its camera.
         camera_name: the track that this frame belongs to ("camera" where the drive has only one).
-        camera: intrinsics and pose; pose relative to the drive's ``offset``.
+        camera: intrinsics and pose; pose in the drive's local coordinates.
         image_path: the photograph.
         distortion: lens distortion of the file on disk, None once undistorted.
         semantic_path: 8-bit PNG of Cityscapes trainIds (255 void), or None.
@@ -64,7 +65,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """LiDAR or SfM points: ``positions`` (P, 3) float64 relative to the drive's offset, ``colors`` (P, 3) uint8 or None."""
+    """LiDAR or SfM points: ``positions`` (P, 3) float64, ``colors`` (P, 3) uint8 or None."""
 
     positions: NDArray[np.float64]
     colors: NDArray[np.uint8] | None = None
@@ -72,27 +73,29 @@ class PointCloud:
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """A drive: frames in the order of travel, points, and where its local origin lies.
+    """A drive: frames in the order of travel, points, and how its coordinates lie in those of its files.
 
     Attributes:
         root: folder or file it was read from.
         frames: frames in order of travel (per camera in time order).
         points: LiDAR or SfM points.
-        offset: (3,) float64; world position = local position + offset. Zero before recentring.
-        up: (3,) unit vector, the world's up as far as the drive knows it (z, or estimated from the cameras).
-        metric: True where world units are metres.
+        to_world: from the coordinates of cameras, points and boxes to those of the files; identity before import.
+        up: (3,) unit vector as far as the drive knows it (z, or estimated from the cameras); z once imported.
+        metric: True where lengths are metres, as they are once imported.
         semantic_classes: "cityscapes" or None.
         truth_root: folder of the true empty street, or None.
+        sources: the files that it was read from, beside those of the frames.
     """
 
     root: Path
     frames: tuple[Frame, ...]
     points: PointCloud
-    offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    to_world: Similarity = field(default_factory=Similarity)
     up: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     metric: bool = True
     semantic_classes: str | None = None
     truth_root: Path | None = None
+    sources: tuple[Path, ...] = ()
 
 
 def tracks(drive: Drive) -> list[list[int]]:

@@ -12,6 +12,7 @@ from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["read_imported"]
 
@@ -46,11 +47,10 @@ def read_imported(folder: Path) -> Drive:
             root=folder,
             frames=frames,
             points=read_points(folder / "points.ply"),
-            offset=np.array(data["offset"], dtype=np.float64),
-            up=np.array(data["up"], dtype=np.float64),
-            metric=bool(data["metric"]),
+            to_world=Similarity.from_json(data["to_world"]),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
+            sources=(path, folder / "points.ply"),
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error

@@ -1,9 +1,9 @@
-"""Importing a drive into a workspace: undistorted, recentred, in one known layout.
+"""Importing a drive into a workspace: undistorted, in metres with z up, in one known layout.
 
     images/<camera>/<frame>.(png|jpg)  semantics/  instances/  masks/   points.ply   cameras.json
 
-Recentring shifts, and only shifts, in float64; the offset is kept. Undistorting and resizing happen where needed, otherwise
-the original files are linked.
+Coordinates are brought to metres, z up and an origin amid the cameras by one similarity in float64, which is kept. Undistorting
+and resizing happen where needed, otherwise the original files are linked.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -29,28 +30,37 @@ from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.points import write_points
+from unveil_core.drives.scale import units_per_metre
+from unveil_core.geometry.axes import upright
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
+from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["import_drive", "recentred"]
+__all__ = ["import_drive", "localized"]
 
 
-def recentred(drive: Drive) -> Drive:
-    """The drive shifted so that its local origin lies amid the cameras, at whole units.
+def localized(drive: Drive) -> Drive:
+    """The drive in metres, with z up, and its origin amid the cameras, at whole metres.
 
-    World position = local position + offset. Subtraction happens in float64 between numbers of like size, so nothing is
-    lost beyond the coordinates' own rounding.
+    A drive that has metres and z up is shifted and nothing else. Subtraction happens in float64 between numbers of like size,
+    so nothing is lost beyond the coordinates' own rounding.
     """
-    shift = np.round(np.mean([f.camera.centre for f in drive.frames], axis=0))
-    frames = []
-    for frame in drive.frames:
-        pose = frame.camera.world_to_camera.copy()
-        # R (x_local + shift) + t = R x_local + (R shift + t); through the centre it cancels least.
-        pose[:3, 3] = -pose[:3, :3] @ (frame.camera.centre - shift)
-        boxes = tuple(box.shifted(shift) for box in frame.boxes)
-        frames.append(replace(frame, camera=replace(frame.camera, world_to_camera=pose), boxes=boxes))
-    points = PointCloud(drive.points.positions - shift, drive.points.colors)
-    return replace(drive, frames=tuple(frames), points=points, offset=drive.offset + shift)
+    turned = Similarity(units_per_metre(drive), upright(drive.up))
+    middle = turned.to_local(np.mean([f.camera.centre for f in drive.frames], axis=0))
+    step = replace(turned, translation=turned.to_world(np.round(middle)))
+    frames = tuple(
+        replace(f, camera=step.camera_to_local(f.camera), boxes=tuple(b.to_local(step) for b in f.boxes))
+        for f in drive.frames
+    )
+    points = PointCloud(step.to_local(drive.points.positions), drive.points.colors)
+    return replace(
+        drive,
+        frames=frames,
+        points=points,
+        to_world=drive.to_world.after(step),
+        up=np.array([0.0, 0.0, 1.0]),
+        metric=True,
+    )
 
 
 def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -68,8 +78,8 @@ def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np
 
 
 def _warp(
-    picture: NDArray[np.generic], frame: Frame, target: Camera, *, label: bool, border: int
-) -> NDArray[np.generic]:
+    picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int
+) -> NDArray[Any]:
     """A picture of the frame as the target camera sees it."""
     if frame.distortion is None:
         return _resized(picture, target, label=label)
@@ -80,7 +90,7 @@ def _warp(
     return _resized(flat, target, label=label)
 
 
-def _resized(picture: NDArray[np.generic], target: Camera, *, label: bool) -> NDArray[np.generic]:
+def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[Any]:
     size = (target.width, target.height)
     if picture.shape[:2] == size[::-1]:
         return picture
@@ -107,7 +117,7 @@ def import_drive(
         DriveError: see :func:`check_drive`.
     """
     check_drive(drive, progress)
-    drive = recentred(drive)
+    drive = localized(drive)
     partial = destination.with_name(f".{destination.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     try:
@@ -118,8 +128,7 @@ def import_drive(
             progress(done + 1, len(drive.frames), "importing")
         write_points(drive.points, partial / "points.ply")
         write_json_atomic(partial / "cameras.json", {
-            "source": str(drive.root), "offset": drive.offset.tolist(), "up": drive.up.tolist(),
-            "metric": drive.metric, "semantic_classes": drive.semantic_classes,
+            "source": str(drive.root), "to_world": drive.to_world.to_json(), "semantic_classes": drive.semantic_classes,
             "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()), "frames": entries,
         })  # fmt: skip
         shutil.rmtree(destination, ignore_errors=True)

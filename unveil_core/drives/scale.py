@@ -1,4 +1,5 @@
-"""How large the drive's world unit is, where nobody says: cameras on streets are about as high as people and cars."""
+"""The lengths that depths lie between, and how large a drive's world unit is where nobody says: cameras on streets are about as
+high as people and cars."""
 
 from __future__ import annotations
 
@@ -7,8 +8,11 @@ from scipy.spatial import cKDTree
 
 from unveil_core.drives.drive import Drive
 
-__all__ = ["CAMERA_HEIGHT_M", "camera_height", "units_per_metre"]
+__all__ = ["CAMERA_HEIGHT_M", "FAR_M", "NEAR_M", "camera_height", "units_per_metre"]
 
+NEAR_M, FAR_M = 0.2, 100.0
+"""Nearest depth that is rendered or counts as seen, and where the range that distortion is measured in ends; the sky is taken to
+be as far away, metres."""
 CAMERA_HEIGHT_M = 1.6
 """Assumed height of a camera above the street, metres, where the drive's scale is unknown."""
 

@@ -25,7 +25,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.baselines import BASELINES, with_border
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.free_views import measure_free_views
@@ -264,7 +264,6 @@ def _flicker(
     root: Path, drive: Drive, truth: Path | None, results: Mapping[Frame, _FrameResult], progress: Progress
 ) -> dict[str, Any]:
     """Empty where nothing says how far away the street is."""
-    limits = scene_range(drive)
     exact = truth is not None and any(truth_file(truth / "depth", f) is not None for f in drive.frames)
     if not exact and not (root / "surfels/empty.ply").is_file():
         return {}
@@ -272,9 +271,9 @@ def _flicker(
 
     def depth_of(frame: Frame) -> DepthGrid | None:
         if scene is not None:
-            return rendered_depth(scene, frame.camera, near=limits.near, far=limits.far)
+            return rendered_depth(scene, frame.camera, near=NEAR_M, far=FAR_M)
         path = None if truth is None else truth_file(truth / "depth", frame)
-        return None if path is None else read_depth(path, frame.camera, limits.unit)
+        return None if path is None else read_depth(path, frame.camera)
 
     def region_of(frame: Frame) -> Mask | None:
         shape = (frame.camera.height, frame.camera.width)

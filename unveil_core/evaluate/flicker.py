@@ -43,7 +43,7 @@ class DepthGrid:
 
     Attributes:
         camera: of the whole picture.
-        depth: (h, w) along the optical axis, world units; 0 where there is none.
+        depth: (h, w) along the optical axis, metres; 0 where there is none.
         step: n; sample k belongs to pixel ``step * k + step - 1``, along rows and columns alike.
     """
 
@@ -71,18 +71,18 @@ class Matches:
     y: NDArray[np.float64]
 
 
-def read_depth(path: Path, camera: Camera, unit: float) -> DepthGrid:
+def read_depth(path: Path, camera: Camera) -> DepthGrid:
     """A 16-bit depth image with 256 steps a metre and 0 for none.
 
     As large as the picture or a whole number of times smaller it is used as it is; of another size it is read between its
     samples where these are of one surface.
 
     Args:
-        camera: of the picture; unit: world units per metre.
+        camera: of the picture.
     Raises:
         DriveError: it cannot be read.
     """
-    depth = read_instance_image(path).astype(np.float64) / STEPS_A_METRE * unit
+    depth = read_instance_image(path).astype(np.float64) / STEPS_A_METRE
     step = max(1, camera.width // depth.shape[1])
     if (camera.height / step, camera.width / step) != depth.shape:
         step = 1

@@ -22,7 +22,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.camera_path import View, read_camera_path
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.raster.picture import picture_of
 from unveil_core.surfels.ply import read_surfels
@@ -67,12 +67,12 @@ def measure_free_views(
     if folder is None or not (folder / "transforms.json").is_file() or not scene.is_file():
         return None
     views = read_camera_path(folder / "transforms.json", drive)
-    surfels, sky, limits = read_surfels(scene), load_sky(root / "surfels/sky.npz"), scene_range(drive)
+    surfels, sky = read_surfels(scene), load_sky(root / "surfels/sky.npz")
     sums: dict[str, dict[str, list[tuple[float, float, int]]]] = defaultdict(lambda: defaultdict(list))
     per_view = []
     for done, view in enumerate(views):
         street = _true_picture(folder, view)
-        picture = picture_of(surfels, sky, view.camera, near=limits.near, far=limits.far)
+        picture = picture_of(surfels, sky, view.camera, near=NEAR_M, far=FAR_M)
         error = squared_error(picture, street)
         big = min(error.shape) >= SSIM_WINDOW
         similar = ssim_map(picture, street) if big else np.full(error.shape, np.nan)

@@ -19,7 +19,7 @@ __all__ = ["SurfaceDistances", "depth_points", "surface_distances"]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceDistances:
-    """Distances between two sets of points, world units.
+    """Distances between two sets of points, metres.
 
     Attributes:
         to_true: (P,) from each found point to the nearest true one; to_found: (Q,) the other way.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["up_frame"]
+__all__ = ["up_frame", "upright"]
 
 
 def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -15,3 +15,9 @@ def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
     east = np.cross(helper, up)
     east /= np.linalg.norm(east)
     return np.stack([east, np.cross(up, east), up])
+
+
+def upright(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) rotation that brings z to ``up`` (3,), and x to the level direction nearest to x; where x itself is up, to y."""
+    east, north, up = up_frame(up)
+    return np.stack([north, -east, up], axis=1) + 0.0  # no negative zeros

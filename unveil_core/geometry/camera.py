@@ -81,7 +81,7 @@ class Camera:
 
         Args:
             pixels: (N, 2); depth: (N,).
-            nearest: depth that a point must exceed, world units.
+            nearest: depth that a point must exceed, metres.
         """
         inside: NDArray[np.bool_] = (depth > nearest) & (pixels >= 0).all(axis=1)
         return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)

@@ -16,7 +16,7 @@ __all__ = ["fit_drive_ground"]
 
 
 def fit_drive_ground(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *, unit: float,
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *,
     path: StreetPath | None = None,
 ) -> Ground | None:  # fmt: skip
     """The ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
@@ -24,12 +24,11 @@ def fit_drive_ground(
     Args:
         surfels: the full scene.
         cameras: of the first track, in order of travel.
-        unit: world units per metre.
         path: the street's, where more is known of it than the way that the cameras took.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
-    path = fit_path(list(cameras), up, unit=unit) if path is None else path
+    path = fit_path(list(cameras), up) if path is None else path
     means = surfels.means.double().numpy()
     opaque = surfels.opacity_logits.numpy() > -1.0
     wanted = labels.indices(GROUND_CLASSES)
@@ -43,14 +42,14 @@ def fit_drive_ground(
         order = np.argsort(track[:, 0])
         eye = np.interp(street[:, 0], track[order, 0], track[order, 2])
         drop = eye - street[:, 2]
-        near = np.abs(street[:, 1]) < 3 * unit
-        keep = near & level & opaque & (drop > 0.5 * unit) & (drop < 3.0 * unit)
+        near = np.abs(street[:, 1]) < 3.0
+        keep = near & level & opaque & (drop > 0.5) & (drop < 3.0)
         if keep.sum() < 50:
             return None
         typical = float(np.median(drop[keep]))
-        chosen = level & opaque & (np.abs(drop - typical) < 0.35 * unit) & (np.abs(street[:, 1]) < 8 * unit)
+        chosen = level & opaque & (np.abs(drop - typical) < 0.35) & (np.abs(street[:, 1]) < 8.0)
     if chosen.sum() < 50:
         return None
     sides = labels.indices(SIDE_CLASSES)
     walls = means[np.isin(surfels.labels.numpy(), sides) & opaque] if sides else None
-    return fit_ground(path, means[chosen], unit=unit, walls=walls)
+    return fit_ground(path, means[chosen], walls=walls)

@@ -25,7 +25,7 @@ class HeightField:
 
     Attributes:
         axes: (3, 3) rows east, north, up.
-        corner: (2,) east and north of the first cell's centre; cell: side of a cell; world units.
+        corner: (2,) east and north of the first cell's centre; cell: side of a cell; metres.
         height: (A, B) along up at the cells' centres, NaN where nobody knows.
     """
 

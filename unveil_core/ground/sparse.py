@@ -32,13 +32,11 @@ class GroundPoints:
     Attributes:
         axes: (3, 3) rows: two horizontal axes and up.
         plan: (G, 2) horizontal coordinates of the places, in their tree; height: (G,) along up.
-        unit: world units per metre.
     """
 
     axes: Float64
     plan: cKDTree
     height: Float64
-    unit: float
 
     def height_at(self, horizontal: Float64) -> Float64:
         """(N,) height at horizontal coordinates (N, 2), the median of the nearest places."""
@@ -61,13 +59,13 @@ class GroundPoints:
         fall = np.where(down, -rays[:, 2], 1.0)
         depth = (centre[2] - self.height_at(centre[None, :2])) / fall
         for _ in range(ROUNDS):
-            depth = np.clip(depth, 0.0, 1e3 * self.unit)
+            depth = np.clip(depth, 0.0, 1e3)
             place = centre[:2] + depth[:, None] * rays[:, :2]
             depth = 0.5 * depth + 0.5 * (centre[2] - self.height_at(place)) / fall
         place = centre[:2] + depth[:, None] * rays[:, :2]
         miss = np.abs(centre[2] - depth * fall - self.height_at(place))
-        near = self.plan.query(place)[0] < REACH_M * self.unit
-        return np.where(down & near & (depth > 0) & (miss < 0.1 * self.unit), depth, np.inf)
+        near = self.plan.query(place)[0] < REACH_M
+        return np.where(down & near & (depth > 0) & (miss < 0.1), depth, np.inf)
 
 
 def _one_per_cell(local: Float64, cell: float) -> Float64:
@@ -83,41 +81,40 @@ def _one_per_cell(local: Float64, cell: float) -> Float64:
 
 
 def find_ground(
-    drive: Drive, labels: Sequence[NDArray[np.int8]], ground: Sequence[int], removable: Sequence[int], unit: float
+    drive: Drive, labels: Sequence[NDArray[np.int8]], ground: Sequence[int], removable: Sequence[int]
 ) -> GroundPoints | None:
     """The ground of a drive; None where too few points lie on any.
 
     Args:
         labels: (H, W) per frame, negative = unknown; ground, removable: the labels that mean these.
-        unit: world units per metre.
     """
     axes = up_frame(drive.up)
     points = drive.points.positions
     centres = np.stack([f.camera.centre for f in drive.frames])
     nearest = cKDTree(centres).query(points)[1]
     drop = (centres[nearest] - points) @ axes[2]
-    points = points[(drop > 0.4 * unit) & (drop < 6 * unit)]
+    points = points[(drop > 0.4) & (drop < 6.0)]
     if len(points) < FEWEST:
         return None
-    _, thin = np.unique(np.floor(points / (0.15 * unit)).astype(np.int64), axis=0, return_index=True)
+    _, thin = np.unique(np.floor(points / 0.15).astype(np.int64), axis=0, return_index=True)
     points = points[np.sort(thin)]
     if ground:
         # Ground is what more views show as ground than as anything else that stays.
         ahead = np.zeros(len(points), np.int64)
         for frame, label in zip(drive.frames, labels, strict=True):
             pixel, depth = frame.camera.project(points)
-            index = np.flatnonzero(frame.camera.in_picture(pixel, depth, nearest=0.2 * unit))
+            index = np.flatnonzero(frame.camera.in_picture(pixel, depth, nearest=0.2))
             shown = label[pixel[index, 1].astype(int), pixel[index, 0].astype(int)]
             ahead[index] += np.isin(shown, ground)
             ahead[index] -= (shown >= 0) & ~np.isin(shown, (*ground, *removable))
         points = points[ahead > 0]
     if len(points) < FEWEST:
         return None
-    low = _one_per_cell(points @ axes.T, CELL_M * unit)
+    low = _one_per_cell(points @ axes.T, CELL_M)
     if len(low) < FEWEST:
         return None
     # Cells that hold no ground stand out of their surroundings.
     around = cKDTree(low[:, :2]).query(low[:, :2], k=min(15, len(low)))[1]
-    flat = np.abs(low[:, 2] - np.median(low[around, 2], axis=1)) < 0.25 * unit
+    flat = np.abs(low[:, 2] - np.median(low[around, 2], axis=1)) < 0.25
     low = low[flat]
-    return GroundPoints(axes, cKDTree(low[:, :2]), low[:, 2], unit) if len(low) >= FEWEST else None
+    return GroundPoints(axes, cKDTree(low[:, :2]), low[:, 2]) if len(low) >= FEWEST else None

@@ -21,12 +21,12 @@ from unveil_core.ground.height_field import HeightField
 
 __all__ = ["Ground", "StreetPath", "fit_ground", "fit_path", "straighten_path"]
 
-RELIEF_CELLS, MOST_CELLS = 0.5, 8_000_000
-"""Side of a cell of the relief in cells of arc length (metres); large drives get larger ones."""
-NEAR_CELLS, FAR_CELLS = 0.3, 300.0
-"""Depths, in cells of arc length, between which rays meet the ground."""
-SECANTS, MISS_CELLS = 4, 0.08
-"""Steps from the relief to the surface, and how far off, in cells of arc length, what they find may be."""
+RELIEF_M, MOST_CELLS = 0.5, 8_000_000
+"""Side of a cell of the relief, metres; large drives get larger ones, to have no more cells than these."""
+NEAREST_M, FARTHEST_M = 0.3, 300.0
+"""Depths between which rays meet the ground, metres."""
+SECANTS, MISS_M = 4, 0.08
+"""Steps from the relief to the surface, and how far off what they find may be, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class StreetPath:
         nodes: (S, 2) east/north of the path's nodes, one every ``step``.
         heading: (S,) radians.
         start: arc length of the first node; the first camera is at 0.
-        step: world units.
+        step: metres.
         corner: (2,) east/north of the look-up's first cell centre; cell: its cell size.
         nearest: (P, Q) index of the node nearest to each cell's centre.
     """
@@ -98,26 +98,26 @@ class StreetPath:
         return np.stack([east, north, street[:, 2]], axis=1) @ self.axes
 
 
-def fit_path(cameras: list[Camera], up: Float64, *, unit: float, extension_m: float = 60.0) -> StreetPath:
+def fit_path(cameras: list[Camera], up: Float64, *, extension_m: float = 60.0) -> StreetPath:
     """Smooth the camera centres of one track into a path and prolong it with its curvature at the ends.
 
     Args:
         cameras: of one track, in order of travel.
-        up: (3,) of the drive; unit: world units per metre; extension_m: how far it is prolonged, metres.
+        up: (3,) of the drive; extension_m: how far it is prolonged, metres.
     """
     axes = up_frame(up)
     centres = np.stack([c.centre for c in cameras]) @ axes.T
-    step = 0.25 * unit
+    step = 0.25
     legs = np.linalg.norm(np.diff(centres[:, :2], axis=0), axis=1) if len(centres) > 1 else np.zeros(0)
     travelled = np.concatenate([[0.0], np.cumsum(legs)])
-    if travelled[-1] < 2 * unit:  # a standing camera looks along the street
+    if travelled[-1] < 2.0:  # a standing camera looks along the street
         forward = axes @ cameras[-1].forward
         heading0 = float(np.arctan2(forward[1], forward[0]))
         nodes, heading = centres[:1, :2], np.array([heading0])
     else:
-        distinct = np.concatenate([[True], legs > 1e-6 * unit])
+        distinct = np.concatenate([[True], legs > 1e-6])
         s = np.arange(0.0, travelled[-1], step)
-        sigma = max(1.0, 2.0 * unit / step)
+        sigma = max(1.0, 2.0 / step)
         raw = [np.interp(s, travelled[distinct], centres[distinct, k]) for k in (0, 1)]
         slope = np.stack([gaussian_filter1d(np.gradient(r, step), sigma, mode="nearest") for r in raw], axis=1)
         heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
@@ -127,8 +127,8 @@ def fit_path(cameras: list[Camera], up: Float64, *, unit: float, extension_m: fl
         travel = np.stack([np.cos(heading), np.sin(heading)], axis=1) * step
         walked = np.cumsum(np.vstack([np.zeros((1, 2)), travel[:-1]]), axis=0)
         nodes = nodes[middle] + walked - walked[middle]
-    count = int(extension_m * unit / step)
-    limit = 1.0 / (40.0 * unit)
+    count = int(extension_m / step)
+    limit = 1.0 / 40.0
 
     def bend(part: Float64) -> float:
         if len(part) < 8:
@@ -142,12 +142,12 @@ def fit_path(cameras: list[Camera], up: Float64, *, unit: float, extension_m: fl
     ahead = nodes[-1] + np.cumsum(np.stack([np.cos(after), np.sin(after)], 1) * step, axis=0)
     behind = nodes[0] - np.cumsum(np.stack([np.cos(before), np.sin(before)], 1)[::-1] * step, axis=0)[::-1]
     nodes = np.concatenate([behind, nodes, ahead])
-    return _path(axes, nodes, np.concatenate([before, heading, after]), -count * step, step, unit=unit)
+    return _path(axes, nodes, np.concatenate([before, heading, after]), -count * step, step)
 
 
-def _path(axes: Float64, nodes: Float64, heading: Float64, start: float, step: float, *, unit: float) -> StreetPath:
+def _path(axes: Float64, nodes: Float64, heading: Float64, start: float, step: float) -> StreetPath:
     """The path with its look-up, see :class:`StreetPath`."""
-    cell, margin = 1.0 * unit, 30.0 * unit
+    cell, margin = 1.0, 30.0
     corner = nodes.min(axis=0) - margin
     extent = np.ceil((nodes.max(axis=0) + margin - corner) / cell).astype(int) + 1
     centres = np.stack(np.meshgrid(*(np.arange(n) * cell for n in extent), indexing="ij"), axis=-1) + corner
@@ -155,25 +155,24 @@ def _path(axes: Float64, nodes: Float64, heading: Float64, start: float, step: f
     return StreetPath(axes, nodes, heading, start, step, corner, cell, nearest)
 
 
-def straighten_path(path: StreetPath, s: Float64, aside: Float64, *, unit: float) -> StreetPath:
+def straighten_path(path: StreetPath, s: Float64, aside: Float64) -> StreetPath:
     """The path moved sideways, so that it keeps its distance from the kerb even where the car did not.
 
     Args:
-        s: (M,) arc lengths, increasing; aside: (M,) how far to the left the path is to lie there, world units; it stays so
+        s: (M,) arc lengths, increasing; aside: (M,) how far to the left the path is to lie there, metres; it stays so
             beyond both ends.
-        unit: world units per metre.
     Returns:
         a path whose arc length starts where the other's does.
     """
     at = path.start + path.step * np.arange(len(path.nodes))
     # A heading must not follow each texel by which something was found beside its place.
-    offset = gaussian_filter1d(np.interp(at, s, aside), 1.0 * unit / path.step, mode="nearest")
+    offset = gaussian_filter1d(np.interp(at, s, aside), 1.0 / path.step, mode="nearest")
     nodes = path.nodes + offset[:, None] * np.stack([-np.sin(path.heading), np.cos(path.heading)], axis=1)
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
     even = np.arange(0.0, travelled[-1], path.step)
     nodes = np.stack([np.interp(even, travelled, nodes[:, k]) for k in (0, 1)], axis=1)
     slope = np.gradient(nodes, path.step, axis=0)
-    return _path(path.axes, nodes, np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])), path.start, path.step, unit=unit)
+    return _path(path.axes, nodes, np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])), path.start, path.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +181,7 @@ class Ground:
 
     Attributes:
         path: the street coordinates.
-        s_start, l_start: of the grid's first cell centres; s_cell, l_cell: cell sizes, world units.
+        s_start, l_start: of the grid's first cell centres; s_cell, l_cell: cell sizes, metres.
         height: (A, B) heights at cell centres.
         left, right: (A,) largest and smallest lateral offset that is still ground, per cell of arc length.
     """
@@ -227,7 +226,7 @@ class Ground:
         """The ground over the horizontal plane, coarsely, NaN beside it: it leads rays over hills and crests."""
         path = self.path
         extent = (np.asarray(path.nearest.shape) - 1) * path.cell
-        cell = max(RELIEF_CELLS * self.s_cell, float(np.sqrt(np.prod(extent) / MOST_CELLS)))
+        cell = max(RELIEF_M, float(np.sqrt(np.prod(extent) / MOST_CELLS)))
         east, north = np.meshgrid(*(np.arange(0.0, side, cell) for side in extent), indexing="ij")
         level = np.stack([east.ravel() + path.corner[0], north.ravel() + path.corner[1], np.zeros(east.size)], axis=1)
         s, l, _ = path.to_street(level @ path.axes).T  # noqa: E741
@@ -246,8 +245,7 @@ class Ground:
         Returns:
             depth (N,), inf where there is no ground; street coordinates (N, 3), zero there.
         """
-        unit = self.s_cell
-        found = self._relief.first_met(camera.centre, rays, near=NEAR_CELLS * unit, far=FAR_CELLS * unit)
+        found = self._relief.first_met(camera.centre, rays, near=NEAREST_M, far=FARTHEST_M)
         met = np.flatnonzero(np.isfinite(found))
         street = np.zeros((len(rays), 3))
         depth = np.full(len(rays), np.inf)
@@ -268,13 +266,13 @@ class Ground:
             last, before = now, miss
             now = np.clip(now - np.clip(step, -0.1 * start, 0.1 * start), 0.8 * start, 1.25 * start)
             place, miss = over(now)
-        good = (np.abs(miss) < MISS_CELLS * unit) & self.inside(place[:, 0], place[:, 1])
+        good = (np.abs(miss) < MISS_M) & self.inside(place[:, 0], place[:, 1])
         depth[met] = np.where(good, now, np.inf)
         street[met] = place
         return depth, street
 
 
-def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64 | None = None) -> Ground:
+def fit_ground(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
     """Height field and lateral limits from ground points.
 
     The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
@@ -284,11 +282,10 @@ def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64
         points: (P, 3) world points on the ground.
         walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
             nobody saw any.
-        unit: world units per metre.
     """
-    s_cell, l_cell = 1.0 * unit, 0.1 * unit
+    s_cell, l_cell = 1.0, 0.1
     street = path.to_street(points)
-    reach = min(25.0 * unit, float(np.percentile(np.abs(street[:, 1]), 99.5)) + l_cell)
+    reach = min(25.0, float(np.percentile(np.abs(street[:, 1]), 99.5)) + l_cell)
     street = street[np.abs(street[:, 1]) <= reach]
     s_low, s_high = _supported(street[:, 0], s_cell)
     rows = max(2, int(np.ceil((s_high - s_low) / s_cell)) + 1)
@@ -296,7 +293,7 @@ def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64
     a = np.clip(np.round((street[:, 0] - s_low) / s_cell).astype(int), 0, rows - 1)
     b = np.clip(np.round((street[:, 1] + reach) / l_cell).astype(int), 0, columns - 1)
 
-    middle = np.abs(street[:, 1]) < 2.5 * unit
+    middle = np.abs(street[:, 1]) < 2.5
     base = _running_median(a[middle], street[middle, 2], rows)
     base = gaussian_filter1d(base, 1.5, mode="nearest")
     rest = street[:, 2] - base[a]
@@ -305,7 +302,7 @@ def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64
     # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
     coarse = 5
     cells = -(-columns // coarse)
-    steady = np.abs(rest) < 0.4 * unit
+    steady = np.abs(rest) < 0.4
     total, weight = np.zeros((rows, cells)), np.zeros((rows, cells))
     np.add.at(total, (a[steady], b[steady] // coarse), rest[steady])
     np.add.at(weight, (a[steady], b[steady] // coarse), 1.0)
@@ -314,11 +311,11 @@ def fit_ground(path: StreetPath, points: Float64, *, unit: float, walls: Float64
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profile[None, :] + remainder
 
-    left, right = _limits(street, a, rows, reach, unit)
+    left, right = _limits(street, a, rows, reach)
     if walls is not None and len(walls) > 50:
         side = path.to_street(walls)
         over = side[:, 2] - (base[np.clip(np.round((side[:, 0] - s_low) / s_cell).astype(int), 0, rows - 1)])
-        upright = (over > 0.4 * unit) & (over < 6 * unit) & (np.abs(side[:, 1]) < 25 * unit)
+        upright = (over > 0.4) & (over < 6.0) & (np.abs(side[:, 1]) < 25.0)
         left = _wall_limit(side[upright & (side[:, 1] > 0)], s_low, s_cell, left)
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, s_cell, -right)
     return Ground(path, float(s_low), -reach, s_cell, l_cell, height, left, right)
@@ -334,7 +331,7 @@ def _supported(s: Float64, cell: float) -> tuple[float, float]:
     return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
 
 
-def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float, unit: float) -> tuple[Float64, Float64]:
+def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float) -> tuple[Float64, Float64]:
     """Largest and smallest lateral offset with ground, per row; as wide behind parked rows as before and after them."""
     left, right = np.full(rows, np.nan), np.full(rows, np.nan)
     order = np.argsort(a, kind="stable")

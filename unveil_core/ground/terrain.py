@@ -43,7 +43,7 @@ class Terrain(HeightField):
 
         Args:
             pixels: (H, W), whose rays are asked.
-            near, far: depths between which they are, world units.
+            near, far: depths between which they are, metres.
         Returns:
             (H, W) depth along the optical axis, inf where there is none or was not asked.
         """
@@ -52,29 +52,25 @@ class Terrain(HeightField):
         return out
 
 
-def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_], *, unit: float) -> Float64:
+def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_]) -> Float64:
     """(Q, 3) of the points (P, 3) that lie on the ground: those whose three nearest surfels all do.
 
     Args:
         means: (N, 3) of the scene's surfels, those that go included; on_ground: (N,) whether they bear a label of the ground.
-        unit: world units per metre.
     """
     points = points[:: max(1, -(-len(points) // MOST_POINTS))]
     if len(means) < 3 or not len(points):
         return np.zeros((0, 3))
     gap, nearest = cKDTree(means).query(points, k=3, workers=-1)
-    return points[on_ground[nearest].all(axis=1) & (gap[:, 0] < LABELLED_M * unit)]
+    return points[on_ground[nearest].all(axis=1) & (gap[:, 0] < LABELLED_M)]
 
 
-def fit_terrain(
-    points: Float64, axes: Float64, *, unit: float, guess: Callable[[Float64], Float64] | None = None
-) -> Terrain | None:
+def fit_terrain(points: Float64, axes: Float64, *, guess: Callable[[Float64], Float64] | None = None) -> Terrain | None:
     """The ground through points on it.
 
     Args:
         points: (P, 3) world points on the ground.
         axes: (3, 3) rows east, north, up.
-        unit: world units per metre.
         guess: gives world points (N, 3) the height along up that the ground is thought to have there, as far as it is known
             otherwise (a street's cross profile, kerbs included); the points say how the ground departs from it.
     Returns:
@@ -84,20 +80,20 @@ def fit_terrain(
         return None
     local = points @ axes.T
     low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
-    cell = max(CELL_M * unit, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
-    corner = low - REACH_M * unit - 2 * cell
-    shape = np.ceil((high + REACH_M * unit - corner) / cell).astype(int) + 3
+    cell = max(CELL_M, float(np.sqrt(np.prod(high - low) / MOST_CELLS)))
+    corner = low - REACH_M - 2 * cell
+    shape = np.ceil((high + REACH_M - corner) / cell).astype(int) + 3
 
     def guessed(horizontal: Float64) -> Float64:
         level = np.concatenate([horizontal, np.zeros((len(horizontal), 1))], axis=1)
         return np.zeros(len(horizontal)) if guess is None else guess(level @ axes)
 
     departure = _cell_medians(local[:, :2], local[:, 2] - guessed(local[:, :2]), corner, cell, shape)
-    departure[_humps(departure, round(OPENED_M * unit / cell) | 1, HUMP_M * unit)] = np.nan
+    departure[_humps(departure, round(OPENED_M / cell) | 1, HUMP_M)] = np.nan
     east, north = np.meshgrid(*(np.arange(n) * cell for n in shape), indexing="ij")
     base = guessed(np.stack([east.ravel(), north.ravel()], axis=1) + corner).reshape(departure.shape)
-    height = base + _spread(departure, [width * unit / cell for width in SMOOTHED_M])
-    height[~_surrounded(np.isfinite(departure), REACH_M * unit / cell)] = np.nan
+    height = base + _spread(departure, [width / cell for width in SMOOTHED_M])
+    height[~_surrounded(np.isfinite(departure), REACH_M / cell)] = np.nan
     return Terrain(axes, corner, cell, height)
 
 

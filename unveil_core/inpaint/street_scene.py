@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.drive import Drive, tracks
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.fit import fit_drive_ground
@@ -50,7 +50,7 @@ def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPa
     """
     track = max(tracks(drive), key=len)
     cameras = [drive.frames[i].camera for i in track]
-    return fit_drive_ground(left, scene.labels, cameras, drive.up, unit=scene_range(drive).unit, path=path)
+    return fit_drive_ground(left, scene.labels, cameras, drive.up, path=path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +72,8 @@ def drive_views(
     removed: Sequence[NDArray[np.bool_]],
 ) -> Views:  # fmt: skip
     """The frames of a drive with what is known of them."""
-    limits = scene_range(drive)
     labels = [frame_labels(f, scene) for f in drive.frames]
-    depths = [render_numpy(surfels, f.camera, near=limits.near, far=limits.far)["depth"] for f in drive.frames]
+    depths = [render_numpy(surfels, f.camera, near=NEAR_M, far=FAR_M)["depth"] for f in drive.frames]
     return Views(images, labels, depths, removed)
 
 
@@ -89,7 +88,6 @@ def drive_ground_layer(
         shadows: whether the removed objects' shadows are removed too.
         sun: its azimuth and elevation, degrees; None = looked for.
     """
-    limits = scene_range(drive)
     left = surfels.select(torch.from_numpy(~gone))
     ground = drive_ground(drive, scene, left)
     if ground is None:
@@ -106,7 +104,7 @@ def drive_ground_layer(
             usable.append(ground_usable(labels[i], scene.labels, gone, depth.reshape(shape), depths[i]))
         return usable
 
-    path = path_by_lines(ground, cameras, images, labels, usable_for(ground), unit=limits.unit)
+    path = path_by_lines(ground, cameras, images, labels, usable_for(ground))
     ground = drive_ground(drive, scene, left, path) or ground
     usable = usable_for(ground)
     means = surfels.means.double().numpy()
@@ -116,7 +114,7 @@ def drive_ground_layer(
     keep = torch.from_numpy(~gone)
     layer = build_ground_layer(
         ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
-        unit=limits.unit, scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
+        scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
         plants=scene.labels.indices(("vegetation",)), sun=sun,
         progress=progress,
     )  # fmt: skip
@@ -132,7 +130,7 @@ def drive_continued(
     Args:
         left: the scene without what is removed; layer: its ground.
     """
-    unit, ground = scene_range(drive).unit, layer.chart.ground
+    ground = layer.chart.ground
     cameras = [f.camera for f in drive.frames]
     found: list[Surfels] = []
     house = scene.labels.index("building")
@@ -140,13 +138,13 @@ def drive_continued(
         walls, on_wall = left.select(left.labels == house), [label == house for label in views.labels]
         for is_left in (False, True):
             chart = read_facade(
-                ground, walls, cameras, views.images, on_wall, views.depths, views.removed, left=is_left, unit=unit
+                ground, walls, cameras, views.images, on_wall, views.depths, views.removed, left=is_left
             )  # fmt: skip
             front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
             found += [] if front is None else [front]
     kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=left.labels.dtype)
     standing = left.select(torch.isin(left.labels, kinds))
-    feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed, unit=unit)
+    feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed)
     if feet is None:
         return found, layer
     return [*found, feet], replace(layer, feet=feet.means.double().numpy())
@@ -154,17 +152,16 @@ def drive_continued(
 
 def path_by_lines(
     ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
-    usable: Sequence[NDArray[np.bool_]], *, unit: float,
+    usable: Sequence[NDArray[np.bool_]],
 ) -> StreetPath:  # fmt: skip
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
     Args:
         images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
-        unit: world units per metre.
     """
-    chart = read_chart(ground, cameras, images, labels, usable, unit=unit)
-    drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=unit / chart.texel)
-    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel, unit=unit)
+    chart = read_chart(ground, cameras, images, labels, usable)
+    drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1.0 / chart.texel)
+    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel)
 
 
 def ground_usable(
@@ -201,7 +198,6 @@ def build_ground_layer(
     removed: Sequence[NDArray[np.float64]],
     settings: FillSettings,
     *,
-    unit: float,
     scene: tuple[Surfels, Surfels] | None = None,
     solid: Sequence[int] = (),
     plants: Sequence[int] = (),
@@ -218,20 +214,20 @@ def build_ground_layer(
         sun: its azimuth and elevation, degrees; None = looked for.
     """
     chart = read_chart(
-        ground, cameras, images, label_images, usable, unit=unit, texel_m=texel_m, progress=progress
+        ground, cameras, images, label_images, usable, texel_m=texel_m, progress=progress
     )  # fmt: skip
-    footprint = _footprint(chart, removed, unit=unit)
+    footprint = _footprint(chart, removed)
     light = None if scene is None else light_of_scene(
-        chart, *scene, unit=unit, footprint=footprint, cameras=cameras,
+        chart, *scene, footprint=footprint, cameras=cameras,
         solid=solid, plants=plants, given=sun,
     )  # fmt: skip
-    filled = fill_chart(chart, footprint, settings, unit=unit, light=light, progress=progress)
+    filled = fill_chart(chart, footprint, settings, light=light, progress=progress)
     return GroundLayer(
         filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
     )
 
 
-def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, unit: float) -> NDArray[np.bool_]:
+def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
     """(A, B) texels that removed objects stand on: the hull of each object's low surfels."""
     footprint = np.zeros(chart.source.shape, dtype=np.uint8)
     ground = chart.ground
@@ -239,19 +235,17 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]], *, un
         street = ground.path.to_street(means)
         above = ground.over(street)
         row, column, on_chart = chart.index_of(street)
-        low = on_chart & (above < 2.5 * unit) & (above > -0.5 * unit)
+        low = on_chart & (above < 2.5) & (above > -0.5)
         if low.sum() < 3:
             continue
         own = np.zeros_like(footprint)
         own[row[low], column[low]] = 1
-        if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12 * unit:
+        if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12.0:
             # Strays would stretch the hull: only texels with company count.
-            dense = cv2.morphologyEx(
-                own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 * unit / chart.texel) + 1,) * 2, np.uint8)
-            )
+            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
             count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
             areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
-            least = max(0.15 * unit**2, 0.25 * areas[1:].max(initial=0.0))
+            least = max(0.15, 0.25 * areas[1:].max(initial=0.0))
             large = [k for k in range(1, count) if areas[k] > least]
             rows, columns = np.nonzero(np.isin(component, large))
             if len(rows) >= 3:

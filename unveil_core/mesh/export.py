@@ -1,15 +1,15 @@
 """Meshes on disk: binary PLY and OBJ at world coordinates, GLB for everything that opens glTF.
 
-PLY: vertices in the world (local position + offset), as doubles where single precision would lose a tenth of a
-millimetre, sRGB vertex colours.
+PLY: vertices in the world, which are the coordinates of the drive's files, as doubles where single precision would lose a tenth
+of a millimetre, sRGB vertex colours.
 
-OBJ: the same as text with six decimals, colours behind the positions. The offset stands in a comment: programs that read
+OBJ: the same as text with six decimals, colours behind the positions. The local origin stands in a comment: programs that read
 OBJ in single precision see far coordinates rounded to centimetres and more, and are better served by the GLB.
 
-GLB: glTF 2.0 is y-up and single precision: vertices stay local and are turned so that the drive's up becomes +y; the
-turned offset is the translation of the node, which JSON carries in full precision, and the offset itself stands in the
-node's ``extras``. Vertex colours are linear 16-bit as the format asks (``COLOR_0`` is a linear multiplier), under an
-unlit material: photographs already carry the light of their street.
+GLB: glTF 2.0 is y-up and single precision: vertices stay local and are turned so that up becomes +y. The turned world position
+of the local origin is the translation of the node, which JSON carries in full precision, and the world's units per metre are its
+scale; origin and up as the world has them stand in the node's ``extras``. Vertex colours are linear 16-bit as the format asks
+(``COLOR_0`` is a linear multiplier), under an unlit material: photographs already carry the light of their street.
 """
 
 from __future__ import annotations
@@ -20,33 +20,36 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_atomic, write_bytes_atomic
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.mesh.mesh import Mesh
 
 __all__ = ["read_ply", "write_glb", "write_obj", "write_ply"]
 
 SINGLE_PRECISION_REACH = 1024.0
 """Largest coordinate for which a float is finer than 0.1 mm."""
+Z_TO_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""From z up to glTF's y up, the usual (x, z, -y)."""
 
 
-def write_ply(mesh: Mesh, path: Path, offset: ArrayLike | None = None) -> None:
+def write_ply(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> None:
     """Write a binary little-endian PLY, atomically.
 
     Args:
         mesh: local vertices.
         path: where.
-        offset: (3,) float64 added to every vertex.
+        to_world: from local coordinates to those of the file.
     """
-    shift = _offset(offset)
-    vertices = mesh.vertices.astype(np.float64) + shift
+    to_world = to_world or Similarity()
+    vertices = to_world.to_world(mesh.vertices)
     double = bool(len(vertices)) and np.abs(vertices).max() > SINGLE_PRECISION_REACH
     name, code = ("double", "<f8") if double else ("float", "<f4")
     lines = [
         "ply", "format binary_little_endian 1.0", "comment unveil mesh, sRGB vertex colours",
-        "comment offset " + " ".join(repr(float(v)) for v in shift), f"element vertex {len(vertices)}",
+        *(f"comment {line}" for line in to_world.comments()), f"element vertex {len(vertices)}",
         *(f"property {name} {axis}" for axis in ("x", "y", "z")),
         *(f"property uchar {c}" for c in ("red", "green", "blue")),
         f"element face {len(mesh.faces)}", "property list uchar int vertex_indices", "end_header", "",
@@ -64,8 +67,8 @@ def write_ply(mesh: Mesh, path: Path, offset: ArrayLike | None = None) -> None:
     write_atomic(path, write)
 
 
-def read_ply(path: Path, offset: ArrayLike | None = None) -> Mesh:
-    """Read a mesh that :func:`write_ply` wrote, taking ``offset`` (3,) off every vertex.
+def read_ply(path: Path, to_world: Similarity | None = None) -> Mesh:
+    """Read a mesh that :func:`write_ply` wrote, in local coordinates, by the ``to_world`` that it was written with.
 
     Raises:
         WorkspaceError: the file is missing, cut short, or not one of ours.
@@ -89,46 +92,40 @@ def read_ply(path: Path, offset: ArrayLike | None = None) -> Mesh:
             raise ValueError("it holds more than triangles")
     except (ValueError, StopIteration, IndexError) as error:
         raise WorkspaceError(f"is not a mesh of ours: {error}", path=path, mend="run `unveil mesh` again") from error
-    local = (rows["position"].astype(np.float64) - _offset(offset)).astype(np.float32)
+    local = (to_world or Similarity()).to_local(rows["position"]).astype(np.float32)
     return Mesh(local, triangles["index"].copy(), rows["color"].copy())
 
 
-def write_obj(mesh: Mesh, path: Path, offset: ArrayLike | None = None) -> None:
+def write_obj(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> None:
     """Write a Wavefront OBJ with vertex colours (``v x y z r g b``, sRGB in [0, 1]), atomically.
 
     Args:
         mesh: local vertices, at least one triangle.
         path: where.
-        offset: (3,) float64 added to every vertex.
+        to_world: from local coordinates to those of the file.
     """
     import trimesh  # takes a second, which only this pays
 
-    shift = _offset(offset)
-    world = trimesh.Trimesh(
-        mesh.vertices.astype(np.float64) + shift, mesh.faces, vertex_colors=mesh.colors, process=False
-    )
-    header = "unveil mesh, sRGB vertex colours, offset " + " ".join(repr(float(v)) for v in shift)
+    to_world = to_world or Similarity()
+    world = trimesh.Trimesh(to_world.to_world(mesh.vertices), mesh.faces, vertex_colors=mesh.colors, process=False)
+    header = "unveil mesh, sRGB vertex colours, " + ", ".join(to_world.comments())
     text = trimesh.exchange.obj.export_obj(  # type: ignore[no-untyped-call]
         world, include_normals=False, digits=6, header=header
     )
     write_bytes_atomic(path, text.encode() + b"\n")
 
 
-def write_glb(
-    mesh: Mesh, path: Path, offset: ArrayLike | None = None, up: ArrayLike = (0.0, 0.0, 1.0), name: str = "street"
-) -> None:
+def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: str = "street") -> None:
     """Write a binary glTF 2.0 file, atomically.
 
     Args:
         mesh: local vertices.
         path: where.
-        offset: (3,) float64, world position = local position + offset; becomes the node's translation.
-        up: (3,) the drive's up, turned to glTF's +y.
+        to_world: from local coordinates to the drive's own; becomes the node's transform.
         name: name of the node.
     """
-    turn = _turn_to_y(np.asarray(up, dtype=np.float64))
-    shift = _offset(offset)
-    vertices = np.ascontiguousarray(mesh.vertices @ turn.T.astype(np.float32), dtype="<f4")
+    to_world = to_world or Similarity()
+    vertices = np.ascontiguousarray(mesh.vertices @ Z_TO_Y.T.astype(np.float32), dtype="<f4")
     colors = np.full((len(vertices), 4), 65535, dtype="<u2")
     colors[:, :3] = np.round(_srgb_to_linear(np.arange(256) / 255.0) * 65535).astype(np.uint16)[mesh.colors]
     indices = np.ascontiguousarray(mesh.faces, dtype="<u4")
@@ -138,8 +135,9 @@ def write_glb(
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{
-            "name": name, "translation": (turn @ shift).tolist(),
-            "extras": {"offset_m": shift.tolist(), "up": np.asarray(up, dtype=np.float64).tolist()},
+            "name": name, "translation": (Z_TO_Y @ to_world.directions_to_local(to_world.translation)).tolist(),
+            **({} if to_world.scale == 1 else {"scale": [to_world.scale] * 3}),
+            "extras": {"offset_m": to_world.translation.tolist(), "up": to_world.up.tolist()},
         }],
         "materials": [{
             "name": f"{name} colours", "doubleSided": True, "extensions": {"KHR_materials_unlit": {}},
@@ -179,25 +177,6 @@ def write_glb(
     write_atomic(path, write)
 
 
-def _offset(offset: ArrayLike | None) -> NDArray[np.float64]:
-    shift = np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)
-    if shift.shape != (3,) or not np.isfinite(shift).all():
-        raise ValueError(f"an offset is three finite numbers, not {offset!r}")
-    return shift
-
-
 def _srgb_to_linear(value: NDArray[np.float64]) -> NDArray[np.float64]:
     """IEC 61966-2-1."""
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-
-
-def _turn_to_y(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) rotation that brings ``up`` to +y; for z up the usual (x, z, -y)."""
-    up = up / np.linalg.norm(up)
-    if abs(up[0]) > 0.9:
-        side = np.cross(up, (0.0, 0.0, 1.0))
-        side /= np.linalg.norm(side)
-    else:
-        side = np.array([1.0, 0.0, 0.0]) - up[0] * up
-        side /= np.linalg.norm(side)
-    return np.stack([side, up, np.cross(side, up)])

@@ -36,7 +36,7 @@ class DepthView:
 
     Attributes:
         camera: the view.
-        depth: (H, W) float, along the optical axis in world units; 0, inf or NaN where there is none.
+        depth: (H, W) float, along the optical axis in metres; 0, inf or NaN where there is none.
         rgb: (H, W, 3) float in [0, 1] or uint8, sRGB.
         weight: (H, W) float, how far to trust each pixel; None for 1 everywhere.
     """
@@ -101,10 +101,10 @@ def fuse(
 
     Args:
         views: posed depth images; consumed once, one at a time, and kept in a temporary file of 7 to 11 bytes a pixel.
-        voxel_size: edge of a voxel in world units.
+        voxel_size: edge of a voxel in metres.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
-        max_depth: depth beyond which a pixel is not used, in world units.
+        max_depth: depth beyond which a pixel is not used, in metres.
         smallest_triangles: connected pieces of fewer triangles are dropped.
         progress: called once per view, then for the surface.
     Returns:

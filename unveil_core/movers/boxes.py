@@ -23,7 +23,7 @@ MARGIN_M = 0.15
 """Points so close to a box are its object's."""
 
 
-def moving_boxes(drive: Drive, unit: float) -> tuple[dict[int, str], frozenset[int]]:
+def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
     """Class name of each id whose box moved, and the ids of the removable ones that stood.
 
     Raises:
@@ -46,7 +46,7 @@ def moving_boxes(drive: Drive, unit: float) -> tuple[dict[int, str], frozenset[i
     moved = {}
     for number, places in centres.items():
         reach = float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
-        if reach > MOVED_SHARE * lengths[number] + MOVED_M * unit:
+        if reach > MOVED_SHARE * lengths[number] + MOVED_M:
             moved[number] = names[number]
     return moved, frozenset(set(names) - set(moved))
 
@@ -103,17 +103,17 @@ def box_pixels(
     return owner
 
 
-def points_in_boxes(points: NDArray[np.float64], drive: Drive, moved: Sequence[int], unit: float) -> Mask:
+def points_in_boxes(points: NDArray[np.float64], drive: Drive, moved: Sequence[int]) -> Mask:
     """(P,) points that lie in a moved box at any time, but not on the ground under it."""
     inside = np.zeros(len(points), dtype=bool)
     for frame in drive.frames:
         for box in frame.boxes:
             if box.id not in moved:
                 continue
-            low, high = box.corners().min(axis=0) - unit, box.corners().max(axis=0) + unit
+            low, high = box.corners().min(axis=0) - 1.0, box.corners().max(axis=0) + 1.0
             near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
             local = box.local(points[near]) * (np.asarray(box.size) / 2)
             half = np.asarray(box.size) / 2
-            hit = (np.abs(local) <= half + MARGIN_M * unit).all(axis=1) & (local[:, 2] > -half[2] + MARGIN_M * unit)
+            hit = (np.abs(local) <= half + MARGIN_M).all(axis=1) & (local[:, 2] > -half[2] + MARGIN_M)
             inside[near[hit]] = True
     return inside

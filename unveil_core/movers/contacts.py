@@ -28,9 +28,9 @@ class Contacts:
     Attributes:
         columns: (M,) pixels.
         points: (M, 3) places on the ground, world.
-        depth: (M,) along the optical axis, world units.
-        error: (M,) by which a pixel more or less moves the place, world units.
-        height: (M,) of what stands there, as if it stood upright over the place, world units.
+        depth: (M,) along the optical axis, metres.
+        error: (M,) by which a pixel more or less moves the place, metres.
+        height: (M,) of what stands there, as if it stood upright over the place, metres.
     """
 
     columns: NDArray[np.int64]
@@ -71,7 +71,7 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     known = np.isfinite(depth)
     # Only what reaches as far down as its surroundings within a wheelbase stands on the ground.
     typical = float(np.median(depth[known])) if known.any() else 1.0
-    span = int(np.clip(WHEELBASE_M * ground.unit * camera.fx / typical, 1, camera.width)) | 1
+    span = int(np.clip(WHEELBASE_M * camera.fx / typical, 1, camera.width)) | 1
     row = np.full(camera.width, -1.0, np.float32)
     row[columns] = lowest
     closed = cv2.morphologyEx(row[None], cv2.MORPH_CLOSE, np.ones((1, span), np.uint8))[0]
@@ -80,7 +80,7 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     ray = np.stack([(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy], axis=1)
     rays = np.concatenate([ray, np.ones((len(ray), 1))], axis=1) @ camera.world_to_camera[:3, :3]
     points = camera.centre + depth[:, None] * rays
-    eye = np.maximum((camera.centre - points) @ ground.axes[2], 0.2 * ground.unit)
+    eye = np.maximum((camera.centre - points) @ ground.axes[2], 0.2)
     size = tall[usable][known] * depth / camera.fy
     found = Contacts(columns[usable][known], points, depth, depth**2 / (eye * camera.fy), size)
-    return found.where(size > LEAST_HEIGHT_M * ground.unit)
+    return found.where(size > LEAST_HEIGHT_M)

@@ -16,7 +16,6 @@ from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.scale import units_per_metre
 from unveil_core.geometry.images import border_px
 from unveil_core.ground.sparse import GroundPoints, find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
@@ -72,7 +71,6 @@ class _Search:
 
     def __init__(self, drive: Drive, scene: SceneLabels) -> None:
         self.drive, self.names = drive, scene.labels.names
-        self.unit = units_per_metre(drive)
         self.labels = [frame_labels(f, scene).astype(np.int8) for f in drive.frames]
         known = {*REMOVABLE, "remove"}
         self.removable = tuple(k for k, n in enumerate(self.names) if n in known)
@@ -82,7 +80,7 @@ class _Search:
         self.behind_labels = (*self.below_labels, *(k for k, n in enumerate(self.names) if n == "sky"))
         self.ground: GroundPoints | None = None
         if any(np.isin(label, self.removable).any() for label in self.labels):
-            self.ground = find_ground(drive, self.labels, ground, self.removable, self.unit)
+            self.ground = find_ground(drive, self.labels, ground, self.removable)
         self.numbers = [np.zeros(label.shape, np.uint16) for label in self.labels]
         self.movers: list[tuple[str, str, int]] = []
         """(class, evidence, source), the first has number 1."""
@@ -141,7 +139,7 @@ def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progre
 
 def _by_boxes(search: _Search) -> list[NDArray[np.int64]]:
     """Mark what moving boxes own; returns (H, W) per frame the id of the box that each pixel belongs to, 0 = none."""
-    moved, _ = moving_boxes(search.drive, search.unit)
+    moved, _ = moving_boxes(search.drive)
     number = {source: search.add(name, "boxes", source) for source, name in sorted(moved.items())}
     owners = []
     for v, frame in enumerate(search.drive.frames):
@@ -234,7 +232,7 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
 def _points(search: _Search) -> Mask:
     points = search.drive.points.positions
     boxes = [source for _, evidence, source in search.movers if evidence == "boxes"]
-    found = points_in_boxes(points, search.drive, boxes, search.unit)
+    found = points_in_boxes(points, search.drive, boxes)
     ground = search.ground
     if ground is None:
         return found
@@ -254,7 +252,7 @@ def _points(search: _Search) -> Mask:
             if mask.any():
                 contacts = find_contacts(mask, search.below(v), frame.camera, ground)
                 found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)
-                if len(contacts) and np.median(contacts.error) < 2 * body.error_m * search.unit:
+                if len(contacts) and np.median(contacts.error) < 2 * body.error_m:
                     # Of its places the second lies about in its middle.
                     middle = sticks(contacts, frame.camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
                     track.append(np.median(middle, axis=0))

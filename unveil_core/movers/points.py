@@ -48,13 +48,13 @@ def points_behind_contacts(
     if not len(index):
         return inside
     nearest = np.abs(pixel[index, 0, None] - (contacts.columns[None] + 0.5)).argmin(axis=1)
-    long_side = float(np.ptp(contacts.depth)) > SIDE_M * ground.unit
-    reach = body.depth_m * ground.unit * (1.0 if long_side else LONG_SHARE)
+    long_side = float(np.ptp(contacts.depth)) > SIDE_M
+    reach = body.depth_m * (1.0 if long_side else LONG_SHARE)
     error = 2 * contacts.error[nearest]
     behind = depth[index] - contacts.depth[nearest]
-    hit = (behind > -0.4 * ground.unit - error) & (behind < reach + error)
+    hit = (behind > -0.4 - error) & (behind < reach + error)
     index = index[hit]
-    inside[index] = ground.above(points[index]) > OVER_GROUND_M * ground.unit
+    inside[index] = ground.above(points[index]) > OVER_GROUND_M
     return inside
 
 
@@ -71,30 +71,30 @@ def points_along_track(
 
     Args:
         points: (P, 3) world; track: (K, 3) places in its middle, on the ground, one a frame, in order of time, K >= 2.
-        height: of the mover, world units.
+        height: of the mover, metres.
         sights: of all frames; ``taken`` of what may stand in the street, poles as well, and does not move.
     """
-    unit, found = ground.unit, np.zeros(len(points), dtype=bool)
+    found = np.zeros(len(points), dtype=bool)
     way = (track @ ground.axes.T)[:, :2]
     travelled = np.linalg.norm(way[-1] - way[0])
-    if travelled < body.drift_m * unit / 3:
+    if travelled < body.drift_m / 3:
         return found
     ahead = (way[-1] - way[0]) / travelled
     # It was where its contacts were, and as far beyond them as it is long.
-    own = body.drift_m * unit * ahead
+    own = body.drift_m * ahead
     ends = [way[0] - own, *way, way[-1] + own]
-    ends = [ends[0] - BEYOND_M * unit * ahead, *ends, ends[-1] + BEYOND_M * unit * ahead]
+    ends = [ends[0] - BEYOND_M * ahead, *ends, ends[-1] + BEYOND_M * ahead]
     dense = []
     for a, b in zip(ends[:-1], ends[1:], strict=True):
-        count = max(2, int(np.linalg.norm(b - a) / (STEP_M * unit)) + 1)
+        count = max(2, int(np.linalg.norm(b - a) / STEP_M) + 1)
         dense.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
     local = points @ ground.axes.T
-    reach = body.depth_m * unit
+    reach = body.depth_m
     near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
     amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
     index = np.flatnonzero(np.isfinite(near))
     above = ground.above(points[index])
-    index = index[(above > OVER_GROUND_M * unit) & (above < 1.2 * height)]
+    index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, taken, seen = (np.zeros(len(index), np.int64) for _ in range(3))
     for sight in sights:
         camera = sight.camera

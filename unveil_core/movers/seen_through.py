@@ -102,7 +102,7 @@ def sticks(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints)
     away = away - (away @ up)[:, None] * up
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
     steps = [(d, h) for d in body.inward_m for h in body.heights_m]
-    places = [contacts.points + ground.unit * (d * away + h * up) for d, h in steps]
+    places = [contacts.points + (d * away + h * up) for d, h in steps]
     return np.stack(places, axis=1)
 
 

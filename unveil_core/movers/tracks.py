@@ -55,8 +55,8 @@ class Patch:
         self.box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], dtype=np.float64)
 
 
-def _certain(contacts: Contacts, body: Body, unit: float) -> Contacts:
-    return contacts.where(contacts.error < body.error_m * unit)
+def _certain(contacts: Contacts, body: Body) -> Contacts:
+    return contacts.where(contacts.error < body.error_m)
 
 
 def _seen_through(
@@ -81,7 +81,7 @@ def instance_moves(
     for frame, mask in enumerate(masks):
         if mask is None or mask.sum() < SMALLEST_PX:
             continue
-        contacts = _certain(find_contacts(mask, below[frame], sights[frame].camera, ground), body, ground.unit)
+        contacts = _certain(find_contacts(mask, below[frame], sights[frame].camera, ground), body)
         if len(contacts) < COLUMNS:
             continue
         through, known = _seen_through(contacts, frame, sights, body, ground)
@@ -94,7 +94,7 @@ def instance_moves(
         return "seen through"
     if len(places) >= 3:
         gap = np.linalg.norm(np.array(places)[:, None] - np.array(places)[None], axis=2)
-        allowed = np.maximum(body.drift_m * ground.unit, 1.2 * max(widths)) + np.add.outer(doubts, doubts)
+        allowed = np.maximum(body.drift_m, 1.2 * max(widths)) + np.add.outer(doubts, doubts)
         if (gap > allowed).sum() >= 4:  # each pair counts twice
             return "drift"
     return None
@@ -123,7 +123,7 @@ def find_patches(
             if stats[i, cv2.CC_STAT_AREA] < SMALLEST_PX:
                 continue
             mask = component == i
-            contacts = _certain(find_contacts(mask, below, sights[frame].camera, ground), body, ground.unit)
+            contacts = _certain(find_contacts(mask, below, sights[frame].camera, ground), body)
             through, known = _seen_through(contacts, frame, sights, body, ground)
             share = float(through[known].mean()) if known.sum() >= COLUMNS else -1.0
             if share < 0:
@@ -131,17 +131,13 @@ def find_patches(
             elif share >= MOST or share <= FEW:
                 patches.append(Patch(frame, k, mask, MOVING if share >= MOST else STANDING))
             else:
-                patches += _cut(
-                    frame, k, mask, contacts.where(known), through[known], sights[frame].camera, ground.unit
-                )
+                patches += _cut(frame, k, mask, contacts.where(known), through[known], sights[frame].camera)
     return patches
 
 
-def _cut(
-    frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, camera: Camera, unit: float
-) -> list[Patch]:
+def _cut(frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, camera: Camera) -> list[Patch]:
     """The parts of a patch that move and that stand: per column what most contacts within half a metre or so say."""
-    near = np.maximum(0.6 * unit * camera.fx / contacts.depth, 2.0)
+    near = np.maximum(0.6 * camera.fx / contacts.depth, 2.0)
     gap = np.abs(np.arange(mask.shape[1])[:, None] - contacts.columns[None])
     weight = np.where(gap <= near[None], 1.0, 0.0) + 1e-3 / (1.0 + gap)
     moving = (weight * through[None]).sum(axis=1) > MOST * weight.sum(axis=1)

@@ -21,7 +21,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposure, Exposures
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 
@@ -60,9 +60,8 @@ class _Samples:
 
 def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress: Progress) -> _Samples:
     """Colours of points that at least two views see well exposed."""
-    limits = scene_range(drive)
     positions = drive.points.positions
-    cell = 0.02 * limits.unit
+    cell = 0.02
     while len(positions) > HIDING_POINTS:
         positions = positions[thin_points(positions, cell)]
         cell *= 1.3
@@ -71,7 +70,7 @@ def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress:
     spacing = np.minimum(spacing, 4 * np.median(spacing))
     found = []
     for v, frame in enumerate(drive.frames):
-        seen = points_in_view(positions, spacing, frame.camera, near=limits.near, normals=normals)
+        seen = points_in_view(positions, spacing, frame.camera, near=NEAR_M, normals=normals)
         blur = min(2.0, BLUR_SHARE * frame.camera.width)
         color = cv2.GaussianBlur(read_image(frame.image_path), (0, 0), blur)[seen.rows, seen.columns]
         good = (color > DARKEST).all(axis=1) & (color < BRIGHTEST).all(axis=1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Looks
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames
@@ -131,7 +131,7 @@ def reconstruct(
         seed: order of the views.
         progress: called per step with loss and the number of surfels.
     """
-    limits, settings = scene_range(drive), settings.scaled(len(drive.frames))
+    settings = settings.scaled(len(drive.frames))
     exposures = exposures or Exposures()
     images = [exposures.read(f) for f in drive.frames]
     labels = [frame_labels(f, scene) for f in drive.frames]
@@ -144,19 +144,19 @@ def reconstruct(
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
     rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
-    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, limits, rows, hidden)
+    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden)
     fine, coarse = (_views(drive, images, labels, hidden, sky, factor) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
         prune_opacity=settings.prune_opacity,
-        density=DensitySettings(budget=settings.budget, max_scale=3.0 * limits.unit),
-        near=limits.near,
-        far=limits.far,
+        density=DensitySettings(budget=settings.budget, max_scale=3.0),
+        near=NEAR_M,
+        far=FAR_M,
     )
     spared = scene.labels.indices(settings.spared)
     state = Optimization(
-        surfels, sky, training, LearningRates(means=0.004 * limits.unit),
+        surfels, sky, training, LearningRates(means=0.004),
         label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared, seed=seed,
     )  # fmt: skip
     course = _Course(state, fine, coarse, settings, progress)

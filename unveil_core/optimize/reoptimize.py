@@ -54,7 +54,6 @@ def reoptimize(
     targets: Sequence[tuple[Camera, NDArray[np.uint8]]],
     settings: ReoptimizeSettings,
     *,
-    unit: float,
     near: float,
     far: float,
     label_count: int,
@@ -69,7 +68,7 @@ def reoptimize(
         movable: (N,) bool.
         sky: fixed.
         targets: (camera, cleaned frame (H, W, 3) uint8).
-        unit: world units per metre; near, far: world units.
+        near, far: metres.
         depths: (H, W) per target, the depth that is expected, 0 = none; it counts by ``weights.depth``.
     Returns:
         the scene, in the same order.
@@ -81,7 +80,7 @@ def reoptimize(
         views = [replace(v, depth=torch.from_numpy(d.astype(np.float32))) for v, d in zip(views, depths, strict=True)]
     training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far)
     rates = LearningRates(
-        means=0.001 * unit, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0
+        means=0.001, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0
     )
     state = Optimization(
         surfels, sky, training, rates,

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive, tracks
-from unveil_core.drives.scene_range import SceneRange, scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
@@ -123,7 +123,6 @@ def start_scene(
     Raises:
         DriveError: no point is seen by any frame.
     """
-    limits = scene_range(drive)
     cameras = [f.camera for f in drive.frames]
     sky = scene.labels.index("sky")
     centres = np.stack([c.centre for c in cameras])
@@ -131,7 +130,7 @@ def start_scene(
     positions, spacing = [drive.points.positions[~lonely]], spacing[~lonely]
     # An isolated point stands for no more surface than a pixel block of the nearest view would.
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
-    measured, detail = _survey(positions[0], sizes[0], cameras, images, limits.near)
+    measured, detail = _survey(positions[0], sizes[0], cameras, images, NEAR_M)
     for track in tracks(drive):
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
         usable = [~measured[i] for i in track]
@@ -141,7 +140,7 @@ def start_scene(
             usable = [u & ~hidden[i] for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
             [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
-            near=10 * limits.near, far=limits.far, progress=progress,
+            near=10 * NEAR_M, far=FAR_M, progress=progress,
         )  # fmt: skip
         if len(found):
             positions.append(found)
@@ -151,12 +150,12 @@ def start_scene(
     if len(positions) > 1:
         known = cKDTree(positions[0])
         extra, footprint = np.concatenate(positions[1:]), np.concatenate(sizes[1:])
-        new = known.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m * limits.unit)
+        new = known.query(extra)[0] > 3 * np.maximum(footprint, settings.spacing_m)
         positions, sizes = [positions[0], extra[new]], [sizes[0], footprint[new]]
     points, size = np.concatenate(positions), np.concatenate(sizes)
     # A plain surface needs no finer surfels than its points; what has detail gets all points that there are.
     size[: len(positions[0])] *= _cell_share(detail)
-    cell = np.maximum(size, settings.spacing_m * limits.unit)
+    cell = np.maximum(size, settings.spacing_m)
     keep = thin_points(points, cell)
     while len(keep) > settings.budget:
         cell = cell * 1.15
@@ -165,7 +164,7 @@ def start_scene(
     normal, spacing = estimate_normals(points, centres)
     # What hides others is as large as the thinning left it; lonely strays must not blot out what lies behind them.
     cover = np.minimum(spacing, 0.7 * cell)
-    views = [points_in_view(points, cover, c, near=limits.near, normals=normal) for c in cameras]
+    views = [points_in_view(points, cover, c, near=NEAR_M, normals=normal) for c in cameras]
     label, agreement = vote_labels(len(points), views, lambda v: labels[v], len(scene.labels))
     if hidden is not None:
         views = [view.outside(mask) for view, mask in zip(views, hidden, strict=True)]
@@ -179,7 +178,7 @@ def start_scene(
     start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
-    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, drive.up, limits)
+    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, drive.up)
 
 
 def random_scene(
@@ -195,8 +194,8 @@ def random_scene(
     normal = generator.normal(size=(count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     spacing = estimate_normals(points, points[:1])[1]
-    limits, sky = scene_range(drive), scene.labels.index("sky")
-    views = [points_in_view(points, 1e-6 * spacing, f.camera, near=limits.near) for f in drive.frames]
+    sky = scene.labels.index("sky")
+    views = [points_in_view(points, 1e-6 * spacing, f.camera, near=NEAR_M) for f in drive.frames]
     label, _ = vote_labels(count, views, lambda v: labels[v], len(scene.labels))
     good = (label >= 0) & (label != (-2 if sky is None else sky))
     colors = generator.integers(0, 256, (count, 3)).astype(np.uint8)
@@ -209,7 +208,6 @@ def start_sky(
     images: Sequence[NDArray[np.uint8]],
     labels: Sequence[NDArray[np.int64]],
     surfels: Surfels,
-    limits: SceneRange,
     rows: Sequence[int] = SKY_ROWS,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
 ) -> tuple[Sky, dict[str, Any]]:
@@ -229,7 +227,7 @@ def start_sky(
             mask = labels[i] == sky
         else:
             with torch.no_grad():
-                alpha = render(surfels, frame.camera, ("alpha",), near=limits.near, far=limits.far).alpha
+                alpha = render(surfels, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
             assert alpha is not None
             above = frame.camera.rays() @ drive.up > 0
             mask = (alpha.numpy() < 0.05) & above

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from unveil_core.drives.scene_range import SceneRange
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
 from unveil_core.semantics.visibility import points_in_view
@@ -37,13 +37,12 @@ def _confirmed(
     cameras: Sequence[Camera],
     labels: Sequence[NDArray[np.int64]],
     label_count: int,
-    limits: SceneRange,
 ) -> Tensor:
     """(N,) bool, where the views that see a surfel agree with its label: one view alone may be wrong in a whole patch."""
     positions = surfels.means.double().numpy()
     spacing = surfels.log_scales.exp().amax(1).double().numpy()
     facing = surfels.normals().double().numpy()
-    views = [points_in_view(positions, spacing, camera, near=limits.near, normals=facing) for camera in cameras]
+    views = [points_in_view(positions, spacing, camera, near=NEAR_M, normals=facing) for camera in cameras]
     label, agreement = vote_labels(len(positions), views, lambda v: labels[v], label_count)
     return torch.from_numpy((label == surfels.labels.numpy()) & (agreement > AGREEMENT))
 
@@ -56,7 +55,6 @@ def cover_uncovered(
     label_count: int,
     sky: int | None,
     up: NDArray[np.float64],
-    limits: SceneRange,
 ) -> Surfels:
     """Add surfels where a view shows something, but the surfels so far leave most of its light through.
 
@@ -69,7 +67,7 @@ def cover_uncovered(
         cameras, images: the views, (H, W, 3) uint8; labels: (H, W) compact, negative = unknown, left alone;
             label_count: K.
         sky: its label; None = unknown, then pixels above the horizon count as sky. up: (3,) unit.
-        limits: near and far, world units.
+        limits: near and far, metres.
     """
     before = len(surfels)
     for camera, image, label in zip(cameras, images, labels, strict=True):
@@ -77,7 +75,7 @@ def cover_uncovered(
         with torch.no_grad():
             out = render(
                 surfels, small, ("alpha", "median_depth", "semantics"), label_count=label_count,
-                near=limits.near, far=limits.far,
+                near=NEAR_M, far=FAR_M,
             )  # fmt: skip
         assert out.alpha is not None and out.median_depth is not None and out.semantics is not None
         # What stands at a covered pixel may be the rim of something else than the image shows there.
@@ -92,9 +90,9 @@ def cover_uncovered(
         rows, columns = rows[amid], columns[amid]
         if not len(rows):
             continue
-        kind, away = shown[rows, columns], np.full(len(rows), 0.9 * limits.far)
+        kind, away = shown[rows, columns], np.full(len(rows), 0.9 * FAR_M)
         for k in np.unique(kind):
-            known = (alpha >= COVERED) & (shown == k) & (standing == k) & (depth > limits.near)
+            known = (alpha >= COVERED) & (shown == k) & (standing == k) & (depth > NEAR_M)
             if known.any():
                 nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
                 of_k = kind == k
@@ -108,6 +106,6 @@ def cover_uncovered(
         surfels = concatenate([surfels, seeds])
     if len(surfels) == before:
         return surfels
-    kept = _confirmed(surfels, cameras, labels, label_count, limits)
+    kept = _confirmed(surfels, cameras, labels, label_count)
     kept[:before] = True
     return surfels.select(kept)

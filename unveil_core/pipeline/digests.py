@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from unveil_core.base.files import write_json_atomic
-from unveil_core.base.onnx_files import files_of
-from unveil_core.drives.marked import files_named, read_marked
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
 from unveil_core.workspace.workspace import Workspace
 
@@ -21,14 +21,18 @@ class Digests:
     """Content digests of files, remembered by size and time of change."""
 
     def __init__(self, workspace: Workspace) -> None:
+        self.root = workspace.root
         self.path = workspace.root / ".digests.json"
         self.known: dict[str, list] = {}  # type: ignore[type-arg]
         with suppress(OSError, ValueError):
             self.known = json.loads(self.path.read_text())
+        self.used: set[str] = set()
 
     def of_file(self, path: Path) -> str:
+        """The digest of a file's content; it is read only if size or time of change are others than last time."""
         stat = path.stat()
-        key = str(path)
+        key = str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path.absolute())
+        self.used.add(key)
         held = self.known.get(key)
         if held and held[0] == stat.st_size and held[1] == stat.st_mtime_ns:
             return str(held[2])
@@ -43,30 +47,23 @@ class Digests:
             return [(str(p.relative_to(path)), self.of_file(p)) for p in sorted(path.rglob("*")) if p.is_file()]
         return [("", self.of_file(path))] if path.is_file() else [("", "absent")]
 
+    def of_outside(self, files: Iterable[tuple[str, Path]]) -> list[tuple[str, str]]:
+        """(name, digest) of files outside the workspace, each given with the name under which it counts."""
+        return [(name, self.of_file(path) if path.is_file() else "absent") for name, path in files]
+
     def save(self) -> None:
-        write_json_atomic(self.path, self.known)
+        """Write what is remembered; files that are gone are forgotten."""
+        kept = {k: v for k, v in self.known.items() if k in self.used or (self.root / k).is_file()}
+        write_json_atomic(self.path, kept)
 
 
 def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:
-    """Digest of everything that a stage's result depends on: settings, the content of its inputs, its version."""
+    """Digest of everything that a stage's result depends on: code, settings, and the content of all files that it reads."""
     values = settings.to_json()
-    for name, path in settings.networks.items():  # what is in the files counts, not where they lie
-        if name in stage.settings:
-            values[name] = [(p.name.removeprefix(path.name), digests.of_file(p)) for p in files_of(path)]
-    if settings.marked is not None and "marked" in stage.settings:
-        path = Path(settings.marked)
-        pictures = [p for m in read_marked(path) if m.mattes is not None for p in files_named(m.mattes)]
-        values["marked"] = [digests.of_file(p) for p in (path, *pictures)]
-    parts: list[object] = [stage.name, stage.version, {k: values[k] for k in stage.settings}]
-    parts += [(name, digests.of(workspace.root / name)) for name in (*stage.inputs, *stage.optional)]
-    if stage.drive_digest:
-        from unveil_core.drives import open_drive
-
-        opened = open_drive(drive)
-        files = [opened.root] if opened.root.is_file() else []
-        for f in opened.frames:
-            files += [p for p in (f.image_path, f.semantic_path, f.instance_path, f.mask_path) if p is not None]
-        parts += [(str(p), digests.of(p)) for p in files]
-        parts += [hashlib.blake2b(opened.points.positions.tobytes(), digest_size=16).hexdigest()]
-        parts += [[f.camera.world_to_camera.tolist() for f in opened.frames]]
+    files = settings.files  # of these the content counts, see Stage.outside
+    parts: list[object] = [stage.name, stage.variant, code_digest(stage.run)]
+    parts += [{k: values[k] for k in stage.settings if k not in files}]
+    parts += [(name, digests.of(workspace.root / name)) for name in stage.inputs]
+    if stage.outside is not None:
+        parts += [digests.of_outside(stage.outside(workspace, settings, drive))]
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()

@@ -1,75 +1,34 @@
-"""The stage graph and its runner: skip what is up to date, redo what changed, survive a kill at any moment.
+"""Runs stages: skips what is up to date, redoes what changed, survives a kill at any moment.
 
-A stage writes into a folder of its own; when it has finished, its outputs are renamed into place under a journal, so that after
-``kill -9`` the workspace holds either the old or the new result of a stage, and the next run goes on from there.
+A stage writes into a folder of its own; when it has finished, its outputs are renamed into place under a journal (see
+``workspace.journal``). The ``input_hash`` in workspace.json belongs to the outputs that lie there, whatever became of later
+attempts: a cancelled or failed attempt leaves the finished result valid.
 """
 
 from __future__ import annotations
 
-import json
 import platform
 import shutil
 import signal
 import threading
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
-from unveil_core.base.files import disk_is_full, write_json_atomic
+from unveil_core.base.files import disk_is_full
 from unveil_core.base.peak_memory import peak_memory_mb
-from unveil_core.inpaint.single_image.onnx_models import load_reference
-from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, Stage, StageContext, silent
+from unveil_core.workspace.journal import PARTIAL, commit, recover
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["depends_on", "run_stages"]
-
-
-# ----------------------------------------------------------------------------------------------------------------- digests
-
-
-# ------------------------------------------------------------------------------------------------------------------ runner
-
-
-def _move_into_place(workspace: Workspace, stage: Stage, partial: Path) -> None:
-    """Rename a finished stage's outputs over the old ones. The journal makes an interrupted move finish at the next start."""
-    journal = workspace.root / ".journal.json"
-    write_json_atomic(journal, {"stage": stage.name, "partial": partial.name, "outputs": list(stage.outputs)})
-    for name in stage.outputs:
-        source, target = partial / name, workspace.root / name
-        if source.exists():
-            target.parent.mkdir(parents=True, exist_ok=True)
-            if target.is_dir():
-                shutil.rmtree(target)
-            elif target.exists():
-                target.unlink()
-            source.rename(target)
-    shutil.rmtree(partial, ignore_errors=True)
-    journal.unlink()
-
-
-def recover(workspace: Workspace) -> None:
-    """Finish an interrupted move, and throw away what an interrupted stage left."""
-    journal = workspace.root / ".journal.json"
-    if journal.is_file():
-        data = json.loads(journal.read_text())
-        partial = workspace.root / data["partial"]
-        stage = Stage(data["stage"], lambda _: None, (), tuple(data["outputs"]))
-        if partial.is_dir():
-            _move_into_place(workspace, stage, partial)
-        else:
-            journal.unlink()
-    for left in workspace.root.glob(".partial-*"):
-        shutil.rmtree(left, ignore_errors=True)
-    for left in workspace.root.rglob(".*.partial"):
-        if left.is_file():
-            left.unlink()
+__all__ = ["depends_on", "is_current", "run_stages"]
 
 
 @contextmanager
@@ -94,11 +53,11 @@ def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool
 
 def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
     """The input hashes of the stages whose outputs a stage reads: with them one can tell at a glance what is stale."""
-    inputs = stage.inputs + stage.optional
     return {
-        name: entry["input_hash"] for name, entry in recorded.items()
-        if name != stage.name and "input_hash" in entry and depends_on(inputs, entry.get("outputs", ()))
-    }  # fmt: skip
+        name: entry["input_hash"]
+        for name, entry in recorded.items()
+        if name != stage.name and "input_hash" in entry and depends_on(stage.inputs, entry.get("outputs", ()))
+    }
 
 
 @contextmanager
@@ -138,7 +97,9 @@ def run_stages(
         UnveilError: bad input; the stage's partial output is gone.
     """
     ran: list[str] = []
-    _check_networks(stages, settings)
+    for stage in stages:
+        if stage.check is not None:
+            stage.check(settings)
     stop = threading.Event()
     with _room_on(workspace.root), workspace.lock(), _signals(stop):
         recover(workspace)
@@ -148,80 +109,97 @@ def run_stages(
             missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
             if missing:
                 raise WorkspaceError(
-                    f"has no {missing[0]}, which {stage.name} needs", path=workspace.root,
+                    f"has no {missing[0]}, which {stage.name} needs",
+                    path=workspace.root,
                     mend="run the stages before it, or `unveil run`",
-                )  # fmt: skip
+                )
             wanted = input_hash(stage, workspace, settings, drive, digests)
             all_recorded = workspace.state().get("stages", {})
-            recorded = all_recorded.get(stage.name, {})
-            follows = _follows(stage, all_recorded)
-            there = all((workspace.root / n).exists() for n in stage.outputs)
-            if not force and there and recorded.get("status") == "done" and recorded.get("input_hash") == wanted:
-                if recorded.get("follows") != follows:  # other inputs, of the same content
-                    workspace.update_stage(stage.name, follows=follows)
+            recorded, follows = all_recorded.get(stage.name, {}), _follows(stage, all_recorded)
+            if not force and is_current(stage, workspace, recorded, wanted):
+                if recorded.get("status") != "done" or recorded.get("follows") != follows or "attempt" in recorded:
+                    # After a broken-off attempt with other settings, or made from other inputs of the same content.
+                    kept = {k: v for k, v in recorded.items() if k != "attempt"}
+                    workspace.replace_stage(stage.name, {**kept, "status": "done", "follows": follows})
                 reporter(workspace.log(stage.name, "up to date", done=1, total=1))
                 continue
-            _run_one(workspace, stage, settings, drive, wanted, stop, reporter)
-            workspace.update_stage(stage.name, follows=follows)
+            _Attempt(workspace, stage, settings, drive, stop, reporter).make(wanted, follows)
             ran.append(stage.name)
             digests.save()
     return ran
 
 
-def _check_networks(stages: Sequence[Stage], settings: RunSettings) -> None:
-    """Before anything runs: whether the networks that one of the stages needs are there, and are such networks."""
-    wanted = {name for stage in stages for name in stage.settings} & set(settings.networks)
-    if "inpainter" in wanted:
-        inpainter(settings.inpainter)
-    if "reference_inpainter" in wanted:
-        load_reference(settings.networks["reference_inpainter"])
+def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str) -> bool:
+    """Whether a stage's outputs are there and were made from what its input hash ``wanted`` says."""
+    return recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
 
 
-def _run_one(
-    workspace: Workspace, stage: Stage, settings: RunSettings, drive: Path, wanted: str, stop: threading.Event,
-    reporter: Reporter,
-) -> None:  # fmt: skip
-    partial = workspace.root / f".partial-{stage.name}"
-    shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir()
-    logged = [0.0]
+@dataclass
+class _Attempt:
+    """One stage being run."""
 
-    def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
-        if stop.is_set():
-            raise Cancelled(stage.name)
-        now = time.monotonic()
-        if done >= total or now - logged[0] > 0.2:  # a log of every step would be larger than the result
-            logged[0] = now
-            rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
-            reporter(workspace.log(stage.name, message, done=done, total=total, **rounded))
+    workspace: Workspace
+    stage: Stage
+    settings: RunSettings
+    drive: Path
+    stop: threading.Event
+    reporter: Reporter
+    last_logged: float = 0.0
 
-    started = time.monotonic()
-    workspace.update_stage(stage.name, status="running")
-    reporter(workspace.log(stage.name, "started"))
-    try:
-        stage.body(StageContext(workspace, settings, progress, drive, partial))
-        if stop.is_set():
-            raise Cancelled(stage.name)
-    except BaseException as error:
+    def make(self, wanted: str, follows: dict[str, str]) -> None:
+        """Run the stage and commit its outputs under the input hash ``wanted``."""
+        stage, workspace = self.stage, self.workspace
+        partial = workspace.root / f"{PARTIAL}{stage.name}"
         shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        values = self.settings.to_json()
+        chosen = {k: values[k] for k in stage.settings}
+        started = time.monotonic()
+        workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
+        self.reporter(workspace.log(stage.name, "started"))
+        try:
+            facts = stage.run(StageContext(workspace, self.settings, self.progress, self.drive, partial))
+            if self.stop.is_set():
+                raise Cancelled(stage.name)
+        except BaseException as error:
+            shutil.rmtree(partial, ignore_errors=True)
+            self._record_end(error)
+            if isinstance(error, KeyboardInterrupt):
+                raise Cancelled(stage.name) from error
+            raise
+        seconds = round(time.monotonic() - started, 2)
+        record = {
+            "status": "done",
+            "seconds": seconds,
+            "peak_memory_mb": peak_memory_mb(),
+            "input_hash": wanted,
+            "settings": chosen,
+            "outputs": list(stage.outputs),
+            "follows": follows,
+            **(facts or {}),
+        }
+        commit(workspace, stage.name, partial, stage.outputs, record)
+        self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+
+    def progress(self, done: int, total: int, message: str = "", **metrics: float) -> None:
+        """What the stage calls after each unit of work; raises Cancelled where the run is to stop."""
+        if self.stop.is_set():
+            raise Cancelled(self.stage.name)
+        now = time.monotonic()
+        if done >= total or now - self.last_logged > 0.2:  # a log of every step would be larger than the result
+            self.last_logged = now
+            rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
+            self.reporter(self.workspace.log(self.stage.name, message, done=done, total=total, **rounded))
+
+    def _record_end(self, error: BaseException) -> None:
+        """Record how an attempt ended; the entries of the result that lies there stay."""
         status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
-        detail: dict[str, Any] = (
-            {} if isinstance(error, UnveilError | Cancelled) else {"traceback": traceback.format_exc()}
-        )
-        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be told
-            workspace.update_stage(stage.name, status=status)
-            reporter(workspace.log(stage.name, str(error), level="error", **detail))
-        if isinstance(error, KeyboardInterrupt):
-            raise Cancelled(stage.name) from error
-        raise
-    _move_into_place(workspace, stage, partial)
-    seconds = round(time.monotonic() - started, 2)
-    values = settings.to_json()
-    workspace.update_stage(
-        stage.name, status="done", seconds=seconds, peak_memory_mb=peak_memory_mb(), input_hash=wanted,
-        settings={k: values[k] for k in stage.settings}, outputs=list(stage.outputs),
-    )  # fmt: skip
-    reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+        detail: dict[str, Any] = {}
+        if not isinstance(error, UnveilError | Cancelled):
+            detail["traceback"] = traceback.format_exc()
+        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be said
+            self.workspace.update_stage(self.stage.name, status=status)
+            self.reporter(self.workspace.log(self.stage.name, str(error), level="error", **detail))
 
 
 def _versions() -> dict[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.inpaint.single_image.registry import INPAINTERS, is_file
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
 __all__ = ["MOVERS", "ORDERS", "QUALITIES", "RunSettings"]
 
@@ -113,8 +113,14 @@ class RunSettings:
         return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
 
     @property
+    def files(self) -> dict[str, Path]:
+        """The files that settings name, by setting: of them the content counts."""
+        marked = {} if self.marked is None else {"marked": Path(self.marked)}
+        return {**self.networks, **marked}
+
+    @property
     def networks(self) -> dict[str, Path]:
-        """The files that settings name, by setting."""
+        """The networks that settings name, by setting."""
         return {
             name: Path(value)
             for name, value in (("inpainter", self.inpainter), ("reference_inpainter", self.reference_inpainter))

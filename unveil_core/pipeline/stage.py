@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +10,12 @@ from unveil_core.base.progress import Progress
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Reporter", "Stage", "StageContext", "silent"]
+__all__ = ["Facts", "Reporter", "Stage", "StageContext", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
+Facts = dict[str, object]
+"""What workspace.json records of a finished stage beside its files, JSON-able: counts, choices."""
 
 
 def silent(event: dict[str, object]) -> None:
@@ -21,36 +23,11 @@ def silent(event: dict[str, object]) -> None:
 
 
 @dataclass(frozen=True)
-class Stage:
-    """One step from files to files.
-
-    Attributes:
-        name: the verb on the command line.
-        body: does the work.
-        inputs: files and folders read, relative to the workspace.
-        optional: read too, but older workspaces lack them.
-        outputs: files and folders written, relative to the workspace.
-        settings: names of the RunSettings that influence the result.
-        version: raised when the body's result changes.
-        drive_digest: whether the drive outside the workspace is an input (the import).
-    """
-
-    name: str
-    body: Callable[[StageContext], None]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    settings: tuple[str, ...] = ()
-    version: int = 1
-    drive_digest: bool = False
-    optional: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class StageContext:
-    """What a stage's body gets.
+    """What a stage's function gets.
 
     Attributes:
-        workspace: to read from.
+        workspace: to read from; its state is the runner's to write.
         settings: of the run.
         progress: to call after each unit of work.
         drive: path of the drive as the user gave it.
@@ -68,3 +45,29 @@ class StageContext:
         path = self.partial / relative
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step from files to files.
+
+    Attributes:
+        name: the verb on the command line.
+        run: does the work; returns what is to be recorded beside the files, or None.
+        inputs: files and folders read, relative to the workspace. Nothing else in the workspace may be read.
+        outputs: files and folders written, relative to the workspace.
+        settings: names of the RunSettings that influence the result.
+        outside: from workspace, settings and the drive's path the files outside the workspace that are read, each with the name
+            under which it counts; the content decides beside that name.
+        check: raises an UnveilError, before any stage runs, where the settings name something unusable.
+        variant: tells two results apart that one function makes in two ways (for comparisons).
+    """
+
+    name: str
+    run: Callable[[StageContext], Facts | None]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    settings: tuple[str, ...] = ()
+    outside: Callable[[Workspace, RunSettings, Path], Iterable[tuple[str, Path]]] | None = None
+    check: Callable[[RunSettings], None] | None = None
+    variant: str = ""

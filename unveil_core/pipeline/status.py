@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.graph import STAGES
-from unveil_core.pipeline.runner import depends_on
+from unveil_core.pipeline.runner import depends_on, is_current
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Stage
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["stage_states"]
@@ -34,26 +36,32 @@ def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> d
     will_change: set[str] = set()
     for stage in STAGES:
         entry = recorded.get("stages", {}).get(stage.name, {})
-        there = all((workspace.root / n).exists() for n in stage.outputs) and "input_hash" in entry
-        if entry.get("status") == "running" and running:
+        status = entry.get("status")
+        if status == "running" and running:
             state = "running"
-        elif entry.get("status") == "failed":
-            state = "failed"
-        elif not there:
-            state = "to do"
-        elif entry.get("status") != "done" or depends_on(stage.inputs + stage.optional, will_change):
-            state = "stale"
         else:
-            try:
-                state = (
-                    "done" if entry["input_hash"] == input_hash(stage, workspace, settings, drive, digests) else "stale"
-                )
-            except UnveilError:
-                state = "done"
+            state = _state_at_rest(stage, workspace, settings, drive, digests, entry)
+            if state == "done" and depends_on(stage.inputs, will_change):
+                state = "stale"
+            if status == "failed" and state != "done":
+                state = "failed"
         states[stage.name] = state
         if state != "done":
             will_change.update(stage.outputs)
     return states
+
+
+def _state_at_rest(
+    stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests, entry: dict[str, Any]
+) -> str:
+    """ "done", "stale" or "to do", by what lies there, whatever became of later attempts."""
+    if "input_hash" not in entry or not all((workspace.root / n).exists() for n in stage.outputs):
+        return "to do"
+    try:
+        wanted = input_hash(stage, workspace, settings, drive, digests)
+    except UnveilError:
+        return "done"
+    return "done" if is_current(stage, workspace, entry, wanted) else "stale"
 
 
 def _in_use(workspace: Workspace) -> bool:

@@ -171,7 +171,7 @@ def render(
         outputs: names of planes, see :class:`Rendered`. The cheapest group of kernels that makes them all is run:
             colour (rgb, alpha), colour with semantics, colour with geometry, or all.
         label_count: K for the label planes; the highest label plus one by default.
-        near, far: world units; nearer contributions do not count, and distortion maps depth between them.
+        near, far: metres; nearer contributions do not count, and distortion maps depth between them.
         backend: "cpu", "triton" (NVIDIA GPUs), "reference" (dense float64, small scenes only), or "auto": where the
             surfels are.
         limits: of the cpu backend, for measuring what precision costs.

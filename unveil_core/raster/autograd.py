@@ -47,9 +47,19 @@ class _Lease:
 class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, means: Tensor, quats: Tensor, log_scales: Tensor, opacity_logits: Tensor, sh: Tensor, labels: Tensor,
-        camera: Camera, names: tuple[str, ...], settings: Settings, screen: Screen, backend: Any,
-    ) -> tuple[Tensor, ...]:  # fmt: skip
+        ctx: Any,
+        means: Tensor,
+        quats: Tensor,
+        log_scales: Tensor,
+        opacity_logits: Tensor,
+        sh: Tensor,
+        labels: Tensor,
+        camera: Camera,
+        names: tuple[str, ...],
+        settings: Settings,
+        screen: Screen,
+        backend: Any,
+    ) -> tuple[Tensor, ...]:
         inputs = (means, quats, log_scales, opacity_logits, sh)
         done = backend.forward_pass(inputs, labels, camera, settings, keep=True)
         screen.visible = done.visible
@@ -70,9 +80,17 @@ class _Rasterize(torch.autograd.Function):
 
 
 def rasterize(
-    surfels: Surfels, camera: Camera, names: tuple[str, ...], *, label_count: int, coefficients: int, near: float,
-    far: float, backend: str, limits: Limits,
-) -> tuple[dict[str, Tensor], Screen]:  # fmt: skip
+    surfels: Surfels,
+    camera: Camera,
+    names: tuple[str, ...],
+    *,
+    label_count: int,
+    coefficients: int,
+    near: float,
+    far: float,
+    backend: str,
+    limits: Limits,
+) -> tuple[dict[str, Tensor], Screen]:
     """The named planes, with a gradient where torch records one, and what the pass tells beside them.
 
     Args:

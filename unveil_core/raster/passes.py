@@ -45,7 +45,7 @@ class Settings:
         group: name in ``GROUPS``.
         label_count: K.
         coefficients: how many spherical-harmonic coefficients are used.
-        near, far: world units.
+        near, far: metres.
         limits: where a backend stops counting.
     """
 

@@ -24,7 +24,7 @@ def with_sky(rgb: NDArray[np.float32], alpha: NDArray[np.float32], sky: Sky, cam
 
 
 def picture_of(surfels: Surfels, sky: Sky, camera: Camera, *, near: float, far: float) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: world units, as ``render`` takes them."""
+    """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: metres, as ``render`` takes them."""
     with torch.no_grad():
         out = render(surfels, camera, ("rgb", "alpha"), near=near, far=far)
     assert out.rgb is not None and out.alpha is not None

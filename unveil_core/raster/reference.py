@@ -42,10 +42,16 @@ def _rotation(quats: Tensor) -> Tensor:
     unit = torch.where(norm > 1e-12, quats / norm.clamp_min(1e-12), identity)
     w, x, y, z = unit.unbind(-1)
     rows = [
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ]  # fmt: skip
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    ]
     return torch.stack(rows, dim=-1).reshape(-1, 3, 3)
 
 
@@ -93,9 +99,17 @@ def _pair_distortion(weight: Tensor, mapped: Tensor) -> Tensor:
 
 
 def render_reference(
-    surfels: Surfels, camera: Camera, label_count: int, *, near: float, far: float, coefficients: int | None = None,
-    dtype: torch.dtype = torch.float64, whole: Camera | None = None, outputs: Collection[str] = PLANES,
-) -> dict[str, Tensor]:  # fmt: skip
+    surfels: Surfels,
+    camera: Camera,
+    label_count: int,
+    *,
+    near: float,
+    far: float,
+    coefficients: int | None = None,
+    dtype: torch.dtype = torch.float64,
+    whole: Camera | None = None,
+    outputs: Collection[str] = PLANES,
+) -> dict[str, Tensor]:
     """All planes, or some.
 
     Args:
@@ -274,9 +288,14 @@ def render_reference_in_tiles(
         index = touching.nonzero()[:, 0]
         leaves = {n: getattr(surfels, n).detach()[index].to(dtype).requires_grad_(bool(gradients)) for n in names}
         made = render_reference(
-            Surfels(**leaves, labels=surfels.labels[index]), crop, label_count, near=near, far=far, dtype=dtype,
+            Surfels(**leaves, labels=surfels.labels[index]),
+            crop,
+            label_count,
+            near=near,
+            far=far,
+            dtype=dtype,
             whole=camera,
-        )  # fmt: skip
+        )
         made.pop("visible")
         decided = ~made["undecided"]
         for name, plane in made.items():

@@ -74,9 +74,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 __all__ = [
-    "ALPHA_MAX", "ALPHA_MIN", "DEPTH_MAX", "DILATION", "EDGE_ON", "FIELD_MARGIN", "GENEROUS", "LOG_SCALE_MAX", "LOW_PASS",
-    "Limits", "MAX_LABELS", "OFFSET_MAX", "PLANES", "SCALE_MIN_PX", "TRANSMITTANCE_MIN",
-]  # fmt: skip
+    "ALPHA_MAX",
+    "ALPHA_MIN",
+    "DEPTH_MAX",
+    "DILATION",
+    "EDGE_ON",
+    "FIELD_MARGIN",
+    "GENEROUS",
+    "LOG_SCALE_MAX",
+    "LOW_PASS",
+    "Limits",
+    "MAX_LABELS",
+    "OFFSET_MAX",
+    "PLANES",
+    "SCALE_MIN_PX",
+    "TRANSMITTANCE_MIN",
+]
 
 ALPHA_MIN = 1.0 / 255.0
 ALPHA_MAX = 0.99
@@ -122,6 +135,4 @@ class Limits:
             )
 
 
-PLANES = (
-    "rgb", "alpha", "semantics", "depth", "median_depth", "normal", "distortion", "label_distortion",
-)  # fmt: skip
+PLANES = ("rgb", "alpha", "semantics", "depth", "median_depth", "normal", "distortion", "label_distortion")

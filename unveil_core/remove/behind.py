@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.scene_range import SceneRange, scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.street import Ground
@@ -31,34 +31,31 @@ class EmptyStreet:
         left: surfels that stay; standing: of them those that do not lie on the ground.
         ground: the street's, None without a street; terrain: the ground by the drive's points, on the street and around it,
             None where no labels or points tell.
-        limits: the drive's depths.
     """
 
     left: Surfels
     standing: Surfels
     ground: Ground | None
     terrain: Terrain | None
-    limits: SceneRange
 
     def depth(self, camera: Camera, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(H, W) depth of what lies behind the ``pixels`` (H, W), see :func:`depth_behind`; inf elsewhere, and for the sky."""
         if not pixels.any():
             return np.full(pixels.shape, np.inf)
-        near, far = self.limits.near, self.limits.far
         street = np.full(pixels.shape, np.inf)
         if self.ground is not None:
             street[pixels] = self.ground.intersect(camera, camera.rays()[pixels])[0]
-        left = render_numpy(self.left, camera, near=near, far=far)
+        left = render_numpy(self.left, camera, near=NEAR_M, far=FAR_M)
         if self.terrain is None:
             behind = depth_behind((left["alpha"], left["depth"]), street)
         else:
             with torch.no_grad():
                 # The median depth: a pole before a wall stands at one of their depths, not between them.
-                upright = render(self.standing, camera, ("alpha", "median_depth"), near=near, far=far)
+                upright = render(self.standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
             assert upright.alpha is not None and upright.median_depth is not None
             behind = depth_behind(
                 (left["alpha"], left["depth"]), street, (upright.alpha.numpy(), upright.median_depth.numpy()),
-                self.terrain.depth(camera, pixels, near=near, far=far),
+                self.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
             )  # fmt: skip
         return np.where(pixels, behind, np.inf)
 
@@ -73,15 +70,14 @@ def empty_street(
         ground: the street's ground, or None.
         on_ground: labels of the ground; empty where the scene has no classes.
     """
-    limits = scene_range(drive)
     labelled = np.isin(surfels.labels.numpy(), on_ground)
-    points = ground_points(drive.points.positions, surfels.means.double().numpy(), labelled, unit=limits.unit)
+    points = ground_points(drive.points.positions, surfels.means.double().numpy(), labelled)
 
     def guess(places: NDArray[np.float64]) -> NDArray[np.float64]:
         assert ground is not None
         street = ground.path.to_street(places)
         return ground.height_at(street[:, 0], street[:, 1])
 
-    terrain = fit_terrain(points, up_frame(drive.up), unit=limits.unit, guess=None if ground is None else guess)
+    terrain = fit_terrain(points, up_frame(drive.up), guess=None if ground is None else guess)
     left, standing = torch.from_numpy(~gone), torch.from_numpy(~gone & ~labelled)
-    return EmptyStreet(surfels.select(left), surfels.select(standing), ground, terrain, limits)
+    return EmptyStreet(surfels.select(left), surfels.select(standing), ground, terrain)

@@ -26,7 +26,6 @@ def select_removed(
     *,
     too_close: float,
     axes: NDArray[np.float64] | None = None,
-    unit: float = 1.0,
 ) -> NDArray[np.bool_]:
     """(N,) True where a surfel goes.
 
@@ -37,9 +36,8 @@ def select_removed(
         surfels: the full scene; instance_of_surfel: (N,) ids, 0 = none.
         scene: with the chosen classes and instances.
         too_close: surfels of other labels nearer than this to one that goes, go too (their colour is of its border);
-            world units.
+            metres.
         axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
-        unit: world units per metre.
     """
     labels = surfels.labels.numpy()
     chosen = np.isin(labels, scene.removed_labels)
@@ -48,30 +46,30 @@ def select_removed(
     if axes is not None:
         means = surfels.means.detach().to(torch.float64).numpy()
         removable = np.isin(labels, scene.removable_labels)
-        margin = MARGIN_M * unit
+        margin = MARGIN_M
         for instance in np.unique(instance_of_surfel[chosen]):
             own = chosen & (instance_of_surfel == instance)
-            box = fit_box(means[own], axes, gap=1.0 * unit)
+            box = fit_box(means[own], axes, gap=1.0)
             # Larger than a bus: several objects that touch, whose common box would take the street with it.
-            if instance == 0 or max(box.size) > 12 * unit:
+            if instance == 0 or max(box.size) > 12.0:
                 continue
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
-            above = -margin if _hangs(box, means[~removable], axes, unit) else margin
+            above = -margin if _hangs(box, means[~removable], axes) else margin
             chosen |= box.contains(means, axes, margin=margin, above=above) & ~removable
     return chosen | near_removed(surfels, chosen, too_close)
 
 
-def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64], unit: float) -> bool:
+def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:
     """Whether a box begins well above what lies under it: of an object that the images cut off, its foot was never seen.
 
     Args:
         kept: (M, 3) positions that belong to no object.
     """
-    under = box.contains(kept, axes, margin=MARGIN_M * unit, above=-REACH_M * unit)
+    under = box.contains(kept, axes, margin=MARGIN_M, above=-REACH_M)
     height = kept[under] @ axes[2] - (np.asarray(box.centre) @ axes[2] - box.size[2] / 2)
-    height = height[height < MARGIN_M * unit]
+    height = height[height < MARGIN_M]
     # A tenth may be badly placed.
-    return len(height) >= 10 and bool(np.percentile(height, 10) < -HANGING_M * unit)
+    return len(height) >= 10 and bool(np.percentile(height, 10) < -HANGING_M)
 
 
 def near_removed(surfels: Surfels, removed: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ def unsupported(
     Args:
         means: (N, 3); gone: (N,).
         cameras, masks: of the frames that say what they show; (H, W) True where that goes.
-        reach: how far from what goes is looked, world units.
+        reach: how far from what goes is looked, metres.
     """
     found = np.zeros(len(means), dtype=bool)
     if not gone.any() or gone.all():

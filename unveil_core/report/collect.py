@@ -161,7 +161,7 @@ def _instances(root: Path) -> tuple[dict[str, Any], ...]:
 
 def _mesh_pictures(root: Path, drive: Drive) -> tuple[MeshPictures, ...]:
     paths = {state: root / "meshes" / f"{state}.ply" for state in ("full", "empty")}
-    meshes = {state: read_ply(path, offset=drive.offset) for state, path in paths.items() if path.is_file()}
+    meshes = {state: read_ply(path, drive.to_world) for state, path in paths.items() if path.is_file()}
     if not any(len(m.faces) for m in meshes.values()) or not drive.frames:
         return ()
     views = [("From above", bird_camera(drive)), ("From the road", _street_camera(root, drive))]
@@ -196,7 +196,7 @@ def bird_camera(drive: Drive) -> Camera:
         heading = _level(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     assert heading is not None
     reach = max(length, 1e-3)
-    rise = float(np.clip(0.22 * reach, 5.0, 12.0)) if drive.metric else 0.3 * reach
+    rise = float(np.clip(0.22 * reach, 5.0, 12.0))
     eye = places[0] - 0.35 * rise * heading + rise * up
     target = places[0] + (1.1 * rise + 0.25 * reach) * heading
     return _looking(eye, target, up, MESH_PICTURE)

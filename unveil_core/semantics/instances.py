@@ -64,7 +64,7 @@ def vote_instances(
     """The instance id (P,) that most views show at each point, 0 = none.
 
     Args:
-        positions, spacing: removable points and their neighbourhood, world units.
+        positions, spacing: removable points and their neighbourhood, metres.
         instance_image: gives (H, W) ids of view v (0 = none), or None where it has none.
     """
     images = [instance_image(v) for v in range(len(cameras))]
@@ -95,7 +95,7 @@ def cluster_points(positions: NDArray[np.float64], radius: float, *, minimum: in
     """Ids (P,) 1, 2, … of connected clusters by size, 0 for crumbs of fewer than ``minimum`` points.
 
     Args:
-        positions: (P, 3); radius: points nearer than this belong together, world units.
+        positions: (P, 3); radius: points nearer than this belong together, metres.
     """
     if not len(positions):
         return np.zeros(0, dtype=np.int64)
@@ -116,7 +116,7 @@ def fit_box(positions: NDArray[np.float64], axes: NDArray[np.float64], *, gap: f
     Args:
         positions: (P, 3), P >= 1.
         axes: (3, 3) rows east, north, up of the drive.
-        gap: strays farther than this from the largest connected cluster do not count, world units; None = all count.
+        gap: strays farther than this from the largest connected cluster do not count, metres; None = all count.
     """
     if gap is not None and len(positions) >= 40:
         main = cluster_points(positions, gap) == 1

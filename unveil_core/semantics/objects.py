@@ -17,7 +17,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
-from unveil_core.drives.scale import units_per_metre
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
@@ -73,13 +73,13 @@ class FoundObjects:
 
 
 def marked_box(marked: TrackedBox, drive: Drive) -> Box:
-    """A marked box in the drive's recentred coordinates and the axes of ``up_frame``.
+    """A marked box in the drive's local coordinates and the axes of ``up_frame``.
 
     Its yaw counts from north, counterclockwise seen from above: from x, where z is up.
     """
     yaw = (marked.yaw + np.pi / 2 + np.pi / 2) % np.pi - np.pi / 2
-    x, y, z = (float(v) for v in np.asarray(marked.centre) - drive.offset)
-    return Box((x, y, z), marked.size, float(yaw))
+    local = marked.to_local(drive.to_world)
+    return Box(local.centre, local.size, float(yaw))
 
 
 def find_objects(
@@ -95,18 +95,18 @@ def find_objects(
         SelectionError: a marked object has the id of another one.
         DriveError: a picture that cannot be read.
     """
-    axes, unit = up_frame(drive.up), units_per_metre(drive)
+    axes = up_frame(drive.up)
     positions = drive.points.positions
     cell = 0.0
     some = np.arange(len(positions))
     while len(some) > MOST_POINTS:
-        cell = max(0.05 * unit, cell * 1.5)
+        cell = max(0.05, cell * 1.5)
         some = thin_points(positions, cell)
     cameras = [f.camera for f in drive.frames]
     normals, spacing = estimate_normals(positions[some], np.stack([c.centre for c in cameras]))
     views: list[PointsInView] = []
     for done, camera in enumerate(cameras):
-        views.append(points_in_view(positions[some], spacing, camera, near=0.2 * unit, normals=normals))
+        views.append(points_in_view(positions[some], spacing, camera, near=NEAR_M, normals=normals))
         progress(done + 1, len(cameras), "seeing points")
     sky = scene.labels.index("sky")
 
@@ -120,12 +120,10 @@ def find_objects(
     ids = np.zeros(len(some), dtype=np.int64)
     by_image = any(image is not None for image in images)
     if by_image:
-        own = vote_instances(
-            positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=0.2 * unit
-        )
+        own = vote_instances(positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=NEAR_M)
         sightings = sightings_in_images(images)
     else:
-        own = cluster_points(positions[some][removable], CLUSTER_M * unit, minimum=20)
+        own = cluster_points(positions[some][removable], CLUSTER_M, minimum=20)
     ids[removable] = own
     if not by_image:
         sightings = sightings_of_points(ids, views)
@@ -136,7 +134,7 @@ def find_objects(
     classes = _image_classes(drive, scene, images) if by_image else {}
     found = [
         _object(drive, scene, number, "images" if by_image else "clusters", all_ids, all_labels,
-                sightings.get(number, []), classes.get(number), axes, unit)
+                sightings.get(number, []), classes.get(number), axes)
         for number in sorted({*sightings, *(int(i) for i in np.unique(all_ids) if i)})
     ]  # fmt: skip
     taken = {o.id for o in found}
@@ -146,7 +144,7 @@ def find_objects(
                 f"the marked object {mark.id} has the id of another object", mend=f"use {max(taken) + 1} or more"
             )
         taken.add(mark.id)
-        found.append(_marked(mark, drive, positions, some, views, axes, unit))
+        found.append(_marked(mark, drive, positions, some, views, axes))
     return FoundObjects(tuple(found), all_labels, all_ids)
 
 
@@ -169,22 +167,22 @@ def _image_classes(
 
 def _object(
     drive: Drive, scene: SceneLabels, number: int, source: str, ids: NDArray[np.int64], labels: NDArray[np.int64],
-    sightings: Sequence[Sighting], label: int | None, axes: NDArray[np.float64], unit: float,
+    sightings: Sequence[Sighting], label: int | None, axes: NDArray[np.float64],
 ) -> SceneObject:  # fmt: skip
     own = ids == number
     if label is None:
         label = int(np.bincount(labels[own & (labels >= 0)]).argmax())
-    box = fit_box(drive.points.positions[own], axes, gap=unit) if own.sum() >= 5 else None
+    box = fit_box(drive.points.positions[own], axes, gap=1.0) if own.sum() >= 5 else None
     return SceneObject(number, scene.labels.names[label], source, box, int(own.sum()), tuple(sightings))
 
 
 def _marked(
     mark: MarkedObject, drive: Drive, positions: NDArray[np.float64], some: NDArray[np.int64],
-    views: Sequence[PointsInView], axes: NDArray[np.float64], unit: float,
+    views: Sequence[PointsInView], axes: NDArray[np.float64],
 ) -> SceneObject:  # fmt: skip
     if mark.box is not None:
         box = marked_box(mark.box, drive)
-        inside = box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M * unit)
+        inside = box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)
         ids = np.where(inside[some], mark.id, 0)
         sightings = sightings_of_points(ids, views).get(mark.id) or _outlines(drive, box, axes)
         return SceneObject(mark.id, mark.class_name, "box", box, int(inside.sum()), tuple(sightings))
@@ -193,7 +191,7 @@ def _marked(
     inside = vote_mattes(len(some), views, mattes)
     seen = sightings_in_images([None if m is None else m.astype(np.int64) for m in mattes]).get(1, [])
     own = positions[some][inside]
-    fitted = fit_box(own, axes, gap=unit) if len(own) >= 5 else None
+    fitted = fit_box(own, axes, gap=1.0) if len(own) >= 5 else None
     return SceneObject(mark.id, mark.class_name, "mattes", fitted, int(inside.sum()), tuple(seen))
 
 

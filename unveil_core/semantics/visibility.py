@@ -92,10 +92,10 @@ def points_in_view(
     ``tolerance`` of its depth plus twice its spacing.
 
     Args:
-        positions: (P, 3) world positions; spacing: (P,) distance to neighbours, world units.
+        positions: (P, 3) world positions; spacing: (P,) distance to neighbours, metres.
         normals: (P, 3) of the surface, so that ground seen at a grazing angle does not hide itself; None = facing the camera.
         camera: the view.
-        near: nearest depth that counts, world units.
+        near: nearest depth that counts, metres.
         tolerance: a share of the depth.
     """
     pixels, depth = camera.project(positions)

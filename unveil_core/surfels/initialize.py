@@ -24,7 +24,7 @@ def thin_points(positions: NDArray[np.float64], cell: NDArray[np.float64] | floa
 
     Args:
         positions: (P, 3).
-        cell: grid size in world units, one for all or (P,) per point (rounded to powers of two of the smallest).
+        cell: grid size in metres, one for all or (P,) per point (rounded to powers of two of the smallest).
     """
     size = np.broadcast_to(np.asarray(cell, dtype=np.float64), (len(positions),))
     level = np.round(np.log2(np.maximum(size / max(size.min(initial=np.inf), 1e-12), 1.0)))
@@ -87,7 +87,7 @@ def surfels_from_points(
 
     Args:
         positions: (P, 3); colors: (P, 3) uint8; labels: (P,) compact; normals: (P, 3) unit.
-        spacing: (P,) world units, or (P, 2) along both tangent axes of ``quats`` (P, 4), see ``tangent_frames``.
+        spacing: (P,) metres, or (P, 2) along both tangent axes of ``quats`` (P, 4), see ``tangent_frames``.
         sh_degree: degree of the colour; higher coefficients start at zero.
         opacity: starting opacity.
         scale_factor: standard deviation as a share of the spacing.

@@ -27,7 +27,7 @@ def lonely_points(
     """Spacing of points, and which stand much farther from the others than those do from one another.
 
     Args:
-        positions: (P, 3), world units; viewpoints: (V, 3) camera centres.
+        positions: (P, 3), metres; viewpoints: (V, 3) camera centres.
     Returns:
         the spacing (P,): root mean square distance to the three nearest neighbours; lonely (P,).
     """

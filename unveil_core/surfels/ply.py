@@ -16,6 +16,7 @@ from plyfile import PlyParseError as _PlyParseError
 
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import write_atomic
+from unveil_core.geometry.similarity import Similarity
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["THIN_LOG_SCALE", "read_surfels", "write_surfels"]
@@ -36,14 +37,14 @@ ELLIPSOIDS = "splats ellipsoids"
 
 
 def write_surfels(
-    surfels: Surfels, path: Path, *, offset: np.ndarray | None = None, comments: tuple[str, ...] = ()
+    surfels: Surfels, path: Path, *, to_world: Similarity | None = None, comments: tuple[str, ...] = ()
 ) -> None:
     """Write surfels to a binary PLY, atomically.
 
     Args:
         surfels: what to write, N surfels.
         path: the file.
-        offset: (3,) float64 of the drive, noted as a comment; the coordinates stay local, as float32 needs.
+        to_world: of the drive, noted in comments; the coordinates stay local, as float32 needs.
         comments: lines for the header, such as the label names.
     """
     s = surfels.detach()
@@ -66,8 +67,8 @@ def write_surfels(
     table["opacity"] = s.opacity_logits.cpu().numpy()
     table["label"] = s.labels.cpu().numpy()
     lines = [*comments, ELLIPSOIDS] if s.ellipsoids else list(comments)
-    if offset is not None:
-        lines.append("offset " + " ".join(repr(float(v)) for v in offset))
+    if to_world is not None:
+        lines += to_world.comments()
     data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<", comments=lines)
     write_atomic(path, data.write)
 

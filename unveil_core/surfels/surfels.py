@@ -40,7 +40,7 @@ class Surfels:
         means: (N, 3) centres in the drive's local frame.
         quats: (N, 4) rotations wxyz, not necessarily normalized; columns 0 and 1 of the rotation are the tangent axes,
             column 2 the normal.
-        log_scales: (N, 2) natural logarithm of the standard deviations along the tangent axes, in world units; of an
+        log_scales: (N, 2) natural logarithm of the standard deviations along the tangent axes, in metres; of an
             ellipsoid (N, 3), along all columns of the rotation.
         opacity_logits: (N,) opacity before the sigmoid.
         sh: (N, (L+1)^2, 3) spherical-harmonic colour; rgb = clamp(0.5 + sum of basis * sh, 0).

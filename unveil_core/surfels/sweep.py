@@ -114,7 +114,7 @@ def sweep_points(
     Args:
         cameras: of the track, in order of travel.
         images: (H, W, 3) uint8 per frame; usable: (H, W) bool per frame, False where no point should come from (sky).
-        near, far: depth range, world units.
+        near, far: depth range, metres.
         stride: one sweep pixel in so many per direction becomes a point.
     Returns:
         points (P, 3) and the world size of their pixel footprint (P,).

@@ -14,15 +14,27 @@ from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["frame_file", "known_objects", "load_array", "load_labels", "load_mask", "save_array", "save_mask"]
+__all__ = [
+    "frame_file",
+    "known_objects",
+    "load_array",
+    "load_labels",
+    "load_mask",
+    "load_selection",
+    "save_array",
+    "save_mask",
+]
 
 
 def load_labels(workspace: Workspace) -> SceneLabels:
-    """The labels that occur, and what of them was chosen as far as it was."""
-    data = {"removed": [], "instances": [], **json.loads(workspace.labels_json.read_text())}
-    if workspace.selection_json.is_file():  # workspaces of before kept both in one file
-        data |= json.loads(workspace.selection_json.read_text())
-    return SceneLabels.from_json(data)
+    """The labels that occur, with nothing chosen."""
+    return SceneLabels.from_json({"removed": [], "instances": [], **json.loads(workspace.labels_json.read_text())})
+
+
+def load_selection(workspace: Workspace) -> SceneLabels:
+    """The labels that occur, and what of them is removed."""
+    chosen = json.loads(workspace.selection_json.read_text())
+    return SceneLabels.from_json({**json.loads(workspace.labels_json.read_text()), **chosen})
 
 
 def load_mask(path: Path) -> NDArray[np.bool_]:

@@ -132,6 +132,12 @@ class Workspace:
         state.setdefault("stages", {}).setdefault(name, {}).update(values)
         write_json_atomic(self.workspace_json, state)
 
+    def replace_stage(self, name: str, entry: dict[str, Any]) -> None:
+        """Put ``entry`` in the place of all entries of one stage."""
+        state = self.state()
+        state.setdefault("stages", {})[name] = entry
+        write_json_atomic(self.workspace_json, state)
+
     def log(
         self, stage: str, message: str = "", *, level: str = "info", done: int = 0, total: int = 0, **metrics: object
     ) -> dict[str, object]:

@@ -13,7 +13,7 @@ import pytest
 
 @pytest.fixture
 def command(addon, scene):  # type: ignore[no-untyped-def]
-    return addon.module("command_line").main
+    return addon.module("work.command_line").main
 
 
 @pytest.mark.parametrize(
@@ -42,10 +42,10 @@ def test_without_a_python_it_fails(command, addon, monkeypatch, capfd) -> None: 
     for name in ("UNVEIL_PYTHON", "VIRTUAL_ENV", "CONDA_PREFIX"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PATH", "/nowhere")
-    addon.module("preferences").forget()
+    addon.module("work.preferences").forget()
     assert command(["doctor"]) == 1
     assert "no Python with unveil was found" in capfd.readouterr().err
-    addon.module("preferences").forget()
+    addon.module("work.preferences").forget()
 
 
 def test_a_run_is_loaded_and_saved(command, street, workspace, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]

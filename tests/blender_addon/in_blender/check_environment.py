@@ -19,7 +19,7 @@ def chosen(addon, scene, monkeypatch):  # type: ignore[no-untyped-def]
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
     monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
-    preferences = addon.module("preferences")
+    preferences = addon.module("work.preferences")
     preferences.forget()
     found = preferences.preferences(bpy.context)
     found.torch_index = ""
@@ -49,7 +49,7 @@ def test_a_failure_is_told_and_nothing_stays(addon, chosen) -> None:
     chosen.install_from = "a-package-that-is-not-there"
     with pytest.raises(RuntimeError, match="No matching distribution found"):
         bpy.ops.unveil.create_environment()
-    assert not addon.module("preferences").environment_folder().exists()
+    assert not addon.module("work.preferences").environment_folder().exists()
     with pytest.raises(RuntimeError, match="No Python was found"):
         bpy.ops.unveil.check_python()
 
@@ -63,5 +63,5 @@ def test_it_is_made_and_found(addon, chosen, tmp_path: Path) -> None:
     chosen.install_from = str(tiny_wheel(tmp_path))
     chosen.python = "/nowhere/python"
     assert bpy.ops.unveil.create_environment() == {"FINISHED"}
-    found = addon.module("preferences").unveil_interpreter(bpy.context)
+    found = addon.module("work.preferences").unveil_interpreter(bpy.context)
     assert found.ok and found.source == "made by the add-on" and found.facts["unveil"] == "0.1.0"

@@ -25,7 +25,7 @@ import bpy
 addon_utils = importlib.import_module("addon_utils")
 bpy.context.preferences.use_preferences_save = False
 assert addon_utils.enable("bl_ext.user_default.unveil", default_set=True) is not None
-main = importlib.import_module("bl_ext.user_default.unveil.command_line").main
+main = importlib.import_module("bl_ext.user_default.unveil.work.command_line").main
 sys.exit(main(sys.argv[1:]))
 """
 """``blender --background --command unveil ...``, which bpy as a module has not."""
@@ -66,11 +66,11 @@ def test_a_killed_worker_is_one_line_and_the_run_goes_on(addon, street, workspac
 
     thread = threading.Thread(target=kill)
     thread.start()
-    assert addon.module("command_line").main(["run", str(street), "-o", str(workspace), *LONG]) == 1
+    assert addon.module("work.command_line").main(["run", str(street), "-o", str(workspace), *LONG]) == 1
     thread.join()
     said = capfd.readouterr().err.splitlines()
     assert said[-1] == "unveil: failed: the worker was ended by signal 9 (run the same command again to go on)"
-    assert addon.module("command_line").main(["segment", str(workspace)]) == 0
+    assert addon.module("work.command_line").main(["segment", str(workspace)]) == 0
     assert not list(workspace.glob(".partial-*"))
 
 
@@ -83,7 +83,7 @@ def test_a_killed_blender_takes_its_worker_along_and_the_run_goes_on(addon, stre
         blender.kill()
         blender.wait()
     assert until(lambda: not alive(worker), 8)
-    assert addon.module("command_line").main(["segment", str(workspace)]) == 0  # nobody holds the workspace
+    assert addon.module("work.command_line").main(["segment", str(workspace)]) == 0  # nobody holds the workspace
     done = json.loads((workspace / "workspace.json").read_text())["stages"]
     assert done["import"]["status"] == "done" and done["reconstruct"]["status"] != "done"
     assert not list(workspace.glob(".partial-*"))
@@ -141,7 +141,7 @@ def test_a_full_disk_is_one_line_and_nothing_is_lost(
     with pytest.raises(RuntimeError, match="the disk is full .free some space"):
         bpy.ops.unveil.run()
     assert not (root / "marked.json").exists() and not list(root.rglob("*.partial*"))
-    addon.module("operators_run").stage_states(scene)  # the panel goes on
+    addon.module("work.operators_run").stage_states(scene)  # the panel goes on
     # A .blend: the old one stays as it is.
     save = small_disk / "street.blend"
     filler.unlink()
@@ -149,12 +149,12 @@ def test_a_full_disk_is_one_line_and_nothing_is_lost(
     filler = fill(small_disk)
     arguments = ["import", scene.unveil.drive, "-o", str(root), "--quality", "draft"]
     capfd.readouterr()
-    assert addon.module("command_line").main([*arguments, "--save", str(save)]) == 1
+    assert addon.module("work.command_line").main([*arguments, "--save", str(save)]) == 1
     said = capfd.readouterr().err.splitlines()
     assert said[-1].startswith("unveil: failed: ") and "disk is full" in said[-1]
     assert save.read_bytes() == b"the old one"
     # The workspace has room elsewhere, the .blend has not.
-    assert addon.module("command_line")._load_and_save(finished, save) == 1
+    assert addon.module("work.command_line")._load_and_save(finished, save) == 1
     said = capfd.readouterr().err.splitlines()
     assert (
         said[-1].startswith(f"unveil: failed: {save}: cannot be saved: ")

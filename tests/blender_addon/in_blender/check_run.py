@@ -23,12 +23,12 @@ def empty(scene, street, tmp_path):  # type: ignore[no-untyped-def]
 
 
 def states(addon, scene) -> dict[str, str]:  # type: ignore[no-untyped-def]
-    found = addon.module("operators_run").stage_states(scene)
+    found = addon.module("work.operators_run").stage_states(scene)
     return {name: stage.state for name, stage in found.stages.items()}
 
 
 def log(addon) -> str:  # type: ignore[no-untyped-def]
-    text = addon.module("logs").log_text()
+    text = addon.module("work.logs").log_text()
     return text.as_string() if text else ""
 
 
@@ -39,7 +39,7 @@ def test_without_a_drive_nothing_starts(addon, scene) -> None:
         bpy.ops.unveil.run()
     with pytest.raises(RuntimeError, match="There is no workspace yet"):
         bpy.ops.unveil.stage(stage="mesh")
-    assert not addon.module("session").session.busy
+    assert not addon.module("worker.session").session.busy
 
 
 def test_bad_input_is_one_line_and_the_log_a_text(addon, empty) -> None:
@@ -49,7 +49,7 @@ def test_bad_input_is_one_line_and_the_log_a_text(addon, empty) -> None:
     with pytest.raises(RuntimeError, match="/nowhere: there is no such drive"):
         bpy.ops.unveil.run()
     assert "unveil: error: /nowhere" in log(addon) and "exit code 2" in log(addon)
-    assert addon.module("session").session.last.status == "bad input"
+    assert addon.module("worker.session").session.last.status == "bad input"
     with pytest.raises(RuntimeError, match="no such drive"):
         bpy.ops.unveil.run()
     assert sum(1 for text in bpy.data.texts if text.get("unveil_log")) == 1
@@ -59,7 +59,7 @@ def test_bad_input_is_one_line_and_the_log_a_text(addon, empty) -> None:
 def test_a_named_python_that_is_none_is_told(addon, empty) -> None:
     import bpy
 
-    chosen = addon.module("preferences").preferences(bpy.context)
+    chosen = addon.module("work.preferences").preferences(bpy.context)
     chosen.python = "/nowhere/python"
     try:
         with pytest.raises(RuntimeError, match="No Python with unveil was found"):
@@ -71,13 +71,13 @@ def test_a_named_python_that_is_none_is_told(addon, empty) -> None:
         bpy.ops.unveil.check_python()
     chosen.python = ""
     assert bpy.ops.unveil.check_python() == {"FINISHED"}
-    lines = addon.module("preferences").known(chosen).lines()
+    lines = addon.module("work.preferences").known(chosen).lines()
     assert "from UNVEIL_PYTHON" in lines[0] and "CPU cores" in lines[2] and lines[-1] == "Ready."
 
 
 def meanwhile(addon, what, when) -> threading.Thread:  # type: ignore[no-untyped-def]
     """Do something in a thread once the job says so: the call that starts it blocks."""
-    session = addon.module("session").session
+    session = addon.module("worker.session").session
 
     def wait() -> None:
         deadline = time.monotonic() + 60
@@ -100,7 +100,7 @@ def test_cancel_and_kill_leave_a_workspace_that_goes_on(addon, empty, street) ->
     assert bpy.ops.unveil.run() == {"CANCELLED"}
     assert time.monotonic() - asked[0] < 2
     thread.join()
-    assert addon.module("session").session.last.status == "cancelled"
+    assert addon.module("worker.session").session.last.status == "cancelled"
     found = states(addon, empty)
     assert found["import"] == "done" and found["reconstruct"] in ("to do", "stale")
     thread = meanwhile(addon, lambda job: os.kill(job.pid, signal.SIGKILL), reconstructing)
@@ -162,13 +162,13 @@ def test_all_that_was_moved_with_the_file_is_found(addon, empty, workspace, tmp_
         assert states(addon, scene)["reconstruct"] == "done"
         made = [b for b in (*bpy.data.images, *bpy.data.movieclips) if b.get("unveil_drive")]
         named = [Path(bpy.path.abspath(b.filepath)) for b in made]
-        strips = addon.module("versions").strips_of(scene)
-        named += [Path(p) for s in strips for p in addon.module("versions").strip_files(s)]
+        strips = addon.module("scene.versions").strips_of(scene)
+        named += [Path(p) for s in strips for p in addon.module("scene.versions").strip_files(s)]
         assert len(named) > 20 and all(p.is_file() and workspace in p.parents for p in named)
         assert all(i.has_data or len(i.pixels) for i in bpy.data.images if i.get("unveil_drive"))
         car, van = scene.unveil_selection.objects
         assert Path(car.thumbnail).is_file() and Path(van.mattes) == workspace / "masks/removed"
-        assert not car.chosen and addon.module("selection").arguments(scene)[:2] == ["--instances", "1001"]
+        assert not car.chosen and addon.module("choice.selection").arguments(scene)[:2] == ["--instances", "1001"]
         scene.frame_end, scene.render.resolution_percentage = 5, 50
         assert bpy.ops.unveil.load_workspace() == {"FINISHED"}
         assert {kind: len(getattr(bpy.data, kind)) for kind in kinds} == there and len(strips) == 2
@@ -224,14 +224,14 @@ def test_a_deleted_drive_comes_back_once(addon, scene, workspace) -> None:
         bpy.data.collections.remove(each)
     bpy.ops.unveil.load_workspace()
     assert {kind: len(getattr(bpy.data, kind)) for kind in kinds} == there
-    assert len(addon.module("versions").strips_of(scene)) == 2
+    assert len(addon.module("scene.versions").strips_of(scene)) == 2
 
 
 def test_opening_a_file_ends_the_job_before(addon, empty, tmp_path) -> None:
     import bpy
 
-    session = addon.module("session").session
-    jobs = addon.module("jobs")
+    session = addon.module("worker.session").session
+    jobs = addon.module("worker.jobs")
     python = os.environ["UNVEIL_PYTHON"]
     session.begin("a sleep", lambda: jobs.Job([python, "-c", "import time; time.sleep(60)"]))
     job = session.job
@@ -241,9 +241,9 @@ def test_opening_a_file_ends_the_job_before(addon, empty, tmp_path) -> None:
 
 def test_the_panel_draws_in_every_state(addon, empty) -> None:
     """With a layout that records: drawing needs no window."""
-    panel_run = addon.module("panel_run")
-    session = addon.module("session").session
-    job_state = addon.module("job_state")
+    panel_run = addon.module("ui.panel_run")
+    session = addon.module("worker.session").session
+    job_state = addon.module("worker.job_state")
     assert "unveil.run" in drawn(panel_run.UNVEIL_PT_work)
     assert "There is no workspace yet" in drawn(panel_run.UNVEIL_PT_run)
     session.last = job_state.JobState(
@@ -254,7 +254,7 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
     finally:
         session.last = None
     python = os.environ["UNVEIL_PYTHON"]
-    session.begin("a sleep", lambda: addon.module("jobs").Job([python, "-c", "import time; time.sleep(60)"]))
+    session.begin("a sleep", lambda: addon.module("worker.jobs").Job([python, "-c", "import time; time.sleep(60)"]))
     try:
         session.last.read('{"stage": "mesh", "done": 3, "total": 8, "message": "fusing", "loss": 0.25}')
         said = drawn(panel_run.UNVEIL_PT_work)

@@ -65,7 +65,7 @@ def undo() -> None:
         bpy.ops.ed.undo()
 
 
-def greatest_error(addon, camera, workspace: Path, points: np.ndarray, to_scene=lambda p: p) -> float:  # type: ignore[no-untyped-def]
+def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:  # type: ignore[no-untyped-def]
     """Pixels between Blender's projection and the drive's own of points (N, 3) of its local coordinates, over its frames."""
     import bpy
     from bpy_extras.object_utils import world_to_camera_view
@@ -82,7 +82,7 @@ def greatest_error(addon, camera, workspace: Path, points: np.ndarray, to_scene=
         use = (seen[2] > 0.5) & (np.abs(u) < 2 * e["width"]) & (np.abs(v) < 2 * e["height"])
         assert use.sum() > 5
         for i in np.flatnonzero(use)[:40]:
-            x, y, _ = world_to_camera_view(scene, camera, Vector(to_scene(points[i])))
+            x, y, _ = world_to_camera_view(scene, camera, Vector(points[i]))
             worst = max(worst, abs(x * e["width"] - u[i]), abs((1 - y) * e["height"] - v[i]))
     return worst
 
@@ -97,7 +97,7 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     assert bpy.ops.unveil.import_drive(filepath=str(made / "tiny/transforms.json"), workspace=str(ws)) == {"FINISHED"}
     (collection,) = scene.collection.children
     assert collection.name == "tiny" and scene.unveil.drive == str(made / "tiny/transforms.json")
-    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((ws / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert list(collection["unveil_offset"]) == offset and offset[1] > 5_000_000
     camera = scene.camera
     generator = np.random.default_rng(3)
@@ -110,7 +110,7 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     assert background.show_background_image and background.image.source == "SEQUENCE"
     user = background.image_user  # frame 0 of the timeline shows file 0
     assert (user.frame_start, user.frame_duration, user.frame_offset) == (0, 4, -1)
-    files = addon.module("plates").files_of(camera, "original")
+    files = addon.module("scene.plates").files_of(camera, "original")
     originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
     assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
     assert [Path(f).name for f in files] == [f"{i:06d}.png" for i in range(4)]
@@ -121,13 +121,13 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
     import bpy
 
     bpy.ops.unveil.import_drive(filepath=str(made / "rig/transforms.json"), workspace=str(tmp_path / "ws"))
-    tracks = {c["unveil_track"]: c for c in addon.module("drive_scene").tracks_of(scene.collection.children[0])}
+    tracks = {c["unveil_track"]: c for c in addon.module("scene.drive_scene").tracks_of(scene.collection.children[0])}
     assert set(tracks) == {"front", "left"} and scene.frame_end == 1
     points = np.random.default_rng(3).uniform((0, -4, -3), (25, 4, 3), (300, 3))
     for track, camera in tracks.items():
         bpy.ops.unveil.look_through(track=track)
         assert scene.camera == camera
-        files = addon.module("plates").files_of(camera, "original")
+        files = addon.module("scene.plates").files_of(camera, "original")
         assert (
             len(files) == 2
             and Path(files[0]).read_bytes() == (made / f"rig/images/0{track == 'left':d}.png").read_bytes()
@@ -148,15 +148,16 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     ws = tmp_path / "ws"
     done = bpy.ops.unveil.open_drive(filepath=str(made / "colmap/sparse/0/images.bin"), workspace=str(ws))
     assert done == {"FINISHED"} and scene.unveil.drive == str(made / "colmap")
-    drive = addon.module("drive_files").read_drive(ws)
+    drive = addon.module("formats.drive_files").read_drive(ws)
     assert drive.units_per_metre != 1 and not np.allclose(drive.rotation, np.eye(3), atol=0.1)
+    assert np.allclose(drive.from_drive(drive.to_drive(np.eye(3))), np.eye(3))
     generator = np.random.default_rng(3)
     entries = json.loads((ws / "drive/cameras.json").read_text())["frames"]
     ahead = np.linalg.inv(entries[0]["world_to_camera"])
     points = generator.uniform((-1, -1, 1), (1, 1, 8), (300, 3)) @ ahead[:3, :3].T + ahead[:3, 3]
-    assert greatest_error(addon, scene.camera, ws, points, drive.to_scene) < 0.01
+    assert greatest_error(addon, scene.camera, ws, points) < 0.01
     assert all(abs(o.matrix_world[1][0]) < 1 and o.matrix_world.translation.z > 0 for o in [scene.camera])
-    pick = addon.module("operators_import")._drive_of
+    pick = addon.module("work.operators_import")._drive_of
     for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
         (made / folder / "cameras.txt").touch()
         assert pick(made / folder / "cameras.txt") == made / "colmap"
@@ -172,7 +173,7 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
 
 
 def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) -> None:
-    addon.module("drive_scene").load(__import__("bpy").context, made / "ws")
+    addon.module("work.loading").load(__import__("bpy").context, made / "ws")
     camera = scene.camera
     places = []
     for frame, part in ((2, 0.0), (2, 0.5), (3, 0.0)):
@@ -182,10 +183,10 @@ def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) 
 
 
 def test_points_are_coloured_faces(addon, scene, made: Path) -> None:
-    import bpy
 
     scene.unveil.workspace = str(made / "ws")
-    collection = addon.module("drive_scene").load(bpy.context, made / "ws")
+    drive = addon.module("formats.drive_files").read_drive(made / "ws")
+    collection = addon.module("scene.drive_scene").place(scene, drive).collection
     (thing,) = [o for o in collection.all_objects if o.name == "Points"]
     mesh = thing.data
     count = len(np.load(made / "ws/objects/point_labels.npy"))
@@ -216,7 +217,7 @@ def test_a_folder_that_is_no_workspace_is_one_line(addon, scene, tmp_path: Path)
 def test_choices_become_options(addon, scene, made: Path) -> None:
     import bpy
 
-    selection = addon.module("selection")
+    selection = addon.module("choice.selection")
     assert selection.arguments(scene) == [] and selection.problem(scene) == ""  # nothing is imported yet
     # The workspace's own run took all cars; what it took is chosen here, too.
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
@@ -248,7 +249,7 @@ def test_boxes_lie_around_their_objects(addon, scene, made: Path) -> None:
     import bpy
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    selection, ply_file = addon.module("selection"), addon.module("ply_file")
+    selection, ply_file = addon.module("choice.selection"), addon.module("formats.ply_file")
     points = ply_file.read_ply(made / "ws/drive/points.ply").positions
     own = points[np.load(made / "ws/objects/point_objects.npy") == 5]
     corners = selection.box_of(scene.unveil_selection.objects[0]).corners
@@ -269,11 +270,11 @@ def test_a_wire_cube_becomes_an_instance(addon, scene, made: Path, tmp_path: Pat
     assert marker.display_type == "WIRE" and marker.select_get()
     marker.location = (7.25, -2.55, -0.9)
     marker.scale, marker.rotation_euler = (3.8, 2.0, 1.6), Euler((0, 0, 0.1))
-    selection = addon.module("selection")
+    selection = addon.module("choice.selection")
     arguments = selection.arguments(scene)
     assert arguments == ["--instances", "1001", "--marked", str(ws / "marked.json")]
     (entry,) = json.loads((ws / "marked.json").read_text())
-    offset = json.loads((ws / "drive/cameras.json").read_text())["offset"]
+    offset = json.loads((ws / "drive/cameras.json").read_text())["to_world"]["translation"]
     assert np.allclose(entry["centre"], np.array((7.25, -2.55, -0.9)) + offset, atol=1e-5)
     assert np.allclose(entry["size"], (3.8, 2.0, 1.6), atol=1e-5) and abs(entry["yaw"] - 0.1) < 1e-5
     # Importing again keeps it, chosen or not, and what the command finds in it comes back into the list.
@@ -307,11 +308,11 @@ def test_mattes_become_an_instance(addon, scene, made: Path, tmp_path: Path) -> 
     with pytest.raises(RuntimeError, match="holds no pictures"):
         bpy.ops.unveil.add_mattes(directory=str(made / "tiny/nothing"))
     bpy.ops.unveil.add_mattes(directory=str(made / "street/truth/removed"), class_name="van")
-    arguments = addon.module("selection").arguments(scene)
+    arguments = addon.module("choice.selection").arguments(scene)
     assert arguments[:2] == ["--instances", "1001"]
     assert json.loads((ws / "marked.json").read_text())[0]["mattes"] == str(made / "street/truth/removed")
     bpy.ops.unveil.remove_mark(number=1001)
-    assert json.loads(Path(addon.module("selection").arguments(scene)[-1]).read_text()) == []
+    assert json.loads(Path(addon.module("choice.selection").arguments(scene)[-1]).read_text()) == []
 
 
 # ------------------------------------------------------------------------------------------------------------------- results
@@ -321,7 +322,7 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
     import bpy
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    plates, versions = addon.module("plates"), addon.module("versions")
+    plates, versions = addon.module("scene.plates"), addon.module("scene.versions")
     camera = scene.camera
     kinds = ["original", "clean", "render", "inpainted", "regions", "removed", "shadows", "unobserved"]
     assert plates.kinds_of(camera) == kinds
@@ -331,9 +332,9 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
     assert clips["camera clean"] == 8 and all(c.use_fake_user for c in bpy.data.movieclips)
     for state, count in (("before", "full"), ("after", "empty")):
         mesh = bpy.data.objects[f"Mesh {state}"].data
-        ply = addon.module("ply_file").read_ply(made / f"ws/meshes/{count}.ply")
+        ply = addon.module("formats.ply_file").read_ply(made / f"ws/meshes/{count}.ply")
         assert len(mesh.vertices) == len(ply.vertices) and len(mesh.polygons) == len(ply.triangles)
-        offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["offset"])
+        offset = np.array(json.loads((made / "ws/drive/cameras.json").read_text())["to_world"]["translation"])
         assert np.allclose(mesh.vertices[7].co, ply.positions[7] - offset, atol=1e-4)
         color = np.array(mesh.color_attributes["Col"].data[7].color_srgb[:3]) * 255
         assert np.abs(color - ply.colors[7]).max() < 0.6 and mesh.materials[0] is not None
@@ -379,7 +380,7 @@ def test_nothing_is_there_twice(addon, scene, made: Path, tmp_path: Path) -> Non
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
     first = blocks()
-    strips = addon.module("versions").strips_of
+    strips = addon.module("scene.versions").strips_of
     counts = len(strips(scene)), len(scene.timeline_markers)
     bpy.ops.unveil.load_workspace()
     assert blocks() == first and (len(strips(scene)), len(scene.timeline_markers)) == counts
@@ -406,7 +407,7 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
     shutil.rmtree(tmp_path / "ws/frames")
     shutil.rmtree(tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))  # what is there of an unfinished run
-    assert "clean" not in addon.module("plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
+    assert "clean" not in addon.module("scene.plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
     shutil.copytree(made / "ws/frames", tmp_path / "ws/frames")
     shutil.copytree(made / "ws/meshes", tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace()
@@ -442,7 +443,7 @@ def test_lists_and_boxes_are_drawn_from_plain_functions(addon, scene, made: Path
     from mathutils import Vector
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    gizmos, panels = addon.module("box_gizmos"), addon.module("panel_scene")
+    gizmos, panels = addon.module("choice.box_gizmos"), addon.module("ui.panel_selection")
     ((ends, color, width),) = gizmos.lines_of(bpy.context, None)
     assert len(ends) == 24 and color == gizmos.GOES and width == gizmos.ACTIVE_PX
     bpy.ops.unveil.toggle_object(number=5)

@@ -29,7 +29,7 @@ class AddOn:
     package: str
 
     def module(self, name: str) -> ModuleType:
-        """One of its modules, as ``addon.module("jobs")``."""
+        """One of its modules, as ``addon.module("worker.jobs")``."""
         return importlib.import_module(f"{self.package}.{name}")
 
 

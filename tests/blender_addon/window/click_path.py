@@ -32,7 +32,7 @@ import importlib
 def module(name):
     return importlib.import_module("{PACKAGE}." + name)
 def session():
-    return module("session").session
+    return module("worker.session").session
 def told():
     last = session().last
     return None if last is None else [last.status, last.stage, last.done, last.total, last.error]
@@ -47,13 +47,13 @@ def place_of_box(number):
     # a point of the screen where the box of this object, and no other, takes the click
     window, area, region = region_of("VIEW_3D", "WINDOW")
     hidden = region_of("VIEW_3D", "UI")[2].width + 40
-    box = module("selection").box_of(next(o for o in objects() if o.number == number))
+    box = module("choice.selection").box_of(next(o for o in objects() if o.number == number))
     x, y = on_screen(box.centre) or (-1, -1)
     left, top, right, bottom = rectangle("VIEW_3D", "WINDOW")
     if not (left + 80 < x < right - hidden and top + 90 < y < bottom - 20):
         return None
     with bpy.context.temp_override(window=window, area=area, region=region):
-        found = module("box_gizmos").box_at(bpy.context, (x - left, bottom - y))
+        found = module("choice.box_gizmos").box_at(bpy.context, (x - left, bottom - y))
     return [x, y] if found == number else None
 """
 
@@ -76,7 +76,7 @@ def install(window: BlenderWindow, extension: Path, python: Path) -> None:
     window.click(x + 150, y - ROW_PX)  # the field above: Blender tells no path of add-ons' own preferences
     window.press("ctrl+a")
     window.type(f"{python}\n")
-    known = "module('preferences').known(module('preferences').preferences(bpy.context))"
+    known = "module('work.preferences').known(module('work.preferences').preferences(bpy.context))"
     for _ in range(3):  # the first click after text was typed only ends the typing
         window.click(x, y + 6)
         if window.ask(f"{known} is not None"):

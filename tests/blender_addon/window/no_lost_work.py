@@ -24,7 +24,7 @@ from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import HELPERS, group_of, open_sidebar  # noqa: E402
 from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
 
-STATES = "{n: s.state for n, s in module('operators_run').stage_states(bpy.context.scene).stages.items()}"
+STATES = "{n: s.state for n, s in module('work.operators_run').stage_states(bpy.context.scene).stages.items()}"
 ENDED_S = 5
 """Within which a worker must have ended after its Blender was killed."""
 
@@ -35,7 +35,7 @@ def ready(window: BlenderWindow, extension: Path, python: Path) -> None:
         f"bpy.ops.extensions.package_install_files(filepath={str(extension)!r}, repo='user_default', enable_on_install=True)"
     )
     window.tell(HELPERS)
-    window.tell(f"module('preferences').preferences(bpy.context).python = {str(python)!r}")
+    window.tell(f"module('work.preferences').preferences(bpy.context).python = {str(python)!r}")
     open_sidebar(window)
 
 

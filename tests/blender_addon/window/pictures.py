@@ -41,7 +41,7 @@ below.show_region_toolbar = False
 """
 SEEN = """
 from mathutils import Vector
-module("drive_scene")._fill(views[1], *scene.camera["unveil_size"])
+module("scene.drive_scene")._fill(views[1], *scene.camera["unveil_size"])
 camera = scene.camera.matrix_world
 ahead = camera.to_quaternion() @ Vector((0, 0, -1))
 view = below.region_3d
@@ -87,7 +87,7 @@ def main() -> int:
         )
         window.tell(PICTURE_ALONE)
         left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
-        window.tell("module('drive_scene')._fill(area_of('VIEW_3D')[1], *scene.camera['unveil_size'])")
+        window.tell("module('scene.drive_scene')._fill(area_of('VIEW_3D')[1], *scene.camera['unveil_size'])")
         width = window.ask(FRAME_WIDTH)
         height = width * window.ask("scene.camera['unveil_size'][1] / scene.camera['unveil_size'][0]")
         window.move(600, 900)

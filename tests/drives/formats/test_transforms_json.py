@@ -35,9 +35,9 @@ def test_recentring_loses_nothing(tmp_path: Path, offset: tuple[float, float, fl
     assert np.abs(local.frames[0].camera.centre).max() < 10
     rounding = 4 * np.spacing(max(1.0, *np.abs(offset)))
     for i, frame in enumerate(local.frames):
-        world = frame.camera.centre + local.offset
+        world = frame.camera.centre + local.to_world.translation
         assert np.abs(world - camera_to_world(i, np.array(offset))[:3, 3]).max() <= rounding
-    assert np.abs(local.points.positions + local.offset - drive.points.positions).max() <= rounding
+    assert np.abs(local.points.positions + local.to_world.translation - drive.points.positions).max() <= rounding
 
 
 def test_import_opens_again_and_links_originals(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_smaller_images_see_the_same(tmp_path: Path) -> None:
     assert np.array_equal(read_label_image(frame.mask_path), np.where(car, 0, 255))
     point = np.array([[9.0, 0.5, 1.0]])
     full = drive.frames[0].camera.project(point)[0]
-    assert np.allclose(frame.camera.project(point - local.offset)[0] * 2, full)
+    assert np.allclose(frame.camera.project(point - local.to_world.translation)[0] * 2, full)
 
 
 @pytest.mark.parametrize("model", ["OPENCV", "OPENCV_FISHEYE"])

@@ -34,7 +34,7 @@ def ground_sight(drive: Drive, index: int) -> Sight:
     """A street that is nothing but its ground at z = 0, in the drive's local frame."""
     camera = drive.frames[index].camera
     rise = camera.rays() @ np.array([0, 0, 1.0])
-    height = camera.centre[2] + drive.offset[2]
+    height = camera.centre[2] + drive.to_world.translation[2]
     depth = np.where(rise < -1e-3, -height / np.where(rise < -1e-3, rise, -1), np.inf)
     return Sight(camera, depth, np.zeros(depth.shape, dtype=bool))
 
@@ -53,7 +53,7 @@ def masks_drive(tmp_path_factory: pytest.TempPathFactory) -> Drive:
 
 
 def parked(drive: Drive) -> VirtualCar:
-    return VirtualCar(CAR_AT - drive.offset, np.eye(3), 1.0, 1, 11.0, 2.6)
+    return VirtualCar(CAR_AT - drive.to_world.translation, np.eye(3), 1, 11.0, 2.6)
 
 
 def seen(drive: Drive) -> tuple[list[Sight], list[CarPixels]]:
@@ -104,7 +104,9 @@ def test_every_file_has_the_car_and_nothing_else_changes(drive: Drive, tmp_path:
     assert written.truth_root is None and drive.truth_root is not None
     assert sorted(p.name for p in tmp_path.iterdir()) == ["drive"]
     reopened = open_drive(tmp_path / "drive")
-    assert len(reopened.frames) == len(drive.frames) and np.allclose(reopened.offset, drive.offset)
+    assert len(reopened.frames) == len(drive.frames) and np.allclose(
+        reopened.to_world.translation, drive.to_world.translation
+    )
     assert np.array_equal(frame_labels(reopened.frames[0], choose_labels(reopened)) >= 0, np.ones((80, 128), bool))
 
 
@@ -137,9 +139,9 @@ def test_points_behind_the_car_are_measured_on_it(drive: Drive) -> None:
     beside = np.array([12.0, -1.0, 0.0])  # on the free ground
     under = np.array([11.0, 2.6, 0.0])
     nowhere = np.array([-30.0, 0.0, 0.0])  # behind all cameras
-    points = np.stack([beside, under, nowhere]) - drive.offset
+    points = np.stack([beside, under, nowhere]) - drive.to_world.translation
     colors = np.full((3, 3), 77, np.uint8)
-    moved = moved_points(PointCloud(points, colors), sights, pixels, [car], unit=1.0)
+    moved = moved_points(PointCloud(points, colors), sights, pixels, [car])
     assert len(moved.positions) == 3
     assert np.array_equal(moved.positions[[0, 2]], points[[0, 2]])
     local = (moved.positions[1] - car.centre) @ car.axes.T
@@ -153,8 +155,8 @@ def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
     sights, pixels = seen(drive)
     car = parked(drive)
     x, y = np.meshgrid(np.arange(4, 30, 0.4), np.arange(-5, 6, 0.4))
-    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - drive.offset
-    moved = moved_points(PointCloud(points), sights, pixels, [car], unit=1.0)
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - drive.to_world.translation
+    moved = moved_points(PointCloud(points), sights, pixels, [car])
     assert moved.colors is None
     stayed = {tuple(p) for p in moved.positions} & {tuple(p) for p in points}
     shown_somewhere, covered_somewhere = np.zeros(len(points), bool), np.zeros(len(points), bool)
@@ -174,21 +176,21 @@ def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
 def test_seen_elsewhere_is_what_another_frame_shows_beside_the_car(drive: Drive) -> None:
     sights, pixels = seen(drive)
     with_car = max(range(len(pixels)), key=lambda i: int((pixels[i].number > 0).sum()))
-    found = seen_elsewhere(sights, pixels, far=100.0, unit=1.0)[with_car]
+    found = seen_elsewhere(sights, pixels, far=100.0)[with_car]
     covered = pixels[with_car].number > 0
     assert not found[~covered].any() and 0 < found.sum() < covered.sum()
     # The ground under the car: no frame sees it. Its top hides what lies beyond, which others see.
     points = sights[with_car].camera.unproject(np.where(np.isfinite(sights[with_car].depth), sights[with_car].depth, 0))
-    under = covered & (np.abs(points + drive.offset - CAR_AT) < (1.6, 0.6, 0.1)).all(axis=2)
+    under = covered & (np.abs(points + drive.to_world.translation - CAR_AT) < (1.6, 0.6, 0.1)).all(axis=2)
     assert under.sum() > 5 and not found[under].any()
-    (alone,) = seen_elsewhere([sights[with_car]], [pixels[with_car]], far=100.0, unit=1.0)
+    (alone,) = seen_elsewhere([sights[with_car]], [pixels[with_car]], far=100.0)
     assert not alone.any()
 
 
 def test_a_removed_object_is_no_evidence(drive: Drive) -> None:
     sights, pixels = seen(drive)
     barred = [Sight(s.camera, s.depth, np.ones_like(s.barred)) for s in sights]
-    assert not any(seen.any() for seen in seen_elsewhere(barred, pixels, far=100.0, unit=1.0))
+    assert not any(seen.any() for seen in seen_elsewhere(barred, pixels, far=100.0))
 
 
 # ----------------------------------------------------------------------------------------------------------------- scores
@@ -200,7 +202,7 @@ def delivered(drive: Drive, tmp_path: Path) -> tuple[list[HoldoutFrame], Drive, 
     sights, pixels = seen(drive)
     gone = [np.zeros((80, 128), bool) for _ in drive.frames]
     written = write_holdout_drive(drive, pixels, gone, drive.points, AddedLabels(13, 6, False), tmp_path / "drive")
-    frames, known = [], seen_elsewhere(sights, pixels, far=100.0, unit=1.0)
+    frames, known = [], seen_elsewhere(sights, pixels, far=100.0)
     for i, frame in enumerate(drive.frames):
         elsewhere = known[i]
         frames.append(HoldoutFrame(frame, sights[i], pixels[i], gone[i], elsewhere))
@@ -216,7 +218,7 @@ def delivered(drive: Drive, tmp_path: Path) -> tuple[list[HoldoutFrame], Drive, 
 
 def test_scores_are_those_of_the_pixels(delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive) -> None:
     frames, written, root = delivered
-    found = measure_holdout(frames, [parked(drive)], written, root, unit=1.0)
+    found = measure_holdout(frames, [parked(drive)], written, root)
     regions = found["regions"]
     assert regions["seen_elsewhere"]["methods"]["ours"]["psnr"] == pytest.approx(20 * np.log10(255 / 5), abs=0.01)
     assert regions["unseen"]["methods"]["ours"]["psnr"] == pytest.approx(20 * np.log10(255 / 3), abs=0.01)
@@ -244,9 +246,9 @@ def test_barred_pixels_do_not_count_and_changes_elsewhere_are_found(
     picture = read_image(path)
     picture[2:6, 110:120] ^= 16
     write_image_atomic(path, picture)
-    found = measure_holdout(barred, [parked(drive)], written, root, unit=1.0)
+    found = measure_holdout(barred, [parked(drive)], written, root)
     assert found["regions"].get("removed", {"pixels": 0})["pixels"] == expected
-    whole = measure_holdout(frames, [parked(drive)], written, root, unit=1.0)
+    whole = measure_holdout(frames, [parked(drive)], written, root)
     assert 0 < whole["outside"]["changed"] < 0.01 and whole["outside"]["mean"] == 16
 
 

@@ -17,27 +17,26 @@ from unveil_core.surfels.surfels import Surfels
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def a_car(unit: float = 1.0, number: int = 1) -> VirtualCar:
+def a_car(number: int = 1) -> VirtualCar:
     """Turned by 30 degrees."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
-    return VirtualCar(np.array([3.0, -2.0, 0.5]), axes, unit, number, 0.0, 0.0)
+    return VirtualCar(np.array([3.0, -2.0, 0.5]), axes, number, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("unit", [1.0, 0.37])
-def test_rays_meet_it_within_its_box_and_from_all_sides(unit: float) -> None:
-    car = a_car(unit)
+def test_rays_meet_it_within_its_box_and_from_all_sides() -> None:
+    car = a_car()
     generator = np.random.default_rng(0)
-    origins = car.centre + unit * generator.normal(size=(40, 3)) * (8, 8, 1) + unit * np.array([0, 0, 3.0])
+    origins = car.centre + generator.normal(size=(40, 3)) * (8, 8, 1) + np.array([0, 0, 3.0])
     reached = []
     for origin in origins:
-        local = car.axes @ (origin - car.centre) / unit
+        local = car.axes @ (origin - car.centre)
         if np.abs(local[0]) < 3 and np.abs(local[1]) < 2:
             continue  # not from within
-        towards = car.centre + unit * (generator.uniform(-1, 1, (200, 3)) * (2.6, 1.2, 1.0)) @ car.axes - origin
+        towards = car.centre + (generator.uniform(-1, 1, (200, 3)) * (2.6, 1.2, 1.0)) @ car.axes - origin
         hits = cast_car(car, origin, towards)
         met = np.isfinite(hits.depth)
-        points = (origin + hits.depth[met, None] * towards[met] - car.centre) @ car.axes.T / unit
+        points = (origin + hits.depth[met, None] * towards[met] - car.centre) @ car.axes.T
         assert (np.abs(points) <= np.array([LENGTH_M / 2, WIDTH_M / 2, HEIGHT_M]) + 1e-9).all()
         assert (points[:, 2] >= -1e-9).all()
         # The side that is met looks at the camera.
@@ -86,9 +85,9 @@ def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[Sight], np.ndar
         clouds.append(camera.centre + depth[near][:, None] * camera.rays()[near])
         sights.append(Sight(camera, depth, seen["car"] > 0))
     points = np.concatenate(clouds)
-    path = fit_path(cameras, UP, unit=1.0)
+    path = fit_path(cameras, UP)
     floor = points[points[:, 2] < 0.05]
-    ground = fit_ground(path, floor, unit=1.0)
+    ground = fit_ground(path, floor)
     count = len(points)
     surfels = surfels_from_points(
         points, np.full((count, 3), 128, np.uint8), np.zeros(count, np.int64), np.tile(UP, (count, 1)),
@@ -108,7 +107,7 @@ def overlap(car: VirtualCar, other: Car) -> bool:
 def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
     real = (Car(9.0, 2.6), Car(15.5, -2.8))
     ground, surfels, sights, points = street(real)
-    cars = find_places(ground, surfels, points, sights, count=3, unit=1.0)
+    cars = find_places(ground, surfels, points, sights, count=3)
     assert 1 <= len(cars) <= 3 and [c.number for c in cars] == list(range(1, len(cars) + 1))
     for car in cars:
         corners = car.corners()
@@ -121,7 +120,7 @@ def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
         assert sum(m.mean() > 0.004 for m in shown) >= 3
     for i, car in enumerate(cars):
         assert all(np.linalg.norm(car.centre - other.centre) >= 7 for other in cars[:i])
-    again = find_places(ground, surfels, points, sights, count=3, unit=1.0)
+    again = find_places(ground, surfels, points, sights, count=3)
     assert [c.centre.tolist() for c in again] == [c.centre.tolist() for c in cars]
 
 
@@ -131,7 +130,7 @@ def test_no_room_is_one_line() -> None:
     )
     ground, surfels, sights, points = street(parked)
     with pytest.raises(WorkspaceError, match="no room for a virtual car: .*"):
-        find_places(ground, surfels, points, sights, count=2, unit=1.0)
+        find_places(ground, surfels, points, sights, count=2)
 
 
 def test_looking_for_places_can_be_cancelled() -> None:
@@ -141,12 +140,12 @@ def test_looking_for_places_can_be_cancelled() -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        find_places(ground, surfels, points, sights, count=1, unit=1.0, progress=stop)
+        find_places(ground, surfels, points, sights, count=1, progress=stop)
 
 
 def test_what_stands_nearer_hides_it_and_cars_hide_one_another() -> None:
     ground, _, sights, _ = street(())
-    back, front = park(ground, 16.0, 2.0, unit=1.0, number=1), park(ground, 10.0, 2.0, unit=1.0, number=2)
+    back, front = park(ground, 16.0, 2.0, number=1), park(ground, 10.0, 2.0, number=2)
     camera = street_camera(0.0, 96, 64)
     free = see_cars([back], sights[0])
     assert (free.number == 1).sum() > 60
@@ -164,7 +163,7 @@ def test_what_stands_nearer_hides_it_and_cars_hide_one_another() -> None:
 def test_the_roughness_of_the_ground_hides_no_car_but_a_kerbside_box_does() -> None:
     """A reconstruction puts ground half a metre nearer than it is, at a grazing angle by a few centimetres of height."""
     ground, _, sights, _ = street(())
-    car = park(ground, 9.0, 2.0, unit=1.0, number=1)
+    car = park(ground, 9.0, 2.0, number=1)
     plain = see_cars([car], sights[0])
     rays = sights[0].camera.rays()
     for height, expected in ((0.12, 1.0), (0.9, 0.75)):

@@ -42,8 +42,8 @@ def in_shadow(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
 @pytest.fixture(scope="module")
 def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
     cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
-    path = fit_path(cameras, UP, unit=1.0)
-    ground = fit_ground(path, street_points(RADIUS, 0.0), unit=1.0)
+    path = fit_path(cameras, UP)
+    ground = fit_ground(path, street_points(RADIUS, 0.0))
     images, labels, usable = [], [], []
     for camera in cameras:
         depth, at = ground.intersect(camera, camera.rays().reshape(-1, 3))
@@ -64,7 +64,7 @@ def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], 
 @pytest.fixture(scope="module")
 def chart(street) -> StreetChart:  # type: ignore[no-untyped-def]
     ground, cameras, images, labels, usable = street
-    return read_chart(ground, cameras, images, labels, usable, unit=1.0)
+    return read_chart(ground, cameras, images, labels, usable)
 
 
 def coordinates(chart: StreetChart) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +83,7 @@ def test_reading_returns_the_paint(chart: StreetChart) -> None:
 
 def filled(chart: StreetChart, **settings: float) -> StreetChart:
     s, l = coordinates(chart)  # noqa: E741
-    return fill_chart(chart, in_car(s, l), FillSettings(**settings), unit=1.0)
+    return fill_chart(chart, in_car(s, l), FillSettings(**settings))
 
 
 def test_paint_continues_through_the_hole(chart: StreetChart) -> None:

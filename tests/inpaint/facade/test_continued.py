@@ -22,10 +22,10 @@ FAR = 200.0
 
 def street(radius: float) -> tuple[Ground, list[Camera]]:
     cameras = drive_on_circle(radius, 0.0)
-    path = fit_path(cameras, UP, unit=1.0)
+    path = fit_path(cameras, UP)
     s, l = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")  # noqa: E741
     points = np.stack([s.ravel(), l.ravel(), np.zeros(s.size)], axis=1)
-    return fit_ground(path, path.to_world(points), unit=1.0), cameras
+    return fit_ground(path, path.to_world(points)), cameras
 
 
 def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:
@@ -67,17 +67,17 @@ def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 def test_fronts_are_found_where_houses_stand(radius: float) -> None:
     ground, _ = street(radius)
     s = np.arange(-1.5, 27, 0.1)
-    front = find_fronts(houses(radius, 4.0, 20.0), ground, s, left=True, unit=1.0)
+    front = find_fronts(houses(radius, 4.0, 20.0), ground, s, left=True)
     inside = (s > 5) & (s < 19)
     assert np.abs(front[inside] - FRONT).max() < 0.1
     assert np.isnan(front[(s < 3) | (s > 21)]).all()
-    assert np.isnan(find_fronts(houses(radius), ground, s, left=False, unit=1.0)).all()
+    assert np.isnan(find_fronts(houses(radius), ground, s, left=False)).all()
 
 
 def test_a_wall_across_the_street_is_no_front() -> None:
     ground, _ = street(np.inf)
     side = box_surfels(np.array([[9.9, 3.0, 0.0], [10.0, 3.2, 4.0]]))
-    assert np.isnan(find_fronts(side, ground, np.arange(0, 26, 0.1), left=True, unit=1.0)).all()
+    assert np.isnan(find_fronts(side, ground, np.arange(0, 26, 0.1), left=True)).all()
 
 
 def test_a_front_goes_on_behind_a_car() -> None:
@@ -85,7 +85,7 @@ def test_a_front_goes_on_behind_a_car() -> None:
     car = np.array([[9.0, 3.2, 0.0], [13.0, 4.8, 1.5]])
     images, walls, depths, hidden = zip(*(view(c, car) for c in cameras), strict=True)
     chart = read_facade(
-        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=True, unit=1.0, texel_m=0.05
+        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=True, texel_m=0.05
     )  # fmt: skip
     assert chart is not None
     found = invented_fronts(chart, label=3, sh_degree=1)
@@ -100,7 +100,7 @@ def test_a_front_goes_on_behind_a_car() -> None:
     true = stripes(means[:, 0] - 0.0, means[:, 2])[:, 0]
     assert np.median(np.abs(grey - true)) < 12
     assert read_facade(
-        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=False, unit=1.0
+        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=False
     ) is None  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def scene_views(pole_seen: bool) -> tuple[list[Camera], list[np.ndarray], list[n
 def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
     ground, _ = street(np.inf)
     cameras, depths, hidden = scene_views(False)
-    feet = feet_of_uprights(pole(1.2, 3.5), ground, cameras, depths, hidden, unit=1.0)
+    feet = feet_of_uprights(pole(1.2, 3.5), ground, cameras, depths, hidden)
     assert feet is not None
     means = feet.means.double().numpy()
     assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.2
@@ -133,10 +133,10 @@ def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
 def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
     ground, _ = street(np.inf)
     seen = scene_views(True)
-    assert feet_of_uprights(pole(1.2, 3.5), ground, *seen, unit=1.0) is None
+    assert feet_of_uprights(pole(1.2, 3.5), ground, *seen) is None
     cameras, depths, hidden = scene_views(False)
     for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
-        assert feet_of_uprights(other, ground, cameras, depths, hidden, unit=1.0) is None
+        assert feet_of_uprights(other, ground, cameras, depths, hidden) is None
 
 
 def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:

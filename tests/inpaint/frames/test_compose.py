@@ -9,7 +9,7 @@ import pytest
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.frames.compose import compose_frame
 from unveil_core.inpaint.frames.depth import NOTHING_KNOWN_M, complete_depth
-from unveil_core.inpaint.single_image.registry import INPAINTERS, inpainter
+from unveil_core.inpaint.single_image.registry import BUILT_IN, inpainter
 
 
 def picture() -> np.ndarray:
@@ -37,7 +37,7 @@ def test_a_mask_on_the_border_of_the_image_works() -> None:
     assert result[63, 0].tolist() == [9, 9, 9]
 
 
-@pytest.mark.parametrize("name", sorted(INPAINTERS))
+@pytest.mark.parametrize("name", sorted(BUILT_IN))
 def test_inpainters_fill_and_leave_the_rest(name: str) -> None:
     image = picture()
     mask = np.zeros((64, 96), bool)

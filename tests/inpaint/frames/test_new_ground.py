@@ -43,11 +43,11 @@ def discs(places: list[tuple[float, float, float]], label: int) -> Surfels:
 def test_the_dark_under_a_car_goes_and_a_house_over_it_stays() -> None:
     chart = parked_chart()
     under, beside = (11.0, -2.5), (11.0, 1.0)
-    region = new_ground(chart, np.array([[*under, 0.5]]), [], [], unit=1.0)
+    region = new_ground(chart, np.array([[*under, 0.5]]), [], [])
     assert region.any() and not region[chart.source != INVENTED].any()
     surfels = concatenate([discs([(*under, 0.0), (*under, 0.7), (*beside, 0.0)], ROAD), discs([(*under, 3.0)], HOUSE)])
     assert displaced_by(chart, region, surfels, [ROAD]).tolist() == [True, True, False, False]
-    far = new_ground(chart, np.array([[25.0, 4.0, 0.5]]), [], [], unit=1.0)
+    far = new_ground(chart, np.array([[25.0, 4.0, 0.5]]), [], [])
     assert not far.any() and not displaced_by(chart, far, surfels, [ROAD]).any()
     seeds = seed_ground(chart, region, spacing=0.1, up=UP, sh_degree=0, default_label=ROAD)
     # They cover all that was taken away.
@@ -59,7 +59,7 @@ def test_only_the_ground_is_relit() -> None:
     gain = chart.gain.copy()
     gain[:, : gain.shape[1] // 2] = 1.5
     surfels = discs([(11.0, -2.5, 0.05), (11.0, -2.5, 1.0), (11.0, 2.5, 0.05)], ROAD)
-    assert ground_relit(replace(chart, gain=gain), surfels, unit=1.0).tolist() == [True, False, False]
+    assert ground_relit(replace(chart, gain=gain), surfels).tolist() == [True, False, False]
 
 
 def test_a_bush_goes_down_to_its_foot_and_what_a_car_left_does_not() -> None:

@@ -34,7 +34,7 @@ def half_tree(x: float, y: float, seed: int = 0) -> np.ndarray:
 
 def test_the_far_side_is_as_deep_as_the_near_one() -> None:
     points = np.concatenate([half_tree(10.0, 4.0), half_tree(16.0, -4.0, 1)])
-    added = complete_crowns(plants(points), GROUND, unit=1.0)
+    added = complete_crowns(plants(points), GROUND)
     means = added.means.numpy()
     assert 700 < len(added) < 900
     for x, y in ((10.0, 4.0), (16.0, -4.0)):
@@ -49,7 +49,7 @@ def test_the_far_side_is_as_deep_as_the_near_one() -> None:
 def test_normals_turn_with_it() -> None:
     tree = half_tree(10.0, 4.0)
     normal = np.tile([-0.8, 0.0, 0.6], (len(tree), 1))
-    added = complete_crowns(plants(tree, normal), GROUND, unit=1.0)
+    added = complete_crowns(plants(tree, normal), GROUND)
     turned = rotations(added.quats)[:, :, 2].numpy()
     assert np.allclose(np.abs(turned @ np.array([0.8, 0.0, 0.6])), 1.0, atol=1e-5)
 
@@ -59,9 +59,9 @@ def test_bushes_stumps_and_nothing_stay_as_they_are() -> None:
     bush = rng.uniform((8.0, 3.0, 0.1), (12.0, 5.0, 2.2), (800, 3))
     stump = half_tree(10.0, 4.0)[:60]
     for points in (bush, stump, np.zeros((0, 3))):
-        assert len(complete_crowns(plants(points), GROUND, unit=1.0)) == 0
+        assert len(complete_crowns(plants(points), GROUND)) == 0
 
 
 def test_it_is_repeatable() -> None:
     tree = plants(half_tree(10.0, 4.0))
-    assert torch.equal(complete_crowns(tree, GROUND, unit=1.0).means, complete_crowns(tree, GROUND, unit=1.0).means)
+    assert torch.equal(complete_crowns(tree, GROUND).means, complete_crowns(tree, GROUND).means)

@@ -26,7 +26,7 @@ UP = np.array([0.0, 0.0, 1.0])
 def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.ndarray, Light]:
     """Chart, truth and footprint of a sunny street, and the light found on it."""
     chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
-    light = light_of_scene(chart, kept, car, unit=1.0)
+    light = light_of_scene(chart, kept, car)
     assert light is not None
     return chart, truth, footprint, light
 
@@ -80,12 +80,12 @@ def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
 
 def test_an_overcast_street_has_no_sun() -> None:
     chart, *_, kept, car = sunny_chart(None)
-    assert light_of_scene(chart, kept, car, unit=1.0) is None
+    assert light_of_scene(chart, kept, car) is None
 
 
 def test_a_given_sun_is_taken() -> None:
     chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
-    light = light_of_scene(chart, kept, car, unit=1.0, given=(123.0, 33.0))
+    light = light_of_scene(chart, kept, car, given=(123.0, 33.0))
     assert light is not None
     assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
 
@@ -104,7 +104,7 @@ def test_shade_is_read_with_its_ratio() -> None:
 @pytest.mark.parametrize("sun", SUNS)
 def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
     chart, truth, footprint, light = lit_street(sun)
-    lit, blind = (fill_chart(chart, footprint, FillSettings(), unit=1.0, light=given) for given in (light, None))
+    lit, blind = (fill_chart(chart, footprint, FillSettings(), light=given) for given in (light, None))
     hole = (chart.source == OUTSIDE) & (lit.source == INVENTED)
     assert hole.sum() > 5_000
 
@@ -118,7 +118,7 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     towards = sun_towards(*SUNS[0], UP)
     chart, truth, footprint, light = lit_street(SUNS[0])
-    result = fill_chart(chart, footprint, FillSettings(), unit=1.0, light=light)
+    result = fill_chart(chart, footprint, FillSettings(), light=light)
     world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
     of_car, of_others = (
         np.any([in_shadow(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)
@@ -179,11 +179,11 @@ def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None
     pose = np.array([[0.0, -1, 0, 0], [0, 0, -1, 1.5], [1, 0, 0, 0], [0, 0, 0, 1]])
     camera = Camera(384, 256, 274.0, 274.0, 192.0, 128.0, pose)
     seen = np.minimum(7.0, 1.5 + 0.46 * at[:, 0])  # what the border leaves of a wall seven metres high
-    top = as_high_as_beside(chart, at, seen, [camera], 1.0)
+    top = as_high_as_beside(chart, at, seen, [camera])
     near = (seen > 3.5) & (seen < 6.5)  # within ten metres of where its top is seen
     assert near.sum() > 10 and np.allclose(top[near], 7.0, atol=0.1)
     assert np.allclose(top[seen == 7.0], 7.0)
-    assert np.array_equal(as_high_as_beside(chart, at, seen, [], 1.0), seen)
+    assert np.array_equal(as_high_as_beside(chart, at, seen, []), seen)
 
 
 def test_what_floats_before_a_front_is_not_of_the_house() -> None:
@@ -191,9 +191,9 @@ def test_what_floats_before_a_front_is_not_of_the_house() -> None:
     house = box_surfels(HOUSE, spacing=0.2)
     stray = box_surfels(np.array([[18.0, -7.5, 5.0], [18.6, -7.0, 5.6]]), spacing=0.2)
     both = concatenate([house, stray])
-    kept = flush_with_fronts(chart, both, [0], 1.0)
+    kept = flush_with_fronts(chart, both, [0])
     assert kept[: len(house)].all() and not kept[len(house) :].any()
-    assert flush_with_fronts(chart, both, [3], 1.0).all(), "only of what is solid"
+    assert flush_with_fronts(chart, both, [3]).all(), "only of what is solid"
 
 
 def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
@@ -208,11 +208,11 @@ def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:
         top_seen.append(float(before.max()) if len(before) else 0.0)
         return -abs(top_seen[-1] - 10.0)  # as if the ground told of ten metres
 
-    columns = solid_columns(chart, house, [0], [], 1.0, judge)
+    columns = solid_columns(chart, house, [0], [], judge)
     means = columns.means.double().numpy()
     assert abs(means[means[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - 10.0) < 0.7
     assert len(set(np.round(top_seen, 1))) > 5, "several heights were tried"
-    plain = solid_columns(chart, house, [0], [], 1.0).means.double().numpy()
+    plain = solid_columns(chart, house, [0], []).means.double().numpy()
     assert abs(plain[plain[:, 0] < HOUSE[0, 0] - 5.0, 2].max() - HOUSE[1, 2]) < 0.7, "as high as the others"
 
 

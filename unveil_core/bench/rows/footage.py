@@ -15,7 +15,7 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import SceneRange, scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
@@ -27,7 +27,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
+from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = [
@@ -81,7 +81,7 @@ class Splats:
 
     Attributes:
         full: everything; gone: (N,) bool, what is removed of it; left: the others.
-        sky, labels, exposures: of the scene; limits: its lengths.
+        sky, labels, exposures: of the scene.
         images: (H, W, 3) uint8 of each frame, in the scene's own colours.
     """
 
@@ -90,7 +90,6 @@ class Splats:
     left: Surfels
     sky: Sky
     labels: SceneLabels
-    limits: SceneRange
     exposures: Exposures
     images: tuple[Picture, ...]
 
@@ -118,7 +117,7 @@ def open_splats(footage: Footage) -> Splats:
     images = tuple(exposures.of(f).canonical(p) for f, p in zip(frames, footage.photographs, strict=True))
     return Splats(
         full, gone, full.select(torch.from_numpy(~gone)), load_sky(workspace.root / "surfels/sky.npz"),
-        load_labels(workspace), scene_range(footage.drive), exposures, images,
+        load_selection(workspace), exposures, images,
     )  # fmt: skip
 
 
@@ -139,14 +138,12 @@ def to_bytes(picture: NDArray[np.floating]) -> Picture:
     return np.clip(np.round(picture * 255), 0, 255).astype(np.uint8)
 
 
-def look(
-    scene: Surfels, sky: Sky, camera: Camera, limits: SceneRange
-) -> tuple[Picture, dict[str, NDArray[np.float32]]]:
+def look(scene: Surfels, sky: Sky, camera: Camera) -> tuple[Picture, dict[str, NDArray[np.float32]]]:
     """A view (H, W, 3) uint8 of a scene before its sky, and its planes (see :func:`render_numpy`).
 
     A surface that is only half covered takes its colour from what covers it, not from the sky, as in the pipeline itself.
     """
-    out = render_numpy(scene, camera, near=limits.near, far=limits.far)
+    out = render_numpy(scene, camera, near=NEAR_M, far=FAR_M)
     solid = (out["alpha"] > SOLID)[..., None]
     covered = out["rgb"] / np.maximum(out["alpha"], SOLID)[..., None]
     open_ = out["rgb"] + (1 - out["alpha"])[..., None] * sky.render(camera).numpy()

@@ -11,6 +11,7 @@ from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.bench.rows.footage import SOLID, Footage, Splats, deliver, fill_around, open_splats
 from unveil_core.drives.drive import tracks
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.raster.picture import render_numpy
@@ -71,9 +72,9 @@ def transfer_reverse(footage: Footage, progress: Progress) -> list[Picture]:
 def _empty_depth(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:
     """(H, W) depth without the removed objects: rendered where something stands behind them, else continued from around;
     of the sky, far away."""
-    out = render_numpy(splats.left, camera, near=splats.limits.near, far=splats.limits.far)
+    out = render_numpy(splats.left, camera, near=NEAR_M, far=FAR_M)
     solid = out["alpha"] > SOLID
-    depth = np.where(solid, out["depth"], splats.limits.far).astype(np.float32)
+    depth = np.where(solid, out["depth"], FAR_M).astype(np.float32)
     return complete_depth(depth, solid, hole & ~solid, np.full(hole.shape, np.inf))
 
 

@@ -16,7 +16,7 @@ from unveil_core.base.types import Picture
 from unveil_core.bench.rows.footage import Footage
 from unveil_core.pipeline.run import stage_named
 from unveil_core.pipeline.runner import run_stages
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.pipeline.steps.inpaint import inpaint_with
 from unveil_core.pipeline.steps.reconstruct import asked_for, reconstruct_with
 from unveil_core.workspace.files import frame_file
@@ -52,7 +52,7 @@ def ellipsoids(*, charts: bool) -> Callable[[Footage, Progress], list[Picture]]:
 
     def run(footage: Footage, progress: Progress) -> list[Picture]:
         # Another version of the stage: the workspace's own reconstruction is not its result.
-        other = replace(stage_named("reconstruct"), body=_reconstruct_ellipsoids, version=-1)
+        other = replace(stage_named("reconstruct"), run=_reconstruct_ellipsoids, variant="ellipsoids")
         after = [stage_named("instances"), stage_named("remove"), _inpaint(charts), stage_named("reoptimize")]
         wanted = replace(footage, settings=replace(footage.settings, reference_inpainter=None))
         without = ("surfels", "masks", "regions", "instances", "instances.json")
@@ -63,11 +63,11 @@ def ellipsoids(*, charts: bool) -> Callable[[Footage, Progress], list[Picture]]:
 
 def _inpaint(charts: bool) -> Stage:
     stage = stage_named("inpaint")
-    return stage if charts else replace(stage, body=partial(inpaint_with, charts=False), version=-1)
+    return stage if charts else replace(stage, run=partial(inpaint_with, charts=False), variant="no charts")
 
 
-def _reconstruct_ellipsoids(context: StageContext) -> None:
-    reconstruct_with(context, replace(asked_for(context.settings), ellipsoids=True))
+def _reconstruct_ellipsoids(context: StageContext) -> Facts:
+    return reconstruct_with(context, replace(asked_for(context.settings), ellipsoids=True))
 
 
 def _frames_of(footage: Footage, without: Sequence[str], stages: Sequence[Stage], progress: Progress) -> list[Picture]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.bench.rows.footage import Footage, Splats, deliver, fill_around, look, open_splats
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.inpaint.frames.seed import seed_pixels
@@ -66,7 +67,7 @@ def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings |
         labels.append(fill_around(footage.single_image, splats.images[i], hole))
         depth = _depth_around(splats, frame.camera, hole)
         depths.append(np.where(hole, depth, 0.0))
-        out = render_numpy(scene, frame.camera, near=splats.limits.near, far=splats.limits.far)
+        out = render_numpy(scene, frame.camera, near=NEAR_M, far=FAR_M)
         empty = hole & (out["alpha"] <= COVERED)
         if empty.any():
             seeds.append(_seed(splats, frame.camera, labels[i], depth, empty))
@@ -101,7 +102,7 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
         camera, hole = frames[i].camera, footage.holes[i]
         filled = fill_around(footage.single_image, splats.images[i], hole)
         targets.append((camera, filled))
-        out = render_numpy(scene, camera, near=splats.limits.near, far=splats.limits.far)
+        out = render_numpy(scene, camera, near=NEAR_M, far=FAR_M)
         missing = hole & (out["alpha"] <= COVERED)
         if missing.any():
             known = (out["alpha"] > 0.5) & ~missing
@@ -122,18 +123,17 @@ def _refitted(
 ) -> Surfels:  # fmt: skip
     """The scene fitted to targets: what is new, and what is near the removed objects. That beats moving the new ones alone by
     2 dB, and moving everything by 0.5 dB (Infusion on the sample street)."""
-    limits = splats.limits
-    near = near_removed(splats.full, splats.gone, settings.near_m * limits.unit)[~splats.gone]
+    near = near_removed(splats.full, splats.gone, settings.near_m)[~splats.gone]
     movable = np.concatenate([near, np.ones(len(scene) - len(near), dtype=bool)])
     return reoptimize(
-        scene, movable, splats.sky, targets, settings, unit=limits.unit, near=limits.near, far=limits.far,
+        scene, movable, splats.sky, targets, settings, near=NEAR_M, far=FAR_M,
         label_count=len(splats.labels.labels), depths=depths, seed=footage.settings.seed, progress=progress,
     )  # fmt: skip
 
 
 def _depth_around(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:
     """(H, W) depth of the full scene, continued into the whole mask from around it."""
-    out = render_numpy(splats.full, camera, near=splats.limits.near, far=splats.limits.far)
+    out = render_numpy(splats.full, camera, near=NEAR_M, far=FAR_M)
     return complete_depth(out["depth"], out["alpha"] > 0.5, hole, np.full(hole.shape, np.inf))
 
 
@@ -144,4 +144,4 @@ def _seed(splats: Splats, camera: Camera, color: Picture, depth: NDArray[np.floa
 
 
 def _views(footage: Footage, splats: Splats, scene: Surfels) -> list[Picture]:
-    return [look(scene, splats.sky, f.camera, splats.limits)[0] for f in footage.drive.frames]
+    return [look(scene, splats.sky, f.camera)[0] for f in footage.drive.frames]

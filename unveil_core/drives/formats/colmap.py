@@ -225,4 +225,5 @@ def read_colmap(path: Path) -> Drive:
         up=estimate_up([f.camera.world_to_camera for f in frames]),
         metric=False,
         truth_root=root / "truth" if (root / "truth").is_dir() else None,
+        sources=tuple(sorted(p for p in folder.iterdir() if p.stem in ("cameras", "images", "points3D"))),
     )

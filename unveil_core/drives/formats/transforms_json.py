@@ -176,4 +176,5 @@ def read_transforms_json(path: Path) -> Drive:
         metric=bool(top.get("metric", True)),
         semantic_classes=top.get("semantic_classes"),
         truth_root=truth if truth.is_dir() else None,
+        sources=(path, root / str(top["ply_file_path"])),
     )

@@ -71,13 +71,13 @@ def _unused_ids(used: NDArray[np.uint16]) -> int:
 
 
 def seen_elsewhere(
-    sights: Sequence[Sight], cars: Sequence[CarPixels], *, far: float, unit: float, progress: Progress = no_progress
+    sights: Sequence[Sight], cars: Sequence[CarPixels], *, far: float, progress: Progress = no_progress
 ) -> list[Mask]:
     """Per frame (H, W), pixels of its virtual cars whose street another frame shows outside of its own.
 
     Args:
         sights, cars: of all frames.
-        far: the sky is taken to be this far away, world units; unit: world units per metre.
+        far: the sky is taken to be this far away, metres.
     """
     hidden = [
         grow(own.number > 0, border_px(own.number.shape[1])) | sight.barred
@@ -94,8 +94,8 @@ def seen_elsewhere(
             left = np.flatnonzero(~known)
             if other == i or not len(left):
                 continue
-            inside, row, column, z = _pixels_of(points[left], sights[other], 0.2 * unit)
-            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(sights[other], row, column, unit))
+            inside, row, column, z = _pixels_of(points[left], sights[other], 0.2)
+            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(sights[other], row, column))
             known[left[inside[shown]]] = True
         seen = np.zeros(sight.depth.shape, dtype=bool)
         seen[rows[known], columns[known]] = True
@@ -113,13 +113,13 @@ def _pixels_of(
     return index, pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index]
 
 
-def _reach(sight: Sight, row: NDArray[np.int64], column: NDArray[np.int64], unit: float) -> NDArray[np.float64]:
+def _reach(sight: Sight, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
     """Depth up to which something is seen at pixels."""
-    return sight.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M * unit
+    return sight.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
 
 
 def moved_points(
-    points: PointCloud, sights: Sequence[Sight], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar], *, unit: float
+    points: PointCloud, sights: Sequence[Sight], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
 ) -> PointCloud:
     """The points that would have been measured if the virtual cars had stood there.
 
@@ -130,10 +130,10 @@ def moved_points(
     blocked, seen = np.zeros(len(positions), dtype=bool), np.zeros(len(positions), dtype=bool)
     nearest, blocker = np.full(len(positions), np.inf), np.full(len(positions), -1)
     for v, (sight, own) in enumerate(zip(sights, pixels, strict=True)):
-        index, row, column, depth = _pixels_of(positions, sight, 0.2 * unit)
-        behind = (own.number[row, column] > 0) & (depth > own.depth[row, column] - DEPTH_M * unit)
+        index, row, column, depth = _pixels_of(positions, sight, 0.2)
+        behind = (own.number[row, column] > 0) & (depth > own.depth[row, column] - DEPTH_M)
         # What a car stands in front of this view cannot measure; what is before the car, or beside it, it can.
-        seen[index[~behind & (depth <= _reach(sight, row, column, unit))]] = True
+        seen[index[~behind & (depth <= _reach(sight, row, column))]] = True
         through = index[behind]
         blocked[through] = True
         closer = depth[behind] < nearest[through]

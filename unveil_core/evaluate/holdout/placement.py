@@ -117,7 +117,7 @@ def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:
     if (depth <= 0).all():
         return None
     low, high = np.zeros(2), np.array([camera.width, camera.height], dtype=np.float64)
-    if (depth > 0.05 * car.unit).all():
+    if (depth > 0.05).all():
         low, high = np.maximum(low, pixel.min(axis=0) - 2), np.minimum(high, pixel.max(axis=0) + 2)
     if (high <= low).any():
         return None
@@ -138,10 +138,10 @@ def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float6
     # at a grazing angle a bump of a hand's breadth comes nearer by half a metre. A thing reaches higher somewhere.
     with np.errstate(invalid="ignore"):
         above = (sight.camera.centre - car.centre) @ car.axes[2] + there * (rays @ car.axes[2])
-    before = (there < depth - 0.1 * car.unit) & (above > LOW_M * car.unit)
+    before = (there < depth - 0.1) & (above > LOW_M)
     count, part = cv2.connectedComponents(before.astype(np.uint8), connectivity=8)
     things = np.zeros(count, dtype=bool)
-    things[np.unique(part[before & (above > THING_M * car.unit)])] = True
+    things[np.unique(part[before & (above > THING_M)])] = True
     return window, depth, np.isfinite(depth) & ~things[part]
 
 
@@ -174,59 +174,59 @@ def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
 
 
 def _free_places(
-    ground: Ground, points: Float64, cameras: Sequence[Camera], unit: float, measured: Float64
+    ground: Ground, points: Float64, cameras: Sequence[Camera], measured: Float64
 ) -> list[tuple[float, float]]:
     """Street coordinates at which a car would stand on known ground, and on nothing else."""
     street = ground.path.to_street(points)
     above = ground.over(street)
     track = ground.path.to_street(np.stack([c.centre for c in cameras]))
-    s_low, s_high = track[:, 0].min() + 2 * unit, track[:, 0].max() + 25 * unit
+    s_low, s_high = track[:, 0].min() + 2.0, track[:, 0].max() + 25.0
     s_high = min(s_high, ground.s_start + ground.s_cell * (len(ground.left) - 1))
     l_low, l_high = float(ground.right.min()), float(ground.left.max())
-    if s_high <= s_low or l_high - l_low < WIDTH_M * unit:
+    if s_high <= s_low or l_high - l_low < WIDTH_M:
         return []
 
     def counted(s: Float64, l: Float64, cell: float) -> NDArray[np.float32]:  # noqa: E741
-        rows, columns = int((s_high - s_low + 12 * unit) / cell) + 1, int((l_high - l_low + 8 * unit) / cell) + 1
-        i, j = ((s - s_low + 6 * unit) / cell).astype(int), ((l - l_low + 4 * unit) / cell).astype(int)
+        rows, columns = int((s_high - s_low + 12.0) / cell) + 1, int((l_high - l_low + 8.0) / cell) + 1
+        i, j = ((s - s_low + 6.0) / cell).astype(int), ((l - l_low + 4.0) / cell).astype(int)
         keep = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
         return (
             np.bincount(i[keep] * columns + j[keep], minlength=rows * columns).reshape(rows, columns).astype(np.float32)
         )
 
     def around(image: NDArray[np.float32], cell: float, margin: float) -> NDArray[np.float32]:
-        sides = tuple(2 * round((side * unit / 2 + margin) / cell) + 1 for side in (WIDTH_M, LENGTH_M))
+        sides = tuple(2 * round((side / 2 + margin) / cell) + 1 for side in (WIDTH_M, LENGTH_M))
         summed = cv2.boxFilter(image, -1, sides, normalize=False, borderType=cv2.BORDER_CONSTANT)
         return summed.astype(np.float32)
 
-    fine, coarse = CELL_M * unit, FLOOR_CELL_M * unit
-    stands = np.concatenate([_standing(ground, points, unit), _standing(ground, measured, unit)])
-    standing = around(counted(stands[:, 0], stands[:, 1], fine), fine, ROOM_M * unit)
-    floor_points = np.abs(above) < 0.5 * LOW_M * unit
+    fine, coarse = CELL_M, FLOOR_CELL_M
+    stands = np.concatenate([_standing(ground, points), _standing(ground, measured)])
+    standing = around(counted(stands[:, 0], stands[:, 1], fine), fine, ROOM_M)
+    floor_points = np.abs(above) < 0.5 * LOW_M
     floor = (counted(street[floor_points, 0], street[floor_points, 1], coarse) > 0).astype(np.float32)
     known, cells = around(floor, coarse, 0.0), around(np.ones_like(floor), coarse, 0.0)
 
     places = []
-    for s in np.arange(s_low, s_high, STEP_S_M * unit):
-        beside = np.abs(track[:, 0] - s) < (LENGTH_M / 2 + 1) * unit
-        for l in np.arange(l_low, l_high, STEP_L_M * unit):  # noqa: E741
-            if (np.abs(track[beside, 1] - l) < (WIDTH_M / 2 + PATH_ROOM_M) * unit).any():
+    for s in np.arange(s_low, s_high, STEP_S_M):
+        beside = np.abs(track[:, 0] - s) < LENGTH_M / 2 + 1
+        for l in np.arange(l_low, l_high, STEP_L_M):  # noqa: E741
+            if (np.abs(track[beside, 1] - l) < WIDTH_M / 2 + PATH_ROOM_M).any():
                 continue
-            rim = np.array([-1.0, -1, 1, 1]) * LENGTH_M / 2 * unit, np.array([-1.0, 1, -1, 1]) * WIDTH_M / 2 * unit
+            rim = np.array([-1.0, -1, 1, 1]) * LENGTH_M / 2, np.array([-1.0, 1, -1, 1]) * WIDTH_M / 2
             if not ground.inside(s + rim[0], l + rim[1]).all():
                 continue
-            i, j = (int((s - s_low + 6 * unit) / fine), int((l - l_low + 4 * unit) / fine))
-            m, n = (int((s - s_low + 6 * unit) / coarse), int((l - l_low + 4 * unit) / coarse))
+            i, j = (int((s - s_low + 6.0) / fine), int((l - l_low + 4.0) / fine))
+            m, n = (int((s - s_low + 6.0) / coarse), int((l - l_low + 4.0) / coarse))
             if standing[i, j] <= STRAYS and known[m, n] >= FLOOR_SHARE * cells[m, n]:
                 places.append((float(s), float(l)))
     return places
 
 
-def _standing(ground: Ground, points: Float64, unit: float) -> Float64:
+def _standing(ground: Ground, points: Float64) -> Float64:
     """(N, 2) street coordinates of the points above the ground, and no higher than a car's roof and the room above it."""
     street = ground.path.to_street(points)
     above = ground.over(street)
-    return street[(above > LOW_M * unit) & (above < (HEIGHT_M + ROOM_M) * unit), :2]
+    return street[(above > LOW_M) & (above < HEIGHT_M + ROOM_M), :2]
 
 
 def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.float64]]:
@@ -234,7 +234,7 @@ def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.
     shares, cleaned = np.zeros(len(sights)), np.zeros(len(sights))
     good = np.zeros(len(sights), dtype=bool)
     for i, sight in enumerate(sights):
-        if np.linalg.norm(sight.camera.centre - car.centre) > FARTHEST_M * car.unit:
+        if np.linalg.norm(sight.camera.centre - car.centre) > FARTHEST_M:
             continue
         found = _visible(car, sight)
         if found is None:
@@ -253,7 +253,7 @@ def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.
 
 
 def find_places(
-    ground: Ground, surfels: Surfels, measured: Float64, sights: Sequence[Sight], *, count: int, unit: float,
+    ground: Ground, surfels: Surfels, measured: Float64, sights: Sequence[Sight], *, count: int,
     progress: Progress = no_progress,
 ) -> list[VirtualCar]:  # fmt: skip
     """The best seen places for cars on ground where nothing stands, the best one first.
@@ -263,16 +263,15 @@ def find_places(
         measured: (P, 3) LiDAR or SfM points.
         sights: what each frame shows, in the order of travel.
         count: how many are wanted; fewer come back where there is no room for more.
-        unit: world units per metre.
     Raises:
         WorkspaceError: there is no room for a single one.
     """
     opaque = surfels.opacity_logits.numpy() > -1.0
-    places = _free_places(ground, surfels.means.double().numpy()[opaque], [s.camera for s in sights], unit, measured)
+    places = _free_places(ground, surfels.means.double().numpy()[opaque], [s.camera for s in sights], measured)
     coarse = [s.coarse(COARSE_PX) for s in sights]
     valued: list[tuple[float, int, VirtualCar, NDArray[np.float64]]] = []
     for k, (s, l) in enumerate(places):  # noqa: E741
-        car = park(ground, s, l, unit=unit, number=1)
+        car = park(ground, s, l, number=1)
         value, shares = _value(car, coarse)
         if value > 0:
             valued.append((value, k, car, shares))
@@ -280,7 +279,7 @@ def find_places(
     chosen: list[VirtualCar] = []
     total = np.zeros(len(sights))
     for _, _, car, shares in sorted(valued, key=lambda v: (-v[0], v[1])):
-        near = any(np.linalg.norm(car.centre - other.centre) < APART_M * unit for other in chosen)
+        near = any(np.linalg.norm(car.centre - other.centre) < APART_M for other in chosen)
         if len(chosen) < count and not near and (total + shares <= MOST_SHARE).all():
             chosen.append(replace(car, number=len(chosen) + 1))
             total += shares

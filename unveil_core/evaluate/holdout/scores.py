@@ -56,7 +56,7 @@ class HoldoutFrame:
 
 
 def measure_holdout(
-    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, *, unit: float,
+    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, *,
     progress: Progress = no_progress,
 ) -> dict[str, Any]:  # fmt: skip
     """Compare what was delivered for the drive with virtual cars with the real photographs.
@@ -64,7 +64,6 @@ def measure_holdout(
     Args:
         frames: all frames of the drive; cars: the cars in them.
         drive: with the cars, as imported; root: its workspace, up to ``frames/``.
-        unit: world units per metre.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
         ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and ``frames``. ``cars`` tells each car's
@@ -115,7 +114,7 @@ def measure_holdout(
     )
     return {
         "frames": len(shown),
-        "cars": [_of_car(car, frames, sums, unit) for car in cars],
+        "cars": [_of_car(car, frames, sums) for car in cars],
         "regions": {
             region: {"pixels": int(sums[region, "ours"][2]), "methods": _methods(sums, region)}
             for region in ("removed", "unseen", "seen_elsewhere") if sums[region, "ours"][2]
@@ -175,12 +174,12 @@ def _methods(sums: Mapping[tuple[str, str], list[float]], region: str) -> dict[s
 
 
 def _of_car(
-    car: VirtualCar, frames: Sequence[HoldoutFrame], sums: Mapping[tuple[str, str], list[float]], unit: float
+    car: VirtualCar, frames: Sequence[HoldoutFrame], sums: Mapping[tuple[str, str], list[float]]
 ) -> dict[str, Any]:
     methods = _methods(sums, f"car {car.number}")
     names = [f.frame.name for f in frames if (f.region & (f.cars.number == car.number)).any()]
     return {
-        "number": car.number, "along_m": round(car.s / unit, 2), "left_m": round(car.l / unit, 2),
+        "number": car.number, "along_m": round(car.s, 2), "left_m": round(car.l, 2),
         "first_frame": names[0] if names else None, "last_frame": names[-1] if names else None,
         "pixels": int(sums.get((f"car {car.number}", "ours"), [0, 0, 0, 0])[2]),
         "psnr": {method: values["psnr"] for method, values in methods.items()},

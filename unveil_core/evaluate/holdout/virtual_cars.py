@@ -32,14 +32,12 @@ class VirtualCar:
     Attributes:
         centre: (3,) world position of the middle of its floor.
         axes: (3, 3) rows forward, left and up, in the world.
-        unit: world units per metre.
         number: 1, 2, ... of this drive's cars; chooses the paint.
-        s, l: street coordinates of its middle, world units.
+        s, l: street coordinates of its middle, metres.
     """
 
     centre: Float64
     axes: Float64
-    unit: float
     number: int
     s: float
     l: float  # noqa: E741
@@ -48,7 +46,7 @@ class VirtualCar:
         """(8, 3) world corners of its box."""
         signs = np.stack(np.meshgrid([-1, 1], [-1, 1], [0, 1], indexing="ij"), axis=-1).reshape(-1, 3)
         local = signs * (LENGTH_M / 2, WIDTH_M / 2, HEIGHT_M)
-        return self.centre + self.unit * local @ self.axes
+        return self.centre + local @ self.axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +64,16 @@ class CarHits:
     cabin: NDArray[np.bool_]
 
 
-def park(ground: Ground, s: float, l: float, *, unit: float, number: int) -> VirtualCar:  # noqa: E741
+def park(ground: Ground, s: float, l: float, *, number: int) -> VirtualCar:  # noqa: E741
     """A car along the path at street coordinates, level across and as steep as the street along."""
-    half = 0.35 * LENGTH_M * unit
+    half = 0.35 * LENGTH_M
     street = np.array([[s - half, l, 0.0], [s + half, l, 0.0], [s, l, 0.0]])
     street[:, 2] = ground.height_at(street[:, 0], street[:, 1])
     back, front, middle = ground.path.to_world(street)
     forward = (front - back) / np.linalg.norm(front - back)
     left = np.cross(ground.path.axes[2], forward)
     left /= np.linalg.norm(left)
-    return VirtualCar(middle, np.stack([forward, left, np.cross(forward, left)]), unit, number, s, l)
+    return VirtualCar(middle, np.stack([forward, left, np.cross(forward, left)]), number, s, l)
 
 
 @cache
@@ -111,8 +109,8 @@ def cast_car(car: VirtualCar, origin: Float64, rays: Float64) -> CarHits:
     Args:
         origin: (3,) world; rays: (M, 3) world directions, whose unit is that of the depths.
     """
-    start = car.axes @ (origin - car.centre) / car.unit
-    direction = rays @ car.axes.T / car.unit
+    start = car.axes @ (origin - car.centre)
+    direction = rays @ car.axes.T
     depth = np.full(len(rays), np.inf)
     normal = np.zeros((len(rays), 3))
     cabin = np.zeros(len(rays), dtype=bool)
@@ -133,7 +131,7 @@ def cast_car(car: VirtualCar, origin: Float64, rays: Float64) -> CarHits:
 def paint_car(car: VirtualCar, origin: Float64, rays: Float64, hits: CarHits) -> NDArray[np.uint8]:
     """(M, 3) sRGB of what rays show of a car, black where they miss: paint, glass and tyres under one light."""
     met = np.isfinite(hits.depth)
-    local = (origin + np.where(met, hits.depth, 0.0)[:, None] * rays - car.centre) @ car.axes.T / car.unit
+    local = (origin + np.where(met, hits.depth, 0.0)[:, None] * rays - car.centre) @ car.axes.T
     color = np.broadcast_to(PAINTS[(car.number - 1) % len(PAINTS)], local.shape).copy()
     # A little dirt, the same from everywhere, so that plain sheet metal has something to be found by.
     dirt = np.sin(9.1 * local[:, 0] + 4 * local[:, 2]) * np.sin(7.3 * local[:, 1] - 5.7 * local[:, 2])

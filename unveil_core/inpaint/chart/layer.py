@@ -85,7 +85,7 @@ class GroundLayer:
         rows, columns = np.nonzero((self.chart.gain.max(axis=2) > 1.02) | self.chart.replaced)
         if len(rows):
             pixel, depth = camera.project(self.chart.world(rows, columns))
-            inside = camera.in_picture(pixel, depth, nearest=0.3 * self.chart.texel / 0.04)
+            inside = camera.in_picture(pixel, depth, nearest=0.3)
             mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
             large = (depth > 0) & (depth * SMALL_TEXEL_PX < max(camera.fx, camera.fy) * self.chart.texel)
             self._draw_texels(camera, rows[large], columns[large], mask)

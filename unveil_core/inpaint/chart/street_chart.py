@@ -31,13 +31,13 @@ class StreetChart:
 
     Attributes:
         ground: what it lies on.
-        texel: size of a texel in world units.
+        texel: size of a texel in metres.
         s_start, l_start: street coordinates of the first texel's centre.
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where ``source`` is OUTSIDE.
         label: (A, B) int16 compact labels, -1 unknown.
         source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
         gain: (A, B, 3) float32 factor that takes a removed object's shadow away; 1 elsewhere.
-        nearest: (A, B) float32, how far the nearest view of a texel is, world units; inf where none is.
+        nearest: (A, B) float32, how far the nearest view of a texel is, metres; inf where none is.
         replaced: (A, B) bool, texels that were seen, but so dark under the object that they were invented all the same.
     """
 
@@ -78,7 +78,6 @@ def read_chart(
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
     *,
-    unit: float,
     texel_m: float = 0.04,
     reach_m: float = 45.0,
     progress: Progress = no_progress,
@@ -90,9 +89,9 @@ def read_chart(
         cameras, images: the views, images (H, W, 3) uint8.
         labels: (H, W) compact labels per view.
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
-        unit: world units per metre; texel_m: texel size, metres; reach_m: how far a view looks, metres.
+        texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    texel = texel_m * unit
+    texel = texel_m
     l_low, l_high = float(ground.right.min()), float(ground.left.max())
     s_low = ground.s_start
     s_high = ground.s_start + ground.s_cell * (len(ground.left) - 1)
@@ -108,12 +107,12 @@ def read_chart(
     label = np.full(rows * columns, -1, dtype=np.int16)
     for v, camera in enumerate(cameras):
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
-        reach = reach_m * unit
+        reach = reach_m
         first = np.searchsorted(s, here - reach) * columns
         last = np.searchsorted(s, here + reach) * columns
         index = first + np.flatnonzero(inside[first:last])
         pixel, depth = camera.project(world[index])
-        seen = camera.in_picture(pixel, depth, nearest=0.3 * unit) & (depth < reach)
+        seen = camera.in_picture(pixel, depth, nearest=0.3) & (depth < reach)
         index, pixel, depth = index[seen], pixel[seen], depth[seen]
         column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
         good = usable[v][row, column]
@@ -121,7 +120,7 @@ def read_chart(
         if not len(index):
             continue
         found = read_bilinear(images[v], pixel)
-        w = (unit / depth) ** 4
+        w = (1.0 / depth) ** 4
         total[index] += found * w[:, None]
         weight[index] += w
         closer = depth < nearest[index]
@@ -169,7 +168,7 @@ def sample_chart(
         layers: a blur pyramid of one picture in chart coordinates, of :func:`blur_levels`.
         street: (N, 2+) street coordinates of pixel centres.
         footprint: (N, 2) extent of a pixel along its ray, as a vector in street coordinates; across: (N,) extent across that;
-            world units.
+            metres.
     Returns:
         (N, C) float32.
     """

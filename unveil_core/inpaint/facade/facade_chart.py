@@ -43,7 +43,7 @@ class FacadeChart:
 
     Attributes:
         ground: whose street coordinates these are.
-        texel: size of a texel in world units; per_m: texels per metre.
+        texel: size of a texel in metres; per_m: texels per metre.
         s_start: arc length of the first row's centre.
         front: (A,) lateral offset of the front, NaN where no house stands.
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where nothing is known.
@@ -67,12 +67,11 @@ class FacadeChart:
         return self.ground.path.to_world(np.stack([s, l, height], axis=1))
 
 
-def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool, unit: float) -> Float64:
+def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:
     """(A,) lateral offset of the house front at arc lengths ``s`` (A,) increasing, NaN where none stands.
 
     Args:
         walls: surfels of houses; left: which side of the street.
-        unit: world units per metre.
     """
     path = ground.path
     means = walls.means.detach().double().numpy()
@@ -82,26 +81,24 @@ def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool, unit:
     normal = walls.normals().detach().double().numpy() @ path.axes.T
     across = np.abs(-normal[:, 0] * np.sin(heading) + normal[:, 1] * np.cos(heading))
     own = (street[:, 1] > 0) == left
-    own &= (across > FACING) & (height > LOW_M * unit) & (height < HIGH_M * unit)
+    own &= (across > FACING) & (height > LOW_M) & (height < HIGH_M)
     along, aside = street[own, 0], street[own, 1]
     order = np.argsort(along)
     along, aside = along[order], aside[order]
-    at = np.arange(s[0], s[-1] + BIN_M * unit, BIN_M * unit)
+    at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
     front = np.full(len(at), np.nan)
-    for k, (low, high) in enumerate(
-        zip(*(np.searchsorted(along, at + d * AROUND_M * unit) for d in (-1, 1)), strict=True)
-    ):
+    for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
         if high - low >= LEAST:
             front[k] = np.median(aside[low:high])
     known = np.flatnonzero(np.isfinite(front))
     for a, b in zip(known, known[1:], strict=False):
-        if 1 < b - a <= GAP_M / BIN_M and abs(front[b] - front[a]) < STEP_M * unit:
+        if 1 < b - a <= GAP_M / BIN_M and abs(front[b] - front[a]) < STEP_M:
             front[a : b + 1] = np.linspace(front[a], front[b], b - a + 1)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], np.isfinite(front), [0]]).astype(np.int8)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if (last - first) * BIN_M < LONG_M:
             front[first:last] = np.nan
-    place, stands = (s - at[0]) / (BIN_M * unit), np.isfinite(front)
+    place, stands = (s - at[0]) / BIN_M, np.isfinite(front)
     below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(front))
     return np.where(stands[below] & stands[above], smooth, np.nan)
@@ -109,7 +106,7 @@ def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool, unit:
 
 def read_facade(
     ground: Ground, walls: Surfels, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], on_wall: Sequence[Mask],
-    depths: Sequence[Float32], removed: Sequence[Mask], *, left: bool, unit: float, texel_m: float = 0.04, reach_m: float = 40.0,
+    depths: Sequence[Float32], removed: Sequence[Mask], *, left: bool, texel_m: float = 0.04, reach_m: float = 40.0,
 ) -> FacadeChart | None:  # fmt: skip
     """Look the fronts of one side up in the frames, the nearer and straighter view counting more; None where no house stands.
 
@@ -117,19 +114,17 @@ def read_facade(
         walls: surfels of houses.
         cameras, images: the views, images (H, W, 3) uint8.
         on_wall: (H, W) bool per view, pixels of houses; depths: (H, W) of the full scene; removed: (H, W) bool.
-        unit: world units per metre; texel_m: texel size, metres; reach_m: how far a view looks, metres.
+        texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    texel = texel_m * unit
+    texel = texel_m
     end = ground.s_start + ground.s_cell * (len(ground.left) - 1)
     s = np.arange(ground.s_start, end, texel)
-    front = find_fronts(walls, ground, s, left=left, unit=unit)
+    front = find_fronts(walls, ground, s, left=left)
     shape = (len(s), int(TOP_M / texel_m))
     if not np.isfinite(front).any():
         return None
     empty = np.zeros(shape, dtype=bool)
-    chart = FacadeChart(
-        ground, texel, unit / texel, float(s[0]), front, np.zeros((*shape, 3), np.float32), empty, empty
-    )
+    chart = FacadeChart(ground, texel, 1.0 / texel, float(s[0]), front, np.zeros((*shape, 3), np.float32), empty, empty)
     rows, columns = (p.ravel() for p in np.indices(shape))
     stands = np.isfinite(front)[rows]
     rows, columns = rows[stands], columns[stands]
@@ -137,22 +132,19 @@ def read_facade(
     total, weight, asked = np.zeros((len(rows), 3)), np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
     for camera, image, wall, depth, gone in zip(cameras, images, on_wall, depths, removed, strict=True):
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
-        part = np.flatnonzero(np.abs(s[rows] - here) < reach_m * unit)
+        part = np.flatnonzero(np.abs(s[rows] - here) < reach_m)
         pixel, z = camera.project(world[part])
-        inside = camera.in_picture(pixel, z, nearest=0.3 * unit)
+        inside = camera.in_picture(pixel, z, nearest=0.3)
         part, pixel, z = part[inside], pixel[inside], z[inside]
         x, y = pixel.astype(np.int64).T
         asked[part[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.
-        seen = (
-            wall[y, x]
-            & ~grow(gone, border_px(camera.width, 1))[y, x]
-            & (np.abs(depth[y, x] - z) < AGREE_M * unit + AGREE * z)
-        )
+        clear = ~grow(gone, border_px(camera.width, 1))[y, x]
+        seen = wall[y, x] & clear & (np.abs(depth[y, x] - z) < AGREE_M + AGREE * z)
         part, pixel, z = part[seen], pixel[seen], z[seen]
         # Seen from along the street a front is squeezed.
         straight = np.abs(front[rows[part]]) / np.maximum(np.linalg.norm(world[part] - camera.centre, axis=1), 1e-9)
-        w = (straight * unit / z) ** 3
+        w = (straight / z) ** 3
         total[part] += read_bilinear(image, pixel) * w[:, None]
         weight[part] += w
     known, color, ask = empty.copy(), chart.color.copy(), empty.copy()

@@ -33,25 +33,24 @@ BEHIND = 1.1
 
 def feet_of_uprights(
     standing: Surfels, ground: Ground, cameras: Sequence[Camera], depths: Sequence[NDArray[np.float32]],
-    removed: Sequence[NDArray[np.bool_]], *, unit: float,
+    removed: Sequence[NDArray[np.bool_]],
 ) -> Surfels | None:  # fmt: skip
     """Surfels for the hidden lower ends of what stands upright and is narrow; None where none is hidden.
 
     Args:
         standing: surfels of plants, poles and signs.
         cameras, depths, removed: the views, depth (H, W) of the full scene and what is removed (H, W) bool.
-        unit: world units per metre.
     """
     path = ground.path
     means = standing.means.detach().double().numpy()
     street = path.to_street(means)
     height = ground.over(street)
     opaque = standing.opacity_logits.detach().numpy() > 0
-    low = np.flatnonzero(opaque & (height > 0) & (height < HIGH_M * unit))
+    low = np.flatnonzero(opaque & (height > 0) & (height < HIGH_M))
     if len(low) < LEAST:
         return None
     across = (means[low] @ path.axes.T)[:, :2]
-    group = components(len(low), cKDTree(across).query_pairs(LINK_M * unit, output_type="ndarray"))
+    group = components(len(low), cKDTree(across).query_pairs(LINK_M, output_type="ndarray"))
     parts = []
     for g in np.unique(group):
         own = np.flatnonzero(group == g)
@@ -59,10 +58,10 @@ def feet_of_uprights(
             continue
         begins = float(np.percentile(height[low[own]], 3))
         # Higher up it may carry a crown.
-        own = own[height[low[own]] < begins + (FRINGE_M + SLICE_M) * unit]
+        own = own[height[low[own]] < begins + (FRINGE_M + SLICE_M)]
         thick = np.ptp(np.percentile(across[own], [10, 90], axis=0), axis=0).max()
-        if thick < NARROW_M * unit and LOW_M * unit < begins < HANGS_M * unit:
-            parts += _repeated(standing, low[own], height[low[own]], begins, path.axes[2], unit)
+        if thick < NARROW_M and LOW_M < begins < HANGS_M:
+            parts += _repeated(standing, low[own], height[low[own]], begins, path.axes[2])
     if not parts:
         return None
     feet = concatenate(parts)
@@ -71,18 +70,18 @@ def feet_of_uprights(
 
 
 def _repeated(
-    standing: Surfels, own: NDArray[np.int64], height: NDArray[np.float64], begins: float, up: NDArray[np.float64], unit: float
+    standing: Surfels, own: NDArray[np.int64], height: NDArray[np.float64], begins: float, up: NDArray[np.float64]
 ) -> list[Surfels]:  # fmt: skip
     """The lowest slice of an upright, again and again down to the ground."""
-    start = begins + FRINGE_M * unit
-    chosen = (height >= start) & (height < start + SLICE_M * unit)
+    start = begins + FRINGE_M
+    chosen = (height >= start) & (height < start + SLICE_M)
     if chosen.sum() < LEAST / 5:
         return []
     part, at = standing.select(torch.from_numpy(own[chosen])), height[chosen]
     copies = []
-    for k in range(1, int(np.ceil(start / (SLICE_M * unit))) + 1):
-        down = k * SLICE_M * unit
-        stays = torch.from_numpy(at - down > -0.05 * unit)
+    for k in range(1, int(np.ceil(start / SLICE_M)) + 1):
+        down = k * SLICE_M
+        stays = torch.from_numpy(at - down > -0.05)
         copy = part.select(stays)
         copies.append(replace(copy, means=copy.means - down * torch.from_numpy(up).to(copy.means)))
     return copies

@@ -63,7 +63,6 @@ def fill_chart(
     footprint: NDArray[np.bool_],
     settings: FillSettings,
     *,
-    unit: float,
     light: Light | None = None,
     progress: Progress = no_progress,
 ) -> StreetChart:
@@ -72,11 +71,11 @@ def fill_chart(
     Args:
         chart: as read.
         footprint: (A, B) texels under or inside removed objects.
-        settings: see there; unit: world units per metre.
+        settings: see there.
         light: the sun and its shadows, None where it does not shine or is not known; then nearness to the objects tells
             which dark texels are their shadow, and what is invented has the shade that prevails around it.
     """
-    per_m = unit / chart.texel
+    per_m = 1.0 / chart.texel
     seen = chart.source == OBSERVED
     rows, columns = seen.shape
     s, l = chart.coordinates()  # noqa: E741
@@ -98,7 +97,7 @@ def fill_chart(
         shade = read_shade(
             chart.color, seen, light.kept | light.gone, lambda c, usable: profile(c, usable & clear), texels_per_m=per_m
         )
-        sharp = seen & (chart.nearest < SHARP_M * unit)
+        sharp = seen & (chart.nearest < SHARP_M)
         sharp &= ~cv2.dilate(footprint.astype(np.uint8), disc(CONTACT_M / 4 * per_m)).astype(bool)
         shade = shade_of_strips(chart.color, sharp, shade, drift, texels_per_m=per_m)
     shadow, hopeless = shadows_of_removed(

@@ -90,7 +90,7 @@ class Hole:
         return points
 
     def area(self) -> NDArray[np.float64]:
-        """(P,) of the pixels, facing the camera, world units squared."""
+        """(P,) of the pixels, facing the camera, square metres."""
         return self.depth**2 / (self.camera.fx * self.camera.fy)
 
 
@@ -101,7 +101,7 @@ def look_behind(
 
     Args:
         around: (H, W) pixels beside the removed ones for which the chart is asked, too.
-        near, far: world units.
+        near, far: metres.
     """
     ground_labels = () if layer is None else layer.ground_labels
     out = render_numpy(scene, task.camera, near=near, far=far, apart=ground_labels)

@@ -71,7 +71,7 @@ def plan_drive(
         left: the scene without the removed; layer: its ground, or None.
         order: "reverse", "forward", or "independent", which has no plan.
         names: the user's keyframes; none = chosen here.
-        near, far: world units.
+        near, far: metres.
     Raises:
         SettingsError: there is no frame of that name.
     """
@@ -85,8 +85,8 @@ def plan_drive(
     return plan_keyframes(holes, instants(frames), order=order, given=given)
 
 
-def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: bool, unit: float) -> dict[str, object]:
-    """The keyframes by name in the order in which they invent, and what each newly showed; ``unit``: world units per metre."""
+def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: bool) -> dict[str, object]:
+    """The keyframes by name in the order in which they invent, and what each newly showed."""
     keyframes = () if plan is None else plan.keyframes
     return {
         "order": order,
@@ -94,7 +94,7 @@ def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: 
         "keyframes": [
             {
                 "camera": frames[k.frame].camera_name, "frame": frames[k.frame].name,
-                "newly_shown_m2": round(k.area / unit**2, 3), "newly_shown_px": k.pixels,
+                "newly_shown_m2": round(k.area, 3), "newly_shown_px": k.pixels,
                 "left_to_sharper_px": int(k.leaves.sum()),
             }
             for k in keyframes

@@ -39,7 +39,7 @@ class Keyframe:
 
     Attributes:
         frame: its index.
-        area: of the surface that it newly shows at its turn, as it faces the camera, world units squared; pixels: their number.
+        area: of the surface that it newly shows at its turn, as it faces the camera, square metres; pixels: their number.
         leaves: (H, W) bool, pixels that it leaves to a later keyframe, which sees the place much sharper.
     """
 

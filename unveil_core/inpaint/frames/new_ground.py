@@ -23,19 +23,18 @@ LOW_M = 0.15
 
 
 def new_ground(
-    chart: StreetChart, removed: NDArray[np.float64], cameras: Sequence[Camera], masks: Sequence[Mask], *, unit: float
+    chart: StreetChart, removed: NDArray[np.float64], cameras: Sequence[Camera], masks: Sequence[Mask]
 ) -> Mask:
     """(A, B) invented texels that need surfels: under and around what was removed, and wherever a view looks through it.
 
     Args:
         removed: (M, 3) world places of removed surfels.
         masks: (H, W) removed pixels, one a camera.
-        unit: world units per metre.
     """
     row, column, inside = chart.index_of(chart.ground.path.to_street(removed))
     near = np.zeros(chart.source.shape, dtype=np.uint8)
     near[row[inside], column[inside]] = 1
-    reach = max(3, int(2 * AROUND_M * unit / chart.texel) | 1)
+    reach = max(3, int(2 * AROUND_M / chart.texel) | 1)
     near = cv2.dilate(near, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (reach, reach)))
     # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
     return (chart.source == INVENTED) & ((near > 0) | texels_in_pixels(chart, cameras, masks))
@@ -54,11 +53,11 @@ def displaced_by(chart: StreetChart, region: Mask, surfels: Surfels, ground_labe
     return inside & region[row, column] & np.isin(surfels.labels.numpy(), list(ground_labels))
 
 
-def ground_relit(chart: StreetChart, surfels: Surfels, *, unit: float) -> Mask:
+def ground_relit(chart: StreetChart, surfels: Surfels) -> Mask:
     """(N,) surfels that lie on ground from which a shadow was taken."""
     street = chart.ground.path.to_street(surfels.means.double().numpy())
     row, column, inside = chart.index_of(street)
-    low = np.abs(chart.ground.over(street)) < LOW_M * unit
+    low = np.abs(chart.ground.over(street)) < LOW_M
     return inside & low & (chart.gain[row, column].max(axis=1) > 1.02)
 
 
@@ -69,7 +68,7 @@ def seed_ground(
 
     Args:
         region: (A, B) texels to consider; of them those that are invented get surfels.
-        spacing: distance between surfels, world units; up: (3,).
+        spacing: distance between surfels, metres; up: (3,).
     """
     step = max(1, round(spacing / chart.texel))
     wanted = np.zeros_like(region)

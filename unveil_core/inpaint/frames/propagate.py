@@ -86,7 +86,7 @@ def paint_along(
         layer: the ground, or None where the scene has none.
         single_image: invents what nobody saw and is not ground.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
-        label_count: K; near, far: world units.
+        label_count: K; near, far: metres.
         least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene; at 384x256, in
             proportion in larger images.
         reference: paints what another frame has invented, by that frame; the surfels alone carry it by default.

@@ -28,27 +28,27 @@ LEAST = 8
 """Surfels that a trunk has at least."""
 
 
-def complete_crowns(plants: Surfels, ground: Ground, *, unit: float) -> Surfels:
+def complete_crowns(plants: Surfels, ground: Ground) -> Surfels:
     """The far sides of trees.
 
     Args:
         plants: surfels of vegetation.
-        ground: what they stand on; unit: world units per metre.
+        ground: what they stand on.
     Returns:
         what is to be added, possibly nothing.
     """
     path = ground.path
     means = plants.means.detach().double().numpy()
     street = path.to_street(means)
-    height = ground.over(street) / unit
+    height = ground.over(street)
     local = means @ path.axes.T
     crown = np.flatnonzero(height > FOOT_M[1])
     low = local[(height > FOOT_M[0]) & (height <= FOOT_M[1]), :2]
-    trunks = _trunks(low, local[crown, :2], unit)
+    trunks = _trunks(low, local[crown, :2])
     if not len(trunks):
         return plants.select(torch.zeros(len(plants), dtype=torch.bool))
     distance, nearest = cKDTree(trunks).query(local[crown, :2])
-    near = distance < CROWN_M * unit
+    near = distance < CROWN_M
     crown, trunk = crown[near], trunks[nearest[near]]
     turned = local[crown].copy()
     turned[:, :2] = 2 * trunk - turned[:, :2]
@@ -67,11 +67,11 @@ def complete_crowns(plants: Surfels, ground: Ground, *, unit: float) -> Surfels:
     )
 
 
-def _trunks(low: Float64, high: Float64, unit: float) -> Float64:
+def _trunks(low: Float64, high: Float64) -> Float64:
     """(T, 2) middles of what is narrow near the ground and carries something, from horizontal positions (N, 2)."""
     if not len(low) or not len(high):
         return np.zeros((0, 2))
-    cell = 0.25 * unit
+    cell = 0.25
     index = np.floor((low - low.min(axis=0)) / cell).astype(np.int64)
     places, member = np.unique(index, axis=0, return_inverse=True)
     # Cells that touch belong together; a list of them is smaller than the plane of a long drive.
@@ -81,10 +81,10 @@ def _trunks(low: Float64, high: Float64, unit: float) -> Float64:
     middles = []
     for g in np.unique(group):
         own = low[group == g]
-        if len(own) < LEAST or np.ptp(np.percentile(own, [5, 95], axis=0), axis=0).max() > THICK_M * unit:
+        if len(own) < LEAST or np.ptp(np.percentile(own, [5, 95], axis=0), axis=0).max() > THICK_M:
             continue
         middle = np.median(own, axis=0)
-        if len(above.query_ball_point(middle, CROWN_M / 2 * unit)) >= 5 * LEAST:
+        if len(above.query_ball_point(middle, CROWN_M / 2)) >= 5 * LEAST:
             middles.append(middle)
     return np.array(middles).reshape(-1, 2)
 

@@ -41,7 +41,7 @@ HOUSE_M, BESIDE_M = 2.0, 10.0
 
 
 def solid_columns(
-    chart: StreetChart, surfels: Surfels, solid: Sequence[int], cameras: Sequence[Camera], unit: float,
+    chart: StreetChart, surfels: Surfels, solid: Sequence[int], cameras: Sequence[Camera],
     judge: Callable[[Surfels], float | None] | None = None,
 ) -> Surfels:  # fmt: skip
     """Discs in the columns under the tops of what is solid, for what parked cars hid of it lets no light through.
@@ -50,7 +50,7 @@ def solid_columns(
         judge: how well the shadows of some discs agree with what is seen of the ground, more is better; None where nothing
             is seen of them. It decides how the houses go on where the drive begins and ends.
     """
-    path, cell = chart.ground.path, COLUMN_M * unit
+    path, cell = chart.ground.path, COLUMN_M
     street = path.to_street(surfels.means.detach().double().numpy())[np.isin(surfels.labels.numpy(), list(solid))]
     foot = chart.ground.height_at(street[:, 0], street[:, 1])
     index = np.round(street[:, :2] / cell).astype(np.int64)
@@ -59,37 +59,35 @@ def solid_columns(
     np.maximum.at(top, member.ravel(), street[:, 2] - foot)
     long = of_something_long(columns)
     columns, top = columns[long], top[long]
-    flush = ~_before_front(columns * cell, columns * cell, slack=1.5 * cell, unit=unit)
+    flush = ~_before_front(columns * cell, columns * cell, slack=1.5 * cell)
     columns, top = columns[flush], top[flush]
-    top = as_high_as_beside(chart, columns * cell, top, cameras, unit)
+    top = as_high_as_beside(chart, columns * cell, top, cameras)
     parts, tops = [columns], [top]
     for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
 
         def told(on: float, high: float, end: _End = end) -> float:
-            score = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree, unit))
+            score = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))
             return 0.0 if score is None else score
 
         # The last house goes on a little; the next one is as high as the others here, as long as nothing speaks against it.
         on, high = GOES_ON_M, end.typical
         if judge is not None:
-            high = max((high, *(h * unit for h in NEXT_HIGH_M)), key=lambda h: told(on, h))
+            high = max((high, *NEXT_HIGH_M), key=lambda h: told(on, h))
             on = max((on, *NEXT_AFTER_M), key=lambda o: told(o, high))
         drawn, height = end.drawn_out(on, high)
         parts.append(drawn)
         tops.append(height)
-    return _discs(chart, np.concatenate(parts), np.concatenate(tops), surfels.sh_degree, unit)
+    return _discs(chart, np.concatenate(parts), np.concatenate(tops), surfels.sh_degree)
 
 
-def _discs(
-    chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float64], sh_degree: int, unit: float
-) -> Surfels:
+def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float64], sh_degree: int) -> Surfels:
     """Discs that fill columns (C, 2) up to their tops (C,)."""
-    path, cell = chart.ground.path, COLUMN_M * unit
+    path, cell = chart.ground.path, COLUMN_M
     levels = np.arange(1, int(np.ceil(top.max(initial=0.0) / cell)) + 1) * cell
     which, level = np.nonzero(levels[None] < top[:, None])
     at = columns[which] * cell
     # A column is as thick as its discs: its face, not its middle, is the front. At the foot no light must come through.
-    at[:, 1] += np.where(levels[level] > FOOT_M * unit, np.sign(at[:, 1]) * cell / 2, 0.0)
+    at[:, 1] += np.where(levels[level] > FOOT_M, np.sign(at[:, 1]) * cell / 2, 0.0)
     height = chart.ground.height_at(at[:, 0], at[:, 1]) + levels[level]
     points = path.to_world(np.stack([at[:, 0], at[:, 1], height], axis=1))
     # Lying and standing: from any side one of the two is broad.
@@ -106,26 +104,23 @@ def _discs(
     return concatenate(parts)
 
 
-def flush_with_fronts(chart: StreetChart, surfels: Surfels, solid: Sequence[int], unit: float) -> NDArray[np.bool_]:
+def flush_with_fronts(chart: StreetChart, surfels: Surfels, solid: Sequence[int]) -> NDArray[np.bool_]:
     """(N,) bool, all surfels but those of houses that float before these: what others hide of a front is drawn out towards the
     cameras, and high up that casts a shadow far over the street."""
     street = chart.ground.path.to_street(surfels.means.detach().double().numpy())[:, :2]
     houses = np.flatnonzero(np.isin(surfels.labels.numpy(), list(solid)))
-    columns = np.unique(np.round(street[houses] / (COLUMN_M * unit)).astype(np.int64), axis=0)
-    columns = columns[of_something_long(columns)] * (COLUMN_M * unit)
+    columns = np.unique(np.round(street[houses] / COLUMN_M).astype(np.int64), axis=0)
+    columns = columns[of_something_long(columns)] * COLUMN_M
     result = np.ones(len(street), dtype=bool)
-    result[houses] = ~_before_front(street[houses], columns, slack=COLUMN_M * unit, unit=unit)
+    result[houses] = ~_before_front(street[houses], columns, slack=COLUMN_M)
     return result
 
 
-def _before_front(
-    points: NDArray[np.float64], houses: NDArray[np.float64], *, slack: float, unit: float
-) -> NDArray[np.bool_]:
+def _before_front(points: NDArray[np.float64], houses: NDArray[np.float64], *, slack: float) -> NDArray[np.bool_]:
     """(P,) bool, which points (P, 2), street coordinates, stand out of the houses' fronts by more than ``slack``.
 
     Args:
         houses: (C, 2) columns of houses.
-        unit: world units per metre.
     """
     result = np.zeros(len(points), dtype=bool)
     for left in (False, True):
@@ -134,9 +129,9 @@ def _before_front(
         if not len(side) or not len(own):
             continue
         first = side[:, 0].min()
-        row = np.round((side[:, 0] - first) / (COLUMN_M * unit)).astype(np.int64)
+        row = np.round((side[:, 0] - first) / COLUMN_M).astype(np.int64)
         front = _front(side, row)
-        at = np.round((points[own, 0] - first) / (COLUMN_M * unit)).astype(np.int64)
+        at = np.round((points[own, 0] - first) / COLUMN_M).astype(np.int64)
         beside = (at >= 0) & (at < len(front))
         result[own[beside]] = np.abs(points[own[beside], 1]) < front[at[beside]] - slack
     return result
@@ -185,7 +180,7 @@ def of_something_long(columns: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def as_high_as_beside(
-    chart: StreetChart, at: NDArray[np.float64], top: NDArray[np.float64], cameras: Sequence[Camera], unit: float
+    chart: StreetChart, at: NDArray[np.float64], top: NDArray[np.float64], cameras: Sequence[Camera]
 ) -> NDArray[np.float64]:
     """Tops (C,) of columns at street coordinates (C, 2); houses that the pictures' border cuts off are as high as farther along,
     where it does not."""
@@ -194,10 +189,10 @@ def as_high_as_beside(
         side = np.flatnonzero((at[:, 1] > 0) == left)
         if not len(side):
             continue
-        row = np.round((at[side, 0] - at[side, 0].min()) / (COLUMN_M * unit)).astype(np.int64)
+        row = np.round((at[side, 0] - at[side, 0].min()) / COLUMN_M).astype(np.int64)
         ridge = np.full(row.max() + 1, -np.inf)
         # Roofs rise behind the front.
-        outer = np.abs(at[side, 1]) < _front(at[side], row)[row] + EAVES_M * unit
+        outer = np.abs(at[side, 1]) < _front(at[side], row)[row] + EAVES_M
         np.maximum.at(ridge, row[outer], top[side[outer]])
         highest = np.zeros(len(ridge), dtype=np.int64)
         reaches = outer & (top[side] >= ridge[row])
@@ -205,9 +200,9 @@ def as_high_as_beside(
         # The front is not equally dense everywhere, and chimneys are no ridge.
         size = 2 * round(DENSE_M / COLUMN_M) + 1
         ridge = grey_opening(grey_closing(np.maximum(ridge, 0.0), size), size)
-        house = np.flatnonzero(ridge > HOUSE_M * unit)
+        house = np.flatnonzero(ridge > HOUSE_M)
         s, l = at[highest[house]].T  # noqa: E741
-        over = np.stack([s, l, ground.height_at(s, l) + ridge[house] + OVER_M * unit], axis=1)
+        over = np.stack([s, l, ground.height_at(s, l) + ridge[house] + OVER_M], axis=1)
         ends = _in_sight(ground.path.to_world(over), cameras)
         known, cut = house[ends], house[~ends]
         if not len(known) or not len(cut):

@@ -50,7 +50,6 @@ def light_of_scene(
     kept: Surfels,
     gone: Surfels,
     *,
-    unit: float,
     footprint: NDArray[np.bool_] | None = None,
     cameras: Sequence[Camera] = (),
     solid: Sequence[int] = (),
@@ -62,7 +61,6 @@ def light_of_scene(
     Args:
         chart: as read.
         kept, gone: surfels of what stays and of what is removed.
-        unit: world units per metre.
         footprint: (A, B) texels that removed objects stand on; None = unknown.
         cameras: of the drive.
         solid: labels of what is solid down to the ground, as houses and walls, though their feet may be hidden.
@@ -71,36 +69,34 @@ def light_of_scene(
     Returns:
         None where no sun explains the dark places.
     """
-    kept, gone = (_standing(chart, surfels, STANDS_M * unit) for surfels in (kept, gone))
+    kept, gone = (_standing(chart, surfels, STANDS_M) for surfels in (kept, gone))
     trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
     seen_casters = concatenate([kept, gone])
-    crowns = complete_crowns(trees, chart.ground, unit=unit)
+    crowns = complete_crowns(trees, chart.ground)
     kept = concatenate([kept, crowns])
     if given is not None:
         sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
     else:
-        sun = _look_for_sun(chart, footprint, cameras, concatenate([kept, gone]), unit)
+        sun = _look_for_sun(chart, footprint, cameras, concatenate([kept, gone]))
     if sun is None:
         return None
     if given is None:
         # Only by what was seen itself: the far side of a crown is a guess, good enough to come near.
         sun = _looked_again(
-            *_light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M, unit), seen_casters, sun, unit),
-            seen_casters, concatenate([trees, crowns]), plants, sun, chart.ground.path.axes[2], unit,
+            *_light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M), seen_casters, sun),
+            seen_casters, concatenate([trees, crowns]), plants, sun, chart.ground.path.axes[2],
         )  # fmt: skip
     # Between two cars there is little else than what lies beside them.
-    places, is_dark = _light_seen(
-        chart, _telling(chart, footprint, cameras, CONTACT_M / 4, unit), seen_casters, sun, unit
-    )
-    kept = kept.select(torch.from_numpy(flush_with_fronts(chart, kept, solid, unit)))
-    known = _cast(places, concatenate([kept, gone]), sun.towards, unit)
+    places, is_dark = _light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M / 4), seen_casters, sun)
+    kept = kept.select(torch.from_numpy(flush_with_fronts(chart, kept, solid)))
+    known = _cast(places, concatenate([kept, gone]), sun.towards)
 
     def judge(added: Surfels) -> float | None:
-        more = _cast(places, added, sun.towards, unit) & ~known
+        more = _cast(places, added, sun.towards) & ~known
         # Of what only the added would darken, is more dark or light? Nothing added scores 0.
         return float(np.where(is_dark[more], 1.0, -1.0).sum()) if len(places) else None
 
-    kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, unit, judge)])
+    kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, judge)])
     shape = chart.source.shape
     s, l = chart.coordinates()  # noqa: E741
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(l, shape[0])).reshape(shape)
@@ -109,11 +105,11 @@ def light_of_scene(
     planes = []
     for surfels in (kept, gone):
         plane = np.zeros(shape, dtype=bool)
-        plane[rows, columns] = _cast(points, surfels, sun.towards, unit)
+        plane[rows, columns] = _cast(points, surfels, sun.towards)
         # No light comes through chinks, nor between a wall and the ground at its foot.
-        chinks = disc(CHINK_M * unit / chart.texel)
+        chinks = disc(CHINK_M / chart.texel)
         plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-        planes.append(_lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M * unit / chart.texel)))
+        planes.append(_lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel)))
     return Light(sun, planes[0], planes[1])
 
 
@@ -147,11 +143,11 @@ def _standing(chart: StreetChart, surfels: Surfels, height: float) -> Surfels:
 
 
 def _look_for_sun(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], casters: Surfels, unit: float
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], casters: Surfels
 ) -> Sun | None:  # fmt: skip
-    step = max(1, round(COARSE_M * unit / chart.texel))
-    per_m = unit / chart.texel
-    observed = _telling(chart, footprint, cameras, CONTACT_M, unit)
+    step = max(1, round(COARSE_M / chart.texel))
+    per_m = 1.0 / chart.texel
+    observed = _telling(chart, footprint, cameras, CONTACT_M)
     _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
     fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
     darkness = np.clip(fall, 0, DARKEST_FALL)
@@ -164,43 +160,41 @@ def _look_for_sun(
         return None
     means = casters.means.detach().double().numpy()
     known = weight[cells] > 0.5
-    return find_sun(mean[cells].astype(np.float32), known, s, l, chart.ground, means, unit=unit)
+    return find_sun(mean[cells].astype(np.float32), known, s, l, chart.ground, means)
 
 
 def _telling(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], contact_m: float, unit: float
+    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], contact_m: float
 ) -> NDArray[np.bool_]:
     """(A, B) texels whose light tells where the sun stands."""
     observed = chart.source == OBSERVED
     if footprint is not None:
         # Beside an object it is dark wherever the sun stands.
-        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(contact_m * unit / chart.texel)).astype(bool)
+        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(contact_m / chart.texel)).astype(bool)
     if cameras:
         # Far ahead a pixel is a stretch of street, and a little height a great distance.
         way = chart.ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
-        s, reach = chart.coordinates()[0], AHEAD_M * unit
+        s, reach = chart.coordinates()[0], AHEAD_M
         observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
     return observed
 
 
-def _cast(
-    points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64], unit: float
-) -> NDArray[np.bool_]:
-    return cast_shadows(points, casters, towards, cell=0.06 * unit, bias=0.15 * unit)
+def _cast(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return cast_shadows(points, casters, towards, cell=0.06, bias=0.15)
 
 
 def _light_seen(
-    chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels, sun: Sun, unit: float
+    chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels, sun: Sun
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """World points (P, 3) of the ground that was ``observed`` (A, B), and whether it is dark there (P,)."""
-    per_m = unit / chart.texel
+    per_m = 1.0 / chart.texel
     rows, columns = np.nonzero(observed)
 
     def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
         return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
 
     expected = np.zeros_like(observed)
-    expected[rows, columns] = _cast(chart.world(rows, columns), casters, sun.towards, unit)
+    expected[rows, columns] = _cast(chart.world(rows, columns), casters, sun.towards)
     # What is dark must not depend on where the sun was thought to be.
     dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
     step = max(1, round(CLOSER_M * per_m))
@@ -210,7 +204,7 @@ def _light_seen(
 
 def _looked_again(
     places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, trees: Surfels, plants: Sequence[int],
-    sun: Sun, up: NDArray[np.float64], unit: float,
+    sun: Sun, up: NDArray[np.float64],
 ) -> Sun:  # fmt: skip
     """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
 
@@ -220,12 +214,12 @@ def _looked_again(
     if is_dark.sum() < 100:
         return sun
     # Large surfels reach beyond the outline of what they are part of.
-    casters = casters.select(casters.log_scales.detach().exp().amax(dim=1) < LARGEST_M * unit)
+    casters = casters.select(casters.log_scales.detach().exp().amax(dim=1) < LARGEST_M)
     hard = casters.select(torch.from_numpy(~np.isin(casters.labels.numpy(), list(plants))))
-    under = _cast(places, trees, sun.towards, unit)
+    under = _cast(places, trees, sun.towards)
     away = np.ones(len(places), dtype=bool)
     if under.any():
-        away = cKDTree(places[under]).query(places, distance_upper_bound=TREE_M * unit)[0] > TREE_M * unit
+        away = cKDTree(places[under]).query(places, distance_upper_bound=TREE_M)[0] > TREE_M
     parts = [(places, is_dark, casters)]
     if is_dark[away].sum() >= 100:
         parts.append((places[away], is_dark[away], hard))
@@ -233,7 +227,7 @@ def _looked_again(
     def overlap(azimuth: float, elevation: float) -> float:
         total = 0.0
         for at, dark, part in parts:
-            shaded = _cast(at, part, sun_towards(azimuth, elevation, up), unit)
+            shaded = _cast(at, part, sun_towards(azimuth, elevation, up))
             total += float((shaded & dark).sum()) / max(1, int((shaded | dark).sum()))
         return total
 

@@ -32,7 +32,7 @@ def cast_shadows(
         points: (P, 3) world points.
         casters: what casts; what the points themselves lie on should not be among it.
         towards_sun: (3,) unit vector.
-        cell: pixel of the shadow map, world units; bias: a caster counts only if it is so much nearer to the sun, world units.
+        cell: pixel of the shadow map, metres; bias: a caster counts only if it is so much nearer to the sun, metres.
     Returns:
         (P,) bool.
     """

@@ -55,7 +55,7 @@ def sun_towards(azimuth: float, elevation: float, up: Float64) -> Float64:
 
 
 def find_sun(
-    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, l: Float64, ground: Ground, casters: Float64, *, unit: float  # noqa: E741
+    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, l: Float64, ground: Ground, casters: Float64  # noqa: E741
 ) -> Sun | None:  # fmt: skip
     """The direction whose shadows lie where the ground is dark.
 
@@ -63,7 +63,6 @@ def find_sun(
         dark: (A, B) darkness of the ground on a coarse grid, such as minus the logarithm of its luminance; known: (A, B).
         s, l: (A,), (B,) street coordinates of the grid, evenly spaced.
         casters: (N, 3) world points of what stands on the ground.
-        unit: world units per metre.
     Returns:
         the sun, or None where no direction explains the dark places.
     """
@@ -72,7 +71,7 @@ def find_sun(
     up = ground.path.axes[2]
     foot = ground.path.to_street(casters)
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
-    high = (height > 0.3 * unit) & (height < LARGEST_FALL * unit)
+    high = (height > 0.3) & (height < LARGEST_FALL)
     casters = casters[high]
     # Evenly over the scene, and few enough for a thousand directions.
     casters = casters[:: max(1, len(casters) // 12_000)]

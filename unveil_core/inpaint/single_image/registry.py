@@ -11,17 +11,17 @@ import numpy as np
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import grow
+from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.inpaint.single_image.onnx_models import OnnxSingleImage, load_single_image
 from unveil_core.inpaint.single_image.opencv import classic, fsr, shift_map
 from unveil_core.inpaint.single_image.patchmatch import patch_fill
 
 __all__ = [
-    "INPAINTERS",
+    "BUILT_IN",
     "SingleImageInpainter",
     "exemplar",
     "fill_around",
     "inpainter",
-    "is_file",
     "navier_stokes",
     "telea",
 ]
@@ -49,19 +49,14 @@ def exemplar(image: Picture, mask: Mask) -> Picture:
     return telea(image, mask) if filled is None else filled
 
 
-INPAINTERS: dict[str, SingleImageInpainter] = {
+BUILT_IN: dict[str, SingleImageInpainter] = {
     "exemplar": exemplar,
     "telea": telea,
     "navier-stokes": navier_stokes,
     "shift-map": shift_map,
     "fsr": fsr,
 }
-"""Built in; a network in an ONNX file is the other kind."""
-
-
-def is_file(name: str) -> bool:
-    """Whether an inpainter is named by a file, not built in."""
-    return Path(name).suffix.lower() == ".onnx"
+"""By their names, the ones in ``names.INPAINTERS``."""
 
 
 def inpainter(name: str) -> SingleImageInpainter:
@@ -72,9 +67,9 @@ def inpainter(name: str) -> SingleImageInpainter:
     """
     if is_file(name):
         return load_single_image(Path(name))
-    if name not in INPAINTERS:
+    if name not in BUILT_IN:
         raise SettingsError(f"unknown inpainter {name!r}", mend=f"use one of {', '.join(INPAINTERS)}, or FILE.onnx")
-    return INPAINTERS[name]
+    return BUILT_IN[name]
 
 
 def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:

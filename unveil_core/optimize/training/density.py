@@ -28,7 +28,7 @@ class DensitySettings:
         gradient_threshold: mean gradient of the loss by the screen position (in half image sizes) that calls for more.
         split_scale_px: a surfel wider than this on the screen is split, else cloned.
         min_opacity: below it a surfel goes.
-        max_scale: world units; a larger surfel goes (0 = no limit).
+        max_scale: metres; a larger surfel goes (0 = no limit).
         budget: no growth beyond this many surfels.
     """
 

@@ -17,7 +17,7 @@ __all__ = ["LearningRates", "TrainableSurfels"]
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Adam step sizes per attribute at the start; ``means`` in world units, ``sh_base`` for the constant colour term.
+    """Adam step sizes per attribute at the start; ``means`` in metres, ``sh_base`` for the constant colour term.
 
     They fall exponentially: the means' to ``final_means`` of the start, the others' to ``final``. A few hundred steps with
     large steps first end 0.6 to 1.4 dB above as many of one size (held-out views of the truth scenes); the higher

@@ -43,7 +43,7 @@ class TrainSettings:
         prune_opacity: surfels fainter than this go when it is time to prune (paper: 0.3), except ``spared_labels``.
         sky_rate: Adam step of the sky panorama, 0 = fixed.
         soft_labels: whether labels are probabilities that are trained; for comparison.
-        near, far: world units; the range that distortion is measured in.
+        near, far: metres; the range that distortion is measured in.
     """
 
     weights: LossWeights = field(default_factory=LossWeights)

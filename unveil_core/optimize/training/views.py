@@ -28,7 +28,7 @@ class TrainingView:
         weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
         sky_grid: (1, H, W, 2) where the sky panorama is sampled.
         rays: (H, W, 3) camera-frame rays with unit z.
-        depth: (H, W) depth that is expected here, world units along the optical axis, 0 where there is no expectation; None =
+        depth: (H, W) depth that is expected here, metres along the optical axis, 0 where there is no expectation; None =
             nowhere.
     """
 

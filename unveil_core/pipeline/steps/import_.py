@@ -1,10 +1,14 @@
-"""Stage ``import``: the drive in one layout, undistorted, recentred, at the working size."""
+"""Stage ``import``: the drive in one layout, undistorted, in metres, at the working size."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import import_drive
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
@@ -13,9 +17,18 @@ MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 
 
 def run(context: StageContext) -> None:
-    """drive/: undistorted, recentred."""
+    """drive/: undistorted, in metres with z up."""
     side = context.settings.max_side or MAX_SIDE[context.settings.quality]
     import_drive(open_drive(context.drive), context.output("drive"), max_side=side, progress=context.progress)
 
 
-STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality"), drive_digest=True)
+def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """Everything that a drive consists of. Where it lies counts too: the workspace refers to its ground truth."""
+    opened = open_drive(drive)
+    files = [*opened.sources]
+    for f in opened.frames:
+        files += [p for p in (f.image_path, f.semantic_path, f.instance_path, f.mask_path) if p is not None]
+    return [(str(path), path) for path in files]
+
+
+STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality"), outside=files_of_drive)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.onnx_files import files_of
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
@@ -17,13 +20,15 @@ from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import drive_continued, drive_ground_layer, drive_views
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
-from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask, save_array, save_mask
+from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
@@ -43,11 +48,10 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     """
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
-    limits = scene_range(drive)
     exposures = read_exposures(workspace.exposure_json)
     images = [exposures.read(f) for f in drive.frames]
     removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
@@ -67,9 +71,9 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     if layer is not None:
         places = surfels.means.double().numpy()[gone]
-        anew = new_ground(layer.chart, places, cameras, removed, unit=limits.unit)
+        anew = new_ground(layer.chart, places, cameras, removed)
         displaced = ~gone & displaced_by(layer.chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
-        relit = ground_relit(layer.chart, surfels, unit=limits.unit)
+        relit = ground_relit(layer.chart, surfels)
     left = surfels.select(torch.from_numpy(~(gone | displaced)))
     goes_on: list[Surfels] = []
     if layer is not None:
@@ -83,14 +87,14 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     network = context.settings.networks.get("reference_inpainter")
     order, names = context.settings.order, context.settings.keyframes
     plan = plan_drive(
-        drive.frames, tasks, known, layer, order=order, names=names, near=limits.near, far=limits.far,
+        drive.frames, tasks, known, layer, order=order, names=names, near=NEAR_M, far=FAR_M,
         progress=context.progress,
     )  # fmt: skip
-    told = plan_json(plan, drive.frames, order=order, given=bool(names), unit=limits.unit)
+    told = plan_json(plan, drive.frames, order=order, given=bool(names))
     write_json_atomic(context.output("inpaint/keyframes.json"), told)
     painted, seeds = paint_along(
         tasks, known, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
-        near=limits.near, far=limits.far, plan=plan,
+        near=NEAR_M, far=FAR_M, plan=plan,
         reference=None if network is None else load_reference(network), progress=context.progress,
     )  # fmt: skip
     for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
@@ -102,27 +106,56 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         default = scene.labels.index("road")
         parts.append(
             seed_ground(
-                layer.chart, anew, spacing=preset.ground_spacing_m * limits.unit, up=drive.up,
+                layer.chart, anew, spacing=preset.ground_spacing_m, up=drive.up,
                 sh_degree=left.sh_degree, default_label=0 if default is None else default,
             )
         )  # fmt: skip
     seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
-    write_surfels(seeds, context.output("surfels/seeds.ply"), offset=drive.offset)
+    write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
+
+
+def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """The networks that the settings name, with the weights that lie beside them."""
+    found = []
+    for name, path in settings.networks.items():
+        found += [(name + file.name.removeprefix(path.name), file) for file in files_of(path)]
+    return found
+
+
+def check_networks(settings: RunSettings) -> None:
+    """Raise a SettingsError unless the named networks are there and are such networks."""
+    inpainter(settings.inpainter)
+    if "reference_inpainter" in settings.networks:
+        load_reference(settings.networks["reference_inpainter"])
 
 
 STAGE = Stage(
     "inpaint",
     run,
     inputs=(
-        "drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/instances.npy",
-        "masks/removed", "masks/unobserved",
+        "drive",
+        "labels.json",
+        "selection.json",
+        "movers",
+        "surfels/full.ply",
+        "surfels/sky.npz",
+        "surfels/exposure.json",
+        "surfels/removed.npy",
+        "surfels/instances.npy",
+        "masks/removed",
+        "masks/unobserved",
     ),
-    optional=("surfels/exposure.json", "movers"),
     outputs=(
-        "inpainted", "inpaint/keyframes.json", "masks/shadows", "surfels/seeds.ply", "surfels/displaced.npy",
+        "inpainted",
+        "inpaint/keyframes.json",
+        "masks/shadows",
+        "surfels/seeds.ply",
+        "surfels/displaced.npy",
         "surfels/relit.npy",
     ),
+    outside=files_of_networks,
+    check=check_networks,
     settings=("quality", "shadows", "inpainter", "reference_inpainter", "order", "keyframes"),
-)  # fmt: skip
+)

@@ -13,16 +13,17 @@ from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_array, load_labels, save_array
+from unveil_core.workspace.files import load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -32,9 +33,8 @@ def run(context: StageContext) -> None:
     """instances.json and surfels/instances.npy: the listed objects among the scene's surfels."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    limits = scene_range(drive)
     labels = surfels.labels.numpy()
     positions = surfels.means.double().numpy()
     spacing = surfels.log_scales.exp().amax(dim=1).double().numpy() * 1.5
@@ -45,11 +45,11 @@ def run(context: StageContext) -> None:
     if any(image is not None for image in images):
         of_surfel[removable] = vote_instances(
             positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v],
-            near=limits.near,
+            near=NEAR_M,
         )  # fmt: skip
     else:
         of_points = load_array(workspace.root / "objects/point_objects.npy").astype(np.int64)
-        of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M * limits.unit)
+        of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M)
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
     axes = up_frame(drive.up)
@@ -60,7 +60,7 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, len(listed["objects"]), "naming objects")
         if not own.any():
             continue
-        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=limits.unit).to_json()
+        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=1.0).to_json()
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
@@ -91,16 +91,16 @@ def _give_to_marked(
     positions: NDArray[np.float64], spacing: NDArray[np.float64], labels: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Surfels of marked objects, whatever their label, but not the ground they stand on."""
-    axes, limits = up_frame(drive.up), scene_range(drive)
+    axes = up_frame(drive.up)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
     views = None
     for mark in marked_objects(context.settings.marked):
         if mark.box is not None:
             box = marked_box(mark.box, drive)
-            of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M * limits.unit)] = mark.id
+            of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
         elif mark.mattes is not None:
-            views = views or [points_in_view(positions, spacing, f.camera, near=limits.near) for f in drive.frames]
+            views = views or [points_in_view(positions, spacing, f.camera, near=NEAR_M) for f in drive.frames]
             mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
             of_surfel[above & vote_mattes(len(positions), views, mattes)] = mark.id
 
@@ -108,9 +108,8 @@ def _give_to_marked(
 STAGE = Stage(
     "instances",
     run,
-    inputs=("drive", "labels.json", "selection.json", "objects.json", "objects", "surfels/full.ply"),
-    optional=("movers",),
+    inputs=("drive", "labels.json", "movers", "selection.json", "objects.json", "objects", "surfels/full.ply"),
     outputs=("instances.json", "instances", "surfels/instances.npy"),
     settings=("marked",),
-    version=2,
+    outside=files_of_marked,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
 from unveil_core.pipeline.stage import Stage, StageContext
@@ -19,17 +19,16 @@ def run(context: StageContext) -> None:
     """meshes/full.ply, meshes/empty.ply, meshes/empty.glb."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    limits = scene_range(drive)
-    voxel = MESH_VOXEL_M[context.settings.quality] * limits.unit
+    voxel = MESH_VOXEL_M[context.settings.quality]
     for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
         surfels = read_surfels(path)
         mesh = fuse(
-            depth_views(surfels, drive.frames, near=limits.near, far=limits.far), voxel_size=voxel, max_depth=30 * limits.unit,
+            depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M), voxel_size=voxel, max_depth=30.0,
             progress=context.progress,
         )  # fmt: skip
-        write_ply(mesh, context.output(f"meshes/{state}.ply"), offset=drive.offset)
+        write_ply(mesh, context.output(f"meshes/{state}.ply"), drive.to_world)
         if state == "empty":
-            write_glb(mesh, context.output("meshes/empty.glb"), offset=drive.offset, up=drive.up)
+            write_glb(mesh, context.output("meshes/empty.glb"), drive.to_world)
 
 
 STAGE = Stage(
@@ -38,5 +37,4 @@ STAGE = Stage(
     inputs=("drive", "surfels/full.ply", "surfels/empty.ply"),
     outputs=("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"),
     settings=("quality",),
-    version=2,
 )

@@ -8,9 +8,9 @@ from unveil_core.base.files import read_image, write_image_atomic, write_json_at
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
-from unveil_core.drives.scene_range import scene_range
 from unveil_core.geometry.axes import up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
 from unveil_core.semantics.labels import SceneLabels, find_labels
 from unveil_core.semantics.objects import (
@@ -28,21 +28,20 @@ def run(context: StageContext) -> None:
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     found = find_objects(drive, scene, marked_objects(context.settings.marked), context.progress)
-    unit = scene_range(drive).unit
     entries = []
     for done, thing in enumerate(found.objects):
-        entries.append(_entry(context, drive, thing, unit))
+        entries.append(_entry(context, drive, thing))
         context.progress(done + 1, len(found.objects), "naming objects")
     disk_ids = np.array([*scene.labels.disk_ids, 255], np.uint8)
     save_array(disk_ids[found.point_labels], context.output("objects/point_labels.npy"))
     save_array(found.point_objects.astype(np.uint16), context.output("objects/point_objects.npy"))
     write_json_atomic(context.output("objects.json"), {
-        "units_per_metre": unit, "axes": up_frame(drive.up).tolist(), "source": scene.source,
+        "units_per_metre": 1.0, "axes": up_frame(drive.up).tolist(), "source": scene.source,
         "classes": _classes(scene, found), "objects": entries,
     })  # fmt: skip
 
 
-def _entry(context: StageContext, drive: Drive, thing: SceneObject, unit: float) -> dict[str, object]:
+def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str, object]:
     """What the lists tell of an object; ``distance_m`` from the nearest camera that sees it."""
     frames = [drive.frames[s.frame] for s in thing.sightings]
     picture = distance = shown = None
@@ -54,7 +53,7 @@ def _entry(context: StageContext, drive: Drive, thing: SceneObject, unit: float)
         write_image_atomic(context.output(picture), thumbnail(image, best.rectangle))
     if thing.box is not None:
         centres = np.stack([f.camera.centre for f in frames or drive.frames])
-        distance = round(float(np.linalg.norm(centres - thing.box.centre, axis=1).min()) / unit, 2)
+        distance = round(float(np.linalg.norm(centres - thing.box.centre, axis=1).min()), 2)
     return {
         "id": thing.id, "class": thing.class_name, "source": thing.source,
         "box": None if thing.box is None else thing.box.to_json(), "points": thing.points, "frames": len(frames),
@@ -76,4 +75,4 @@ def _classes(scene: SceneLabels, found: FoundObjects) -> list[dict[str, object]]
     ]  # fmt: skip
 
 
-STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), version=2)
+STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked)

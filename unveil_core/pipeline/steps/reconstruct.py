@@ -11,7 +11,7 @@ from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.sky import save_sky
 from unveil_core.workspace.files import load_labels
@@ -34,12 +34,12 @@ def asked_for(settings: RunSettings) -> ReconstructSettings:
     return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))
 
 
-def run(context: StageContext) -> None:
+def run(context: StageContext) -> Facts:
     """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
-    reconstruct_with(context, asked_for(context.settings))
+    return reconstruct_with(context, asked_for(context.settings))
 
 
-def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> None:
+def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Facts:
     """What :func:`run` does, with settings of one's own: for comparison."""
     moving = read_moving(context.workspace.root)
     drive = moving.standing(read_imported(context.workspace.drive_dir))
@@ -56,16 +56,15 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> No
         progress=context.progress,
     )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
-    write_surfels(done.surfels, context.output("surfels/full.ply"), offset=drive.offset, comments=comments)
+    write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
-    context.workspace.update_stage("reconstruct", choices=done.choices)
+    return {"choices": done.choices}
 
 
 STAGE = Stage(
     "reconstruct",
     run,
-    inputs=("drive", "labels.json"),
-    optional=("movers",),
+    inputs=("drive", "labels.json", "movers"),
     outputs=("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
     settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
 )

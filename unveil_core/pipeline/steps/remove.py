@@ -12,11 +12,12 @@ from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.street_scene import drive_ground
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.observed import never_seen, seen_view
@@ -27,7 +28,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_labels, save_array, save_mask
+from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -70,7 +71,7 @@ def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArra
     labels = [frame_labels(f, scene) for f in drive.frames]
     cameras = [f.camera for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
     masks = [np.isin(label, scene.removed_labels) for label in labels if (label >= 0).any()]
-    reach = LOOSE_M * scene_range(drive).unit
+    reach = LOOSE_M
     return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
 
 
@@ -78,13 +79,10 @@ def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
+    scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    limits = scene_range(drive)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
-    gone = select_removed(
-        surfels, of_surfel, scene, too_close=0.08 * limits.unit, axes=up_frame(drive.up), unit=limits.unit
-    )
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(drive.up))
     on_ground = scene.labels.indices(GROUND_CLASSES)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
@@ -102,7 +100,7 @@ def run(context: StageContext) -> None:
     for done, frame in enumerate(drive.frames):
         planes = ("alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(told, frame.camera, planes, label_count=3, near=limits.near, far=limits.far)
+            full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
         assert full.alpha is not None and full.depth is not None and full.semantics is not None
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
@@ -123,9 +121,16 @@ def run(context: StageContext) -> None:
 STAGE = Stage(
     "remove",
     run,
-    inputs=("drive", "labels.json", "selection.json", "objects.json", "surfels/full.ply", "surfels/instances.npy"),
-    optional=("movers",),
+    inputs=(
+        "drive",
+        "labels.json",
+        "movers",
+        "selection.json",
+        "objects.json",
+        "surfels/full.ply",
+        "surfels/instances.npy",
+    ),
     outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
     settings=("marked",),
-    version=3,
+    outside=files_of_marked,
 )

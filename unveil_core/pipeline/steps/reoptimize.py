@@ -8,7 +8,7 @@ import torch
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scene_range import scene_range
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.frames.compose import compose_frame
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
@@ -35,23 +35,22 @@ def run(context: StageContext) -> None:
     displaced = load_array(workspace.root / "surfels/displaced.npy").astype(bool)
     relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
     seeds = read_surfels(workspace.root / "surfels/seeds.ply")
-    limits = scene_range(drive)
     preset = REOPTIMIZE_PRESETS[context.settings.quality]
     stays = ~(gone | displaced)
-    near = near_removed(full, gone, preset.near_m * limits.unit)
+    near = near_removed(full, gone, preset.near_m)
     surfels = concatenate([full.select(torch.from_numpy(stays)), seeds])
     movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
     exposures = read_exposures(workspace.exposure_json)
     clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
     empty = reoptimize(
         surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
-        unit=limits.unit, near=limits.near, far=limits.far, label_count=len(scene.labels),
+        near=NEAR_M, far=FAR_M, label_count=len(scene.labels),
         seed=context.settings.seed, progress=context.progress,
     )  # fmt: skip
-    write_surfels(empty, context.output("surfels/empty.ply"), offset=drive.offset)
+    write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
-        picture = picture_of(empty, sky, frame.camera, near=limits.near, far=limits.far)
+        picture = picture_of(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
@@ -68,10 +67,24 @@ STAGE = Stage(
     "reoptimize",
     run,
     inputs=(
-        "drive", "labels.json", "surfels/full.ply", "surfels/sky.npz", "surfels/removed.npy", "surfels/seeds.ply",
-        "surfels/displaced.npy", "surfels/relit.npy", "inpainted", "masks/removed", "masks/shadows",
+        "drive",
+        "labels.json",
+        "movers",
+        "surfels/full.ply",
+        "surfels/sky.npz",
+        "surfels/exposure.json",
+        "surfels/removed.npy",
+        "surfels/seeds.ply",
+        "surfels/displaced.npy",
+        "surfels/relit.npy",
+        "inpainted",
+        "masks/removed",
+        "masks/shadows",
     ),
-    optional=("surfels/exposure.json", "movers"),
-    outputs=("surfels/empty.ply", "renders", "frames"),
+    outputs=(
+        "surfels/empty.ply",
+        "renders",
+        "frames",
+    ),
     settings=("quality", "seed"),
-)  # fmt: skip
+)

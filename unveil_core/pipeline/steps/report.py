@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, write_metrics
+from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.report import write_report
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
@@ -16,12 +21,35 @@ def run(context: StageContext) -> None:
     write_report(context.workspace.root, context.output("report"), metrics, context.progress)
 
 
+def files_of_truth(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """The true empty street, where the drive has one."""
+    truth = read_imported(workspace.drive_dir).truth_root
+    if truth is None or not truth.is_dir():
+        return []
+    return [(p.relative_to(truth).as_posix(), p) for p in sorted(truth.rglob("*")) if p.is_file()]
+
+
 STAGE = Stage(
     "report",
     run,
     inputs=(
-        "drive", "frames", "renders", "inpainted", "masks", "regions", "instances.json", "meshes/full.ply",
-        "meshes/empty.ply", "meshes/empty.glb", "surfels/empty.ply", "surfels/sky.npz",
+        "drive",
+        "frames",
+        "renders",
+        "inpainted",
+        "masks",
+        "regions",
+        "instances.json",
+        "instances",
+        "meshes/full.ply",
+        "meshes/empty.ply",
+        "meshes/empty.glb",
+        "surfels/empty.ply",
+        "surfels/sky.npz",
     ),
-    outputs=("metrics.json", "report"),
-)  # fmt: skip
+    outputs=(
+        "metrics.json",
+        "report",
+    ),
+    outside=files_of_truth,
+)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.semantics.labels import find_labels
 from unveil_core.workspace.movers import write_moving
 
 __all__ = ["STAGE"]
 
 
-def run(context: StageContext) -> None:
+def run(context: StageContext) -> Facts:
     """labels.json: which labels occur; movers/: what moves."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     write_json_atomic(context.output("labels.json"), scene.labels_json())
-    movers = write_moving(drive, scene, context.output("movers"), context.settings.movers, context.progress)
-    context.workspace.update_stage("segment", movers=movers)
+    count = write_moving(drive, scene, context.output("movers"), context.settings.movers, context.progress)
+    return {"movers": count}
 
 
-STAGE = Stage("segment", run, ("drive",), ("labels.json", "movers"), ("movers",), version=2)
+STAGE = Stage("segment", run, ("drive",), ("labels.json", "movers"), ("movers",))

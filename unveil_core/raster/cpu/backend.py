@@ -92,19 +92,49 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     visible = lend((count,), np.uint8)
     shape, field = _by_shape(inputs, camera)
     in_parallel(
-        shape.project, count, 4096, *map(_array, inputs), _array(labels), *pose, float(camera.fx),
-        float(camera.fy), float(camera.cx), float(camera.cy), width, height, float(settings.near), settings.coefficients,
-        limits.alpha_min, limits.exact_reach, records, boxes, depths, visible, *field,
-    )  # fmt: skip
+        shape.project,
+        count,
+        4096,
+        *map(_array, inputs),
+        _array(labels),
+        *pose,
+        float(camera.fx),
+        float(camera.fy),
+        float(camera.cx),
+        float(camera.cy),
+        width,
+        height,
+        float(settings.near),
+        settings.coefficients,
+        limits.alpha_min,
+        limits.exact_reach,
+        records,
+        boxes,
+        depths,
+        visible,
+        *field,
+    )
     tiles_x, tiles_y = tile_counts(width, height)
     surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
     offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
     keys, spare = (buffers.array(name, (count,), np.uint64) for name in ("keys", "spare"))
     order, found = buffers.array("order", (count,), np.int32), np.zeros(1, np.int64)
     in_parallel(
-        binning.arrange, 2, 1, depths.view(np.uint32), visible, keys, spare, order, found, boxes, tiles_x, tiles_y,
-        surfel_start, offsets,
-    )  # fmt: skip
+        binning.arrange,
+        2,
+        1,
+        depths.view(np.uint32),
+        visible,
+        keys,
+        spare,
+        order,
+        found,
+        boxes,
+        tiles_x,
+        tiles_y,
+        surfel_start,
+        offsets,
+    )
     order, total = order[: found[0]], int(offsets[-1])
     if total > np.iinfo(np.int32).max:
         raise ValueError(
@@ -118,15 +148,39 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     kept_tiles = tiles_x * tiles_y if keep else 0
     kept = buffers.array("kept", (kept_tiles, kept_size(label_count, group.geometry, group.label_distortion)))
     in_parallel(
-        kernels_for(settings.group, limits.exp_degree).forward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
-        _start(settings), records.ravel(), offsets, ids, width, height, np.float32(settings.c1),
-        np.float32(settings.inv_near), np.float32(limits.transmittance_min), label_count, *planes.values(), kept, hits,
-    )  # fmt: skip
+        kernels_for(settings.group, limits.exp_degree).forward,
+        tiles_x * tiles_y,
+        TILES_AT_ONCE,
+        tiles_x,
+        _start(settings),
+        records.ravel(),
+        offsets,
+        ids,
+        width,
+        height,
+        np.float32(settings.c1),
+        np.float32(settings.inv_near),
+        np.float32(limits.transmittance_min),
+        label_count,
+        *planes.values(),
+        kept,
+        hits,
+    )
     done = Pass(
         {name: torch.from_numpy(plane) for name, plane in planes.items()},
-        torch.from_numpy(visible.view(np.bool_)), buffers, settings, camera, pose,
-        records, surfel_start, offsets, ids, place, hits, kept,
-    )  # fmt: skip
+        torch.from_numpy(visible.view(np.bool_)),
+        buffers,
+        settings,
+        camera,
+        pose,
+        records,
+        surfel_start,
+        offsets,
+        ids,
+        place,
+        hits,
+        kept,
+    )
     if not keep:
         release(done)
     return done
@@ -147,19 +201,46 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     touched = buffers.array("touched", (len(done.ids),), np.uint8)
     tiles_x, tiles_y = tile_counts(width, height)
     in_parallel(
-        kernels_for(settings.group, settings.limits.exp_degree).backward, tiles_x * tiles_y, TILES_AT_ONCE, tiles_x,
-        done.records.ravel(), done.offsets, done.ids, width, height, np.float32(settings.c1),
-        np.float32(settings.inv_near), np.float32(settings.limits.alpha_min), label_count, done.kept, done.hits,
-        *incoming, done.place, rows.ravel(), touched,
-    )  # fmt: skip
+        kernels_for(settings.group, settings.limits.exp_degree).backward,
+        tiles_x * tiles_y,
+        TILES_AT_ONCE,
+        tiles_x,
+        done.records.ravel(),
+        done.offsets,
+        done.ids,
+        width,
+        height,
+        np.float32(settings.c1),
+        np.float32(settings.inv_near),
+        np.float32(settings.limits.alpha_min),
+        label_count,
+        done.kept,
+        done.hits,
+        *incoming,
+        done.place,
+        rows.ravel(),
+        touched,
+    )
     arrays, visible = [_array(t) for t in inputs], _array(done.visible).view(np.uint8)
     gradients = (*(lend(a.shape) for a in arrays), lend((len(visible), 2)))
     shape, field = _by_shape(inputs, camera)
     in_parallel(
-        shape.reduce_rows, len(visible), 2048, done.records, visible, done.surfel_start,
-        rows, touched, *arrays, *done.pose, float(camera.fx), float(camera.fy), settings.coefficients, *gradients,
+        shape.reduce_rows,
+        len(visible),
+        2048,
+        done.records,
+        visible,
+        done.surfel_start,
+        rows,
+        touched,
+        *arrays,
+        *done.pose,
+        float(camera.fx),
+        float(camera.fy),
+        settings.coefficients,
+        *gradients,
         *field,
-    )  # fmt: skip
+    )
     return tuple(torch.from_numpy(g) for g in gradients)
 
 

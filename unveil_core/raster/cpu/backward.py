@@ -30,7 +30,7 @@ from unveil_core.raster.cpu.block import (
     kept_planes,
     offsets_of,
     sources,
-)  # fmt: skip
+)
 from unveil_core.raster.cpu.lanes import Vector, add_across, lane_function, lane_type
 from unveil_core.raster.spec import ALPHA_MAX
 
@@ -144,9 +144,21 @@ def _unblend(
         by_q += p.is_exact.where(by_inv, 0.0) * one(rec.IZ)
         adds = [p.is_exact.where(p.q, 1.0) * by_inv, *(w * g for g in g_normal)]
     adds = [
-        by_nu, by_nu * p.dx, by_nu * p.dy, by_nv, by_nv * p.dx, by_nv * p.dy, by_q, by_q * p.dx, by_q * p.dy, h,
-        *(w * g for g in g_rgb), by_screen * p.dx, by_screen * p.dy, *adds,
-    ]  # fmt: skip
+        by_nu,
+        by_nu * p.dx,
+        by_nu * p.dy,
+        by_nv,
+        by_nv * p.dx,
+        by_nv * p.dy,
+        by_q,
+        by_q * p.dx,
+        by_q * p.dy,
+        h,
+        *(w * g for g in g_rgb),
+        by_screen * p.dx,
+        by_screen * p.dy,
+        *adds,
+    ]
     return tuple(a + b for a, b in zip(sums, adds, strict=True))
 
 
@@ -179,9 +191,31 @@ def _read_label(builder, keep, saved, memory, gradient, slot):
 
 @njit(**{**FAST, "forceinline": True})
 def _read(
-    memory, base, size, state_size, slot_size, kept_size, places, tx, ty, width, height, label_count, geometry, semantics,
-    label_distortion, keep, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist,
-):  # fmt: skip
+    memory,
+    base,
+    size,
+    state_size,
+    slot_size,
+    kept_size,
+    places,
+    tx,
+    ty,
+    width,
+    height,
+    label_count,
+    geometry,
+    semantics,
+    label_distortion,
+    keep,
+    g_rgb,
+    g_alpha,
+    g_depth,
+    g_median,
+    g_normal,
+    g_distortion,
+    g_labels,
+    g_label_dist,
+):
     """A tile's state as forward kept it, and the gradients of its pixels; a block at the border pixel by pixel."""
     B_SUM, G_RED, G_ALPHA, G_DEPTH, G_MEDIAN, G_NX, G_DIST, G_LDIST = places
     stride = kept_size + (label_count * KEPT_LABEL if label_distortion else 0)
@@ -241,9 +275,12 @@ def _read(
             for k in range(label_count):
                 if (met >> k) & 1:
                     _read_label(
-                        keep, source + u64(kept_size + k * KEPT_LABEL), memory, at + G_LDIST,
+                        keep,
+                        source + u64(kept_size + k * KEPT_LABEL),
+                        memory,
+                        at + G_LDIST,
                         at + u64(state_size + k * slot_size),
-                    )  # fmt: skip
+                    )
 
 
 def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degree: int) -> Callable[..., None]:
@@ -256,10 +293,32 @@ def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool, deg
 
     @njit(**FAST)
     def backward(
-        tile, end, tiles_x, records, offsets, ids, width, height, c1, inv_near, least_alpha, label_count,
-        kept, hits, g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels, g_label_dist, place, rows,
+        tile,
+        end,
+        tiles_x,
+        records,
+        offsets,
+        ids,
+        width,
+        height,
+        c1,
+        inv_near,
+        least_alpha,
+        label_count,
+        kept,
+        hits,
+        g_rgb,
+        g_alpha,
+        g_depth,
+        g_median,
+        g_normal,
+        g_distortion,
+        g_labels,
+        g_label_dist,
+        place,
+        rows,
         touched,
-    ):  # fmt: skip
+    ):
         if code < 0:
             return
         size = state_size + (label_count * slot_size if semantics else 0)
@@ -269,10 +328,31 @@ def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool, deg
             tx, ty = (t % tiles_x) * TILE, (t // tiles_x) * TILE
             first, count = offsets[t], offsets[t + 1] - offsets[t]
             _read(
-                memory, base, size, state_size, slot_size, kept_size, places, tx, ty, width, height, label_count, geometry,
-                semantics, label_distortion, kept[t], g_rgb, g_alpha, g_depth, g_median, g_normal, g_distortion, g_labels,
+                memory,
+                base,
+                size,
+                state_size,
+                slot_size,
+                kept_size,
+                places,
+                tx,
+                ty,
+                width,
+                height,
+                label_count,
+                geometry,
+                semantics,
+                label_distortion,
+                kept[t],
+                g_rgb,
+                g_alpha,
+                g_depth,
+                g_median,
+                g_normal,
+                g_distortion,
+                g_labels,
                 g_label_dist,
-            )  # fmt: skip
+            )
             for back in range(count - 1, -1, -1):
                 i = u64(first + back)
                 if back >= AHEAD:
@@ -291,9 +371,23 @@ def backward_kernel(geometry: bool, semantics: bool, label_distortion: bool, deg
                     blocks &= blocks - u64(1)
                     at = base + u64(b * size)
                     sums = _unblend(
-                        geometry, semantics, label_distortion, degree, sums, memory, at, at + u64(label_slot), records, g,
-                        f32(tx + b % 4 * 4), f32(ty + b // 4 * 4), f32(back), c1, inv_near, least_alpha,
-                    )  # fmt: skip
+                        geometry,
+                        semantics,
+                        label_distortion,
+                        degree,
+                        sums,
+                        memory,
+                        at,
+                        at + u64(label_slot),
+                        records,
+                        g,
+                        f32(tx + b % 4 * 4),
+                        f32(ty + b // 4 * 4),
+                        f32(back),
+                        c1,
+                        inv_near,
+                        least_alpha,
+                    )
                 _store_row(geometry, sums, rows, row * row_floats)
 
     return backward

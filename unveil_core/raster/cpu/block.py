@@ -18,9 +18,24 @@ from unveil_core.raster.passes import TILE
 from unveil_core.raster.spec import ALPHA_MAX
 
 __all__ = [
-    "AHEAD", "BLOCK", "BLOCKS", "KEPT_LABEL", "Splat", "TILE", "aligned", "expect", "get", "get_next", "kept_planes",
-    "kept_size", "offsets_of", "put", "put_next", "reached", "sources",
-]  # fmt: skip
+    "AHEAD",
+    "BLOCK",
+    "BLOCKS",
+    "KEPT_LABEL",
+    "Splat",
+    "TILE",
+    "aligned",
+    "expect",
+    "get",
+    "get_next",
+    "kept_planes",
+    "kept_size",
+    "offsets_of",
+    "put",
+    "put_next",
+    "reached",
+    "sources",
+]
 
 u64 = np.uint64
 BLOCK, BLOCKS = 4, 16

@@ -42,8 +42,14 @@ def columns(Z, x, y, fx, fy, s0, s1, s2, frame):
     """Jp R diag(s), its first row and then its second, for a centre at depth Z in the direction (x, y, 1)."""
     t00, t01, t02, t10, t11, t12, t20, t21, t22 = frame
     jx, jy = fx / Z, fy / Z
-    return (jx * s0 * (t00 - x * t02), jx * s1 * (t10 - x * t12), jx * s2 * (t20 - x * t22),
-            jy * s0 * (t01 - y * t02), jy * s1 * (t11 - y * t12), jy * s2 * (t21 - y * t22))  # fmt: skip
+    return (
+        jx * s0 * (t00 - x * t02),
+        jx * s1 * (t10 - x * t12),
+        jx * s2 * (t20 - x * t22),
+        jy * s0 * (t01 - y * t02),
+        jy * s1 * (t11 - y * t12),
+        jy * s2 * (t21 - y * t22),
+    )
 
 
 @njit(**INLINED)
@@ -77,8 +83,37 @@ def _kernels():
     code = sources("per_surfel.py", "../passes.py", "../records.py", "../spec.py", "../spherical_harmonics.py")
 
     @njit(**FAST)
-    def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
-                coefficients, alpha_min, exact_reach, records, boxes, depths, visible, x_low, x_high, y_low, y_high):  # fmt: skip
+    def project(
+        first,
+        end,
+        means,
+        quats,
+        log_scales,
+        opacity_logits,
+        sh,
+        labels,
+        R,
+        t,
+        eye,
+        fx,
+        fy,
+        cx0,
+        cy0,
+        width,
+        height,
+        near,
+        coefficients,
+        alpha_min,
+        exact_reach,
+        records,
+        boxes,
+        depths,
+        visible,
+        x_low,
+        x_high,
+        y_low,
+        y_high,
+    ):
         """As ``per_surfel.project``."""
         if code < 0:
             return
@@ -129,14 +164,72 @@ def _kernels():
                 r, g, b = higher_colour(i, dx / distance, dy / distance, dz / distance, sh, coefficients)
                 red, green, blue = red + r, green + g, blue + b
             write_record(
-                i, cx, cy, iz, a0, b0, 0.0, b1, 0.0, 0.0, opacity, red, green, blue, side * nx, side * ny, side * nz, Z,
-                labels[i], 0.0, cx, cy, e0, e1, e2, x0, x1, y0, y1, records, boxes, depths, visible,
-            )  # fmt: skip
+                i,
+                cx,
+                cy,
+                iz,
+                a0,
+                b0,
+                0.0,
+                b1,
+                0.0,
+                0.0,
+                opacity,
+                red,
+                green,
+                blue,
+                side * nx,
+                side * ny,
+                side * nz,
+                Z,
+                labels[i],
+                0.0,
+                cx,
+                cy,
+                e0,
+                e1,
+                e2,
+                x0,
+                x1,
+                y0,
+                y1,
+                records,
+                boxes,
+                depths,
+                visible,
+            )
 
     @njit(**FAST)
-    def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means, quats, log_scales, opacity_logits, sh,
-                    R, t, eye, fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen,
-                    x_low, x_high, y_low, y_high):  # fmt: skip
+    def reduce_rows(
+        first,
+        end,
+        records,
+        visible,
+        surfel_start,
+        rows,
+        touched,
+        means,
+        quats,
+        log_scales,
+        opacity_logits,
+        sh,
+        R,
+        t,
+        eye,
+        fx,
+        fy,
+        coefficients,
+        g_means,
+        g_quats,
+        g_log_scales,
+        g_opacity_logits,
+        g_sh,
+        g_screen,
+        x_low,
+        x_high,
+        y_low,
+        y_high,
+    ):
         """As ``per_surfel.reduce_rows``."""
         if code < 0:
             return
@@ -206,9 +299,7 @@ def _kernels():
             else:
                 distance, _, side = seen_from(X, Y, Z, t20, t21, t22)
                 h20, h21, h22 = h20 + side * a[16], h21 + side * a[17], h22 + side * a[18]
-            quaternion_gradient(
-                n, R, inverse, qw, qx, qy, qz, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats,
-            )  # fmt: skip
+            quaternion_gradient(n, R, inverse, qw, qx, qy, qz, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats)
             # Colour: no gradient where the clamp at zero held it.
             red = f64(a[10]) if records[n, rec.RED] > ZERO else 0.0
             green = f64(a[11]) if records[n, rec.GREEN] > ZERO else 0.0
@@ -217,8 +308,8 @@ def _kernels():
             if coefficients > 1:
                 dx, dy, dz = means[n, 0] - eye[0], means[n, 1] - eye[1], means[n, 2] - eye[2]
                 gx, gy, gz = higher_colour_gradient(
-                    n, red, green, blue, dx / distance, dy / distance, dz / distance, distance, sh, coefficients, g_sh,
-                )  # fmt: skip
+                    n, red, green, blue, dx / distance, dy / distance, dz / distance, distance, sh, coefficients, g_sh
+                )
                 gm0, gm1, gm2 = gm0 + gx, gm1 + gy, gm2 + gz
             for k in range(coefficients, g_sh.shape[1]):
                 for c in range(3):

@@ -36,7 +36,7 @@ from unveil_core.raster.cpu.block import (
     put_next,
     reached,
     sources,
-)  # fmt: skip
+)
 from unveil_core.raster.cpu.lanes import FLOATS, lane_function, lane_type
 from unveil_core.raster.spec import Limits
 
@@ -178,9 +178,30 @@ def _keep(memory, base, size, state_size, kept_size, label_count, label_distorti
 
 @njit(**INLINED)
 def _write(
-    memory, base, size, state_size, slot_size, places, tx, ty, width, height, label_count, geometry, semantics,
-    label_distortion, met, rgb, alphas, depth, median, normal, distortion, labels, label_dist,
-):  # fmt: skip
+    memory,
+    base,
+    size,
+    state_size,
+    slot_size,
+    places,
+    tx,
+    ty,
+    width,
+    height,
+    label_count,
+    geometry,
+    semantics,
+    label_distortion,
+    met,
+    rgb,
+    alphas,
+    depth,
+    median,
+    normal,
+    distortion,
+    labels,
+    label_dist,
+):
     """A tile's planes to the images; a block at the border pixel by pixel."""
     F_T, F_RED, F_NX, F_DEPTH, F_DIST, F_MEDIAN, F_LDIST = places
     for b in range(BLOCKS):
@@ -244,9 +265,30 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degr
 
     @njit(**FAST)
     def forward(
-        tile, end, tiles_x, template, records, offsets, ids, width, height, c1, inv_near, least_light, label_count,
-        rgb, alphas, depth, median, normal, distortion, labels, label_dist, kept, hits,
-    ):  # fmt: skip
+        tile,
+        end,
+        tiles_x,
+        template,
+        records,
+        offsets,
+        ids,
+        width,
+        height,
+        c1,
+        inv_near,
+        least_light,
+        label_count,
+        rgb,
+        alphas,
+        depth,
+        median,
+        normal,
+        distortion,
+        labels,
+        label_dist,
+        kept,
+        hits,
+    ):
         if code < 0:
             return
         size = template.size
@@ -313,9 +355,22 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degr
                             label = np.int64(records[g + u64(rec.LABEL_LOW)] / f32(rec.LOW_RANGE))
                             slot += u64(state_size + label * slot_size)
                         state, told = _blend(
-                            geometry, semantics, label_distortion, degree, state, memory, slot, records, g, block_x,
-                            block_y, f32(np.int64(i) - first), c1, inv_near, least_light,
-                        )  # fmt: skip
+                            geometry,
+                            semantics,
+                            label_distortion,
+                            degree,
+                            state,
+                            memory,
+                            slot,
+                            records,
+                            g,
+                            block_x,
+                            block_y,
+                            f32(np.int64(i) - first),
+                            c1,
+                            inv_near,
+                            least_light,
+                        )
                         hits[i] |= np.uint16(u64((told & u64(0xFFFF)) != u64(0)) << u64(b))
                         if told <= u64(0xFFFF):
                             alive &= ~(u64(1) << u64(b))
@@ -324,8 +379,29 @@ def forward_kernel(geometry: bool, semantics: bool, label_distortion: bool, degr
             if kept.shape[0] > 0:
                 _keep(memory, base, size, state_size, kept_size, label_count, label_distortion, met, kept[t])
             _write(
-                memory, base, size, state_size, slot_size, places, tx, ty, width, height, label_count, geometry,
-                semantics, label_distortion, met, rgb, alphas, depth, median, normal, distortion, labels, label_dist,
-            )  # fmt: skip
+                memory,
+                base,
+                size,
+                state_size,
+                slot_size,
+                places,
+                tx,
+                ty,
+                width,
+                height,
+                label_count,
+                geometry,
+                semantics,
+                label_distortion,
+                met,
+                rgb,
+                alphas,
+                depth,
+                median,
+                normal,
+                distortion,
+                labels,
+                label_dist,
+            )
 
     return forward

@@ -25,29 +25,84 @@ ZERO = f32(0)
 def sh_basis(x, y, z):
     """The 16 basis functions of degree 0 to 3 at a unit direction, as ``spherical_harmonics.basis``."""
     xx, yy, zz = x * x, y * y, z * z
-    return (SH0, -SH1 * y, SH1 * z, -SH1 * x,
-            SH2[0] * x * y, SH2[1] * y * z, SH2[2] * (2 * zz - xx - yy), SH2[3] * x * z, SH2[4] * (xx - yy),
-            SH3[0] * y * (3 * xx - yy), SH3[1] * x * y * z, SH3[2] * y * (4 * zz - xx - yy),
-            SH3[3] * z * (2 * zz - 3 * xx - 3 * yy), SH3[4] * x * (4 * zz - xx - yy), SH3[5] * z * (xx - yy),
-            SH3[6] * x * (xx - 3 * yy))  # fmt: skip
+    return (
+        SH0,
+        -SH1 * y,
+        SH1 * z,
+        -SH1 * x,
+        SH2[0] * x * y,
+        SH2[1] * y * z,
+        SH2[2] * (2 * zz - xx - yy),
+        SH2[3] * x * z,
+        SH2[4] * (xx - yy),
+        SH3[0] * y * (3 * xx - yy),
+        SH3[1] * x * y * z,
+        SH3[2] * y * (4 * zz - xx - yy),
+        SH3[3] * z * (2 * zz - 3 * xx - 3 * yy),
+        SH3[4] * x * (4 * zz - xx - yy),
+        SH3[5] * z * (xx - yy),
+        SH3[6] * x * (xx - 3 * yy),
+    )
 
 
 @njit(**INLINED)
 def sh_slopes(x, y, z):
     """Their partial derivatives by x, y and z: three tuples of 16."""
     xx, yy, zz = x * x, y * y, z * z
-    by_x = (0.0, 0.0, 0.0, -SH1,
-            SH2[0] * y, 0.0, -2 * SH2[2] * x, SH2[3] * z, 2 * SH2[4] * x,
-            6 * SH3[0] * x * y, SH3[1] * y * z, -2 * SH3[2] * x * y, -6 * SH3[3] * x * z,
-            SH3[4] * (4 * zz - 3 * xx - yy), 2 * SH3[5] * x * z, 3 * SH3[6] * (xx - yy))  # fmt: skip
-    by_y = (0.0, -SH1, 0.0, 0.0,
-            SH2[0] * x, SH2[1] * z, -2 * SH2[2] * y, 0.0, -2 * SH2[4] * y,
-            3 * SH3[0] * (xx - yy), SH3[1] * x * z, SH3[2] * (4 * zz - xx - 3 * yy), -6 * SH3[3] * y * z,
-            -2 * SH3[4] * x * y, -2 * SH3[5] * y * z, -6 * SH3[6] * x * y)  # fmt: skip
-    by_z = (0.0, 0.0, SH1, 0.0,
-            0.0, SH2[1] * y, 4 * SH2[2] * z, SH2[3] * x, 0.0,
-            0.0, SH3[1] * x * y, 8 * SH3[2] * y * z, SH3[3] * (6 * zz - 3 * xx - 3 * yy),
-            8 * SH3[4] * x * z, SH3[5] * (xx - yy), 0.0)  # fmt: skip
+    by_x = (
+        0.0,
+        0.0,
+        0.0,
+        -SH1,
+        SH2[0] * y,
+        0.0,
+        -2 * SH2[2] * x,
+        SH2[3] * z,
+        2 * SH2[4] * x,
+        6 * SH3[0] * x * y,
+        SH3[1] * y * z,
+        -2 * SH3[2] * x * y,
+        -6 * SH3[3] * x * z,
+        SH3[4] * (4 * zz - 3 * xx - yy),
+        2 * SH3[5] * x * z,
+        3 * SH3[6] * (xx - yy),
+    )
+    by_y = (
+        0.0,
+        -SH1,
+        0.0,
+        0.0,
+        SH2[0] * x,
+        SH2[1] * z,
+        -2 * SH2[2] * y,
+        0.0,
+        -2 * SH2[4] * y,
+        3 * SH3[0] * (xx - yy),
+        SH3[1] * x * z,
+        SH3[2] * (4 * zz - xx - 3 * yy),
+        -6 * SH3[3] * y * z,
+        -2 * SH3[4] * x * y,
+        -2 * SH3[5] * y * z,
+        -6 * SH3[6] * x * y,
+    )
+    by_z = (
+        0.0,
+        0.0,
+        SH1,
+        0.0,
+        0.0,
+        SH2[1] * y,
+        4 * SH2[2] * z,
+        SH2[3] * x,
+        0.0,
+        0.0,
+        SH3[1] * x * y,
+        8 * SH3[2] * y * z,
+        SH3[3] * (6 * zz - 3 * xx - 3 * yy),
+        8 * SH3[4] * x * z,
+        SH3[5] * (xx - yy),
+        0.0,
+    )
     return by_x, by_y, by_z
 
 
@@ -59,10 +114,22 @@ def rotation(q0, q1, q2, q3):
     inverse = 0.0 if tiny else 1.0 / np.sqrt(norm)
     w = 1.0 if tiny else q0 * inverse
     x, y, z = q1 * inverse, q2 * inverse, q3 * inverse
-    return (inverse, w, x, y, z,
-            1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-            2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-            2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y))  # fmt: skip
+    return (
+        inverse,
+        w,
+        x,
+        y,
+        z,
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
 
 
 @njit(**INLINED)
@@ -76,19 +143,27 @@ def held_scale(log_scale, floor):
 @njit(**INLINED)
 def in_camera(means, i, R, t):
     """A surfel's centre in the camera's frame."""
-    return (R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0],
-            R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1],
-            R[2, 0] * means[i, 0] + R[2, 1] * means[i, 1] + R[2, 2] * means[i, 2] + t[2])  # fmt: skip
+    return (
+        R[0, 0] * means[i, 0] + R[0, 1] * means[i, 1] + R[0, 2] * means[i, 2] + t[0],
+        R[1, 0] * means[i, 0] + R[1, 1] * means[i, 1] + R[1, 2] * means[i, 2] + t[1],
+        R[2, 0] * means[i, 0] + R[2, 1] * means[i, 1] + R[2, 2] * means[i, 2] + t[2],
+    )
 
 
 @njit(**INLINED)
 def axes(R, r0, r1, r2, r3, r4, r5, r6, r7, r8):
     """A rotation's three columns in the camera's frame: both tangents, then the normal."""
-    return (R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6, R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6,
-            R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6, R[0, 0] * r1 + R[0, 1] * r4 + R[0, 2] * r7,
-            R[1, 0] * r1 + R[1, 1] * r4 + R[1, 2] * r7, R[2, 0] * r1 + R[2, 1] * r4 + R[2, 2] * r7,
-            R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8, R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8,
-            R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8)  # fmt: skip
+    return (
+        R[0, 0] * r0 + R[0, 1] * r3 + R[0, 2] * r6,
+        R[1, 0] * r0 + R[1, 1] * r3 + R[1, 2] * r6,
+        R[2, 0] * r0 + R[2, 1] * r3 + R[2, 2] * r6,
+        R[0, 0] * r1 + R[0, 1] * r4 + R[0, 2] * r7,
+        R[1, 0] * r1 + R[1, 1] * r4 + R[1, 2] * r7,
+        R[2, 0] * r1 + R[2, 1] * r4 + R[2, 2] * r7,
+        R[0, 0] * r2 + R[0, 1] * r5 + R[0, 2] * r8,
+        R[1, 0] * r2 + R[1, 1] * r5 + R[1, 2] * r8,
+        R[2, 0] * r2 + R[2, 1] * r5 + R[2, 2] * r8,
+    )
 
 
 @njit(**INLINED)
@@ -154,8 +229,41 @@ def higher_colour(i, dx, dy, dz, sh, coefficients):
 
 
 @njit(**INLINED)
-def write_record(i, cx, cy, iz, a0, b0, a1, b1, a2, b2, opacity, red, green, blue, nx, ny, nz, Z, label, low, ex, ey, e0, e1, e2,
-                 x0, x1, y0, y1, records, boxes, depths, visible):  # fmt: skip
+def write_record(
+    i,
+    cx,
+    cy,
+    iz,
+    a0,
+    b0,
+    a1,
+    b1,
+    a2,
+    b2,
+    opacity,
+    red,
+    green,
+    blue,
+    nx,
+    ny,
+    nz,
+    Z,
+    label,
+    low,
+    ex,
+    ey,
+    e0,
+    e1,
+    e2,
+    x0,
+    x1,
+    y0,
+    y1,
+    records,
+    boxes,
+    depths,
+    visible,
+):
     """The record of a surfel that can touch the image, its tiles and its depth."""
     records[i, rec.CX] = cx
     records[i, rec.CY] = cy
@@ -191,8 +299,33 @@ def write_record(i, cx, cy, iz, a0, b0, a1, b1, a2, b2, opacity, red, green, blu
 
 
 @njit(**FAST)
-def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R, t, eye, fx, fy, cx0, cy0, width, height, near,
-            coefficients, alpha_min, exact_reach, records, boxes, depths, visible):  # fmt: skip
+def project(
+    first,
+    end,
+    means,
+    quats,
+    log_scales,
+    opacity_logits,
+    sh,
+    labels,
+    R,
+    t,
+    eye,
+    fx,
+    fy,
+    cx0,
+    cy0,
+    width,
+    height,
+    near,
+    coefficients,
+    alpha_min,
+    exact_reach,
+    records,
+    boxes,
+    depths,
+    visible,
+):
     """Records of the surfels that can touch the image, with activations and colour; the tiles that each touches
     (first and last column, first and last row), its depth, and ``visible`` (N,) uint8."""
     for i in range(first, end):
@@ -265,9 +398,40 @@ def project(first, end, means, quats, log_scales, opacity_logits, sh, labels, R,
             r, g, b = higher_colour(i, dx / distance, dy / distance, dz / distance, sh, coefficients)
             red, green, blue = red + r, green + g, blue + b
         write_record(
-            i, cx, cy, iz, a0, b0, a1, b1, a2, b2, opacity, red, green, blue, nx, ny, nz, Z,
-            labels[i], GENEROUS * low * low, cx + mx, cy + my, e0, e1, e2, x0, x1, y0, y1, records, boxes, depths, visible,
-        )  # fmt: skip
+            i,
+            cx,
+            cy,
+            iz,
+            a0,
+            b0,
+            a1,
+            b1,
+            a2,
+            b2,
+            opacity,
+            red,
+            green,
+            blue,
+            nx,
+            ny,
+            nz,
+            Z,
+            labels[i],
+            GENEROUS * low * low,
+            cx + mx,
+            cy + my,
+            e0,
+            e1,
+            e2,
+            x0,
+            x1,
+            y0,
+            y1,
+            records,
+            boxes,
+            depths,
+            visible,
+        )
 
 
 @njit(**INLINED)
@@ -340,8 +504,32 @@ def quaternion_gradient(n, R, inverse, w, x, y, z, h00, h01, h02, h10, h11, h12,
 
 
 @njit(**FAST)
-def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means, quats, log_scales, opacity_logits, sh, R, t, eye,
-                fx, fy, coefficients, g_means, g_quats, g_log_scales, g_opacity_logits, g_sh, g_screen):  # fmt: skip
+def reduce_rows(
+    first,
+    end,
+    records,
+    visible,
+    surfel_start,
+    rows,
+    touched,
+    means,
+    quats,
+    log_scales,
+    opacity_logits,
+    sh,
+    R,
+    t,
+    eye,
+    fx,
+    fy,
+    coefficients,
+    g_means,
+    g_quats,
+    g_log_scales,
+    g_opacity_logits,
+    g_sh,
+    g_screen,
+):
     """Sum each surfel's rows in a fixed order and carry them back to its parameters; zero for those off the screen."""
     a = np.empty(20, f32)
     for n in range(first, end):
@@ -410,9 +598,7 @@ def reduce_rows(first, end, records, visible, surfel_start, rows, touched, means
         g_log_scales[n, 1] = slope1 * (h10 * t10 + h11 * t11 + h12 * t12)
         h00, h01, h02, h10, h11, h12 = h00 * s0, h01 * s0, h02 * s0, h10 * s1, h11 * s1, h12 * s1
         h20, h21, h22 = side * a[16], side * a[17], side * a[18]
-        quaternion_gradient(
-            n, R, inverse, w, x, y, z, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats,
-        )  # fmt: skip
+        quaternion_gradient(n, R, inverse, w, x, y, z, h00, h01, h02, h10, h11, h12, h20, h21, h22, g_quats)
         # The row holds opacity times its gradient; sigmoid' = opacity (1 - opacity), without cancellation near 1.
         g_opacity_logits[n] = a[9] / (1.0 + np.exp(min(f64(opacity_logits[n]), 700.0)))
         g_screen[n, 0], g_screen[n, 1] = g_cx, g_cy

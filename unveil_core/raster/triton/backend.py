@@ -90,9 +90,25 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     visible = torch.zeros(count, dtype=torch.uint8, device=device)
     if count:
         per_surfel.project[(-(-count // BLOCK),)](
-            means, quats, log_scales, opacity_logits, sh, labels.contiguous(), pose, count, width, height, records,
-            boxes, depths, visible, COEFFICIENTS=settings.coefficients, SH_ROWS=sh.shape[1], TILE=TILE, BLOCK=BLOCK,
-        )  # fmt: skip
+            means,
+            quats,
+            log_scales,
+            opacity_logits,
+            sh,
+            labels.contiguous(),
+            pose,
+            count,
+            width,
+            height,
+            records,
+            boxes,
+            depths,
+            visible,
+            COEFFICIENTS=settings.coefficients,
+            SH_ROWS=sh.shape[1],
+            TILE=TILE,
+            BLOCK=BLOCK,
+        )
     tiles_x, tiles_y = tile_counts(width, height)
     surfel_start, offsets, ids, place = bin_surfels(boxes, depths, visible.bool(), tiles_x, tiles_y)
     shapes = plane_shapes(group, width, height, label_count)
@@ -102,13 +118,23 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
     slots = torch.zeros(slot_tiles, label_count, tiles.SLOT.value, tiles.PIXELS.value, device=device)
     slots[:, :, 1] = 1.0
     tiles.forward[(tiles_x * tiles_y,)](
-        records, offsets, ids, tiles_x, width, height, settings.c1, settings.inv_near, label_count, *planes.values(), kept, slots,
-        GEOMETRY=group.geometry, SEMANTICS=group.semantics, LABELS=group.label_distortion,
-    )  # fmt: skip
-    return Pass(
-        planes, visible.bool(), settings, camera, pose, records, surfel_start, offsets, ids, place, kept,
+        records,
+        offsets,
+        ids,
+        tiles_x,
+        width,
+        height,
+        settings.c1,
+        settings.inv_near,
+        label_count,
+        *planes.values(),
+        kept,
         slots,
-    )  # fmt: skip
+        GEOMETRY=group.geometry,
+        SEMANTICS=group.semantics,
+        LABELS=group.label_distortion,
+    )
+    return Pass(planes, visible.bool(), settings, camera, pose, records, surfel_start, offsets, ids, place, kept, slots)
 
 
 def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tuple[Tensor, ...]:
@@ -129,19 +155,50 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     # The semantics are out; their place takes each label's transmittance at the end of the list.
     done.slots[:, :, 0] = done.slots[:, :, 1]
     tiles.backward[(tiles_x * tiles_y,)](
-        done.records, done.offsets, done.ids, done.place, tiles_x, width, height, done.settings.c1,
-        done.settings.inv_near, label_count, done.kept, done.slots, behind, *incoming, rows, touched,
-        GEOMETRY=group.geometry, SEMANTICS=group.semantics, LABELS=group.label_distortion, ROW=row_size,
-    )  # fmt: skip
-    gradients = (*(torch.empty_like(t) for t in (means, quats, log_scales, opacity_logits, sh)),
-                 torch.empty(count, 2, device=device))  # fmt: skip
+        done.records,
+        done.offsets,
+        done.ids,
+        done.place,
+        tiles_x,
+        width,
+        height,
+        done.settings.c1,
+        done.settings.inv_near,
+        label_count,
+        done.kept,
+        done.slots,
+        behind,
+        *incoming,
+        rows,
+        touched,
+        GEOMETRY=group.geometry,
+        SEMANTICS=group.semantics,
+        LABELS=group.label_distortion,
+        ROW=row_size,
+    )
+    gradients = (
+        *(torch.empty_like(t) for t in (means, quats, log_scales, opacity_logits, sh)),
+        torch.empty(count, 2, device=device),
+    )
     if count:
         sums = torch.empty(count, 32, device=device)
         per_surfel.sum_rows[(count,)](done.surfel_start, rows, touched, sums, ROW=row_size, USED=used)
         per_surfel.chain[(-(-count // BLOCK),)](
-            means, quats, log_scales, opacity_logits, sh, done.pose, done.records, done.visible.to(torch.uint8), sums, count,
-            *gradients, COEFFICIENTS=done.settings.coefficients, SH_ROWS=sh.shape[1], BLOCK=BLOCK,
-        )  # fmt: skip
+            means,
+            quats,
+            log_scales,
+            opacity_logits,
+            sh,
+            done.pose,
+            done.records,
+            done.visible.to(torch.uint8),
+            sums,
+            count,
+            *gradients,
+            COEFFICIENTS=done.settings.coefficients,
+            SH_ROWS=sh.shape[1],
+            BLOCK=BLOCK,
+        )
     return gradients
 
 

@@ -119,8 +119,35 @@ def _disc(means, quats, log_scales, pose, i, mask):
     distance = tl.sqrt(X * X + Y * Y + Z * Z)
     edge_on = tl.abs(facing) < distance * EDGE_ON
     side = tl.where((facing > 0.0) & (edge_on == 0), -1.0, 1.0)
-    return (X, Y, Z, dx, dy, dz, distance, inverse, w, x, y, z, s0, slope0, s1, slope1, t00, t01, t02, t10, t11, t12,
-            side * nx, side * ny, side * nz, side, edge_on)  # fmt: skip
+    return (
+        X,
+        Y,
+        Z,
+        dx,
+        dy,
+        dz,
+        distance,
+        inverse,
+        w,
+        x,
+        y,
+        z,
+        s0,
+        slope0,
+        s1,
+        slope1,
+        t00,
+        t01,
+        t02,
+        t10,
+        t11,
+        t12,
+        side * nx,
+        side * ny,
+        side * nz,
+        side,
+        edge_on,
+    )
 
 
 @triton.jit
@@ -165,18 +192,64 @@ def _clipped_extent(g0, g1, h0, h1, Z, near, k2):
 
 @triton.jit
 def project(
-    means, quats, log_scales, opacity_logits, sh, labels, pose, count, width, height, records, boxes, depths, visible,
-    COEFFICIENTS: tl.constexpr, SH_ROWS: tl.constexpr, TILE: tl.constexpr, BLOCK: tl.constexpr,
-):  # fmt: skip
+    means,
+    quats,
+    log_scales,
+    opacity_logits,
+    sh,
+    labels,
+    pose,
+    count,
+    width,
+    height,
+    records,
+    boxes,
+    depths,
+    visible,
+    COEFFICIENTS: tl.constexpr,
+    SH_ROWS: tl.constexpr,
+    TILE: tl.constexpr,
+    BLOCK: tl.constexpr,
+):
     """Records of the surfels that can touch the image; the tiles that each touches, its depth, and whether it does."""
     i = tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)
     here = i < count
-    (X, Y, Z, dx, dy, dz, distance, _, _, _, _, _, s0, _, s1, _, t00, t01, t02, t10, t11, t12, nx, ny, nz, _, edge_on) = _disc(
-        means, quats, log_scales, pose, i, here
-    )  # fmt: skip
+    (
+        X,
+        Y,
+        Z,
+        dx,
+        dy,
+        dz,
+        distance,
+        _,
+        _,
+        _,
+        _,
+        _,
+        s0,
+        _,
+        s1,
+        _,
+        t00,
+        t01,
+        t02,
+        t10,
+        t11,
+        t12,
+        nx,
+        ny,
+        nz,
+        _,
+        edge_on,
+    ) = _disc(means, quats, log_scales, pose, i, here)
     fx, fy, cx0, cy0, near = (
-        tl.load(pose + 15), tl.load(pose + 16), tl.load(pose + 17), tl.load(pose + 18), tl.load(pose + 19),
-    )  # fmt: skip
+        tl.load(pose + 15),
+        tl.load(pose + 16),
+        tl.load(pose + 17),
+        tl.load(pose + 18),
+        tl.load(pose + 19),
+    )
     logit = tl.load(opacity_logits + i, here, -100.0).to(tl.float64)
     opacity = 1.0 / (1.0 + tl.exp(tl.minimum(-logit, 700.0)))
     seen = here & (near < Z) & (Z < DEPTH_MAX) & (opacity >= ALPHA_MIN)
@@ -291,15 +364,59 @@ def sum_rows(surfel_start, rows, touched, sums, ROW: tl.constexpr, USED: tl.cons
 
 @triton.jit
 def chain(
-    means, quats, log_scales, opacity_logits, sh, pose, records, visible, sums, count, g_means, g_quats, g_log_scales,
-    g_opacity_logits, g_sh, g_screen, COEFFICIENTS: tl.constexpr, SH_ROWS: tl.constexpr, BLOCK: tl.constexpr,
-):  # fmt: skip
+    means,
+    quats,
+    log_scales,
+    opacity_logits,
+    sh,
+    pose,
+    records,
+    visible,
+    sums,
+    count,
+    g_means,
+    g_quats,
+    g_log_scales,
+    g_opacity_logits,
+    g_sh,
+    g_screen,
+    COEFFICIENTS: tl.constexpr,
+    SH_ROWS: tl.constexpr,
+    BLOCK: tl.constexpr,
+):
     """Sums of gradient rows carried back to the parameters; zero for surfels off the screen."""
     n = tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)
     here = n < count
     seen = here & (tl.load(visible + n, here, 0) != 0)
-    (X, Y, Z, dx, dy, dz, distance, inverse, w, x, y, z, s0, slope0, s1, slope1, t00, t01, t02, t10, t11, t12, _, _, _,
-     side, edge_on) = _disc(means, quats, log_scales, pose, n, seen)  # fmt: skip
+    (
+        X,
+        Y,
+        Z,
+        dx,
+        dy,
+        dz,
+        distance,
+        inverse,
+        w,
+        x,
+        y,
+        z,
+        s0,
+        slope0,
+        s1,
+        slope1,
+        t00,
+        t01,
+        t02,
+        t10,
+        t11,
+        t12,
+        _,
+        _,
+        _,
+        side,
+        edge_on,
+    ) = _disc(means, quats, log_scales, pose, n, seen)
     fx, fy = tl.load(pose + 15), tl.load(pose + 16)
     iz = 1.0 / tl.where(seen, Z, 1.0)
     xn, yn, W0, W1 = X * iz, Y * iz, t02 * s0, t12 * s1

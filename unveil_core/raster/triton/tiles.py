@@ -62,10 +62,29 @@ def _pixels(t, tiles_x, width, height):
 
 @triton.jit
 def forward(
-    records, offsets, ids, tiles_x, width, height, c1, inv_near, label_count, rgb, alphas, depths, medians, normals,
-    distortion, semantics, label_distortion, kept, slots, GEOMETRY: tl.constexpr, SEMANTICS: tl.constexpr,
+    records,
+    offsets,
+    ids,
+    tiles_x,
+    width,
+    height,
+    c1,
+    inv_near,
+    label_count,
+    rgb,
+    alphas,
+    depths,
+    medians,
+    normals,
+    distortion,
+    semantics,
+    label_distortion,
+    kept,
+    slots,
+    GEOMETRY: tl.constexpr,
+    SEMANTICS: tl.constexpr,
     LABELS: tl.constexpr,
-):  # fmt: skip
+):
     """Blend a tile's surfels in depth order."""
     t = tl.program_id(0)
     p, image, inside, px, py = _pixels(t, tiles_x, width, height)
@@ -73,8 +92,17 @@ def forward(
     light, last, live = zero + 1.0, zero - 1.0, inside
     red, green, blue = zero, zero, zero
     nx, ny, nz, depth_sum, dist, m1, m2, first_hit, median, median_rank = (
-        zero, zero, zero, zero, zero, zero, zero, zero, zero, zero - 1.0,
-    )  # fmt: skip
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero,
+        zero - 1.0,
+    )
     label_dist = zero
     start, end = tl.load(offsets + t), tl.load(offsets + t + 1)
     i, going = start, tl.max(live.to(tl.int32), axis=0)
@@ -154,10 +182,34 @@ def forward(
 
 @triton.jit
 def backward(
-    records, offsets, ids, place, tiles_x, width, height, c1, inv_near, label_count, kept, slots, behind, g_rgb, g_alpha,
-    g_depth, g_median, g_normal, g_distortion, g_semantics, g_label_distortion, rows, touched, GEOMETRY: tl.constexpr,
-    SEMANTICS: tl.constexpr, LABELS: tl.constexpr, ROW: tl.constexpr,
-):  # fmt: skip
+    records,
+    offsets,
+    ids,
+    place,
+    tiles_x,
+    width,
+    height,
+    c1,
+    inv_near,
+    label_count,
+    kept,
+    slots,
+    behind,
+    g_rgb,
+    g_alpha,
+    g_depth,
+    g_median,
+    g_normal,
+    g_distortion,
+    g_semantics,
+    g_label_distortion,
+    rows,
+    touched,
+    GEOMETRY: tl.constexpr,
+    SEMANTICS: tl.constexpr,
+    LABELS: tl.constexpr,
+    ROW: tl.constexpr,
+):
     """Gradient rows of a tile's surfels, from the last to the first.
 
     ``slots`` is as forward left it, and its transmittances are spent; ``behind`` (tiles, K, pixels) is zero, and

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The objects' boxes in the viewport, as one gizmo: it lights up what the pointer is on, and a click chooses it.
+
+A gizmo works whatever tool is active. Hit testing is in ``boxes.pick`` and :func:`box_at`, drawing in :func:`lines_of`.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..formats.boxes import EDGES, corners_of, pick
+from ..scene import view
+from . import selection
+
+__all__ = ["box_at", "lines_of"]
+
+STAYS, GOES, MOVES, POINTED = (
+    (0.25, 0.75, 1.0, 0.75),
+    (1.0, 0.3, 0.08, 1.0),
+    (1.0, 0.75, 0.1, 0.7),
+    (1.0, 1.0, 1.0, 1.0),
+)
+WIDTH_PX, ACTIVE_PX = 1.5, 3.0
+
+
+def _shown(context: bpy.types.Context) -> np.ndarray | None:
+    """Indices of the objects whose boxes are drawn, None where none is; wire cubes are Blender's to draw and to select."""
+    scene = context.scene
+    if not scene.unveil_selection.show_boxes or not selection.current(scene) or view.shown_drive(scene) is None:
+        return None
+    shown = np.flatnonzero(_column(scene, "boxed", bool))
+    return shown if len(shown) else None
+
+
+def _column(scene: bpy.types.Scene, name: str, kind: type, width: int = 1) -> np.ndarray:
+    """(N,) or (N, width) of a property of all listed objects: at every move of the pointer there is no time for more."""
+    objects = scene.unveil_selection.objects
+    values = np.zeros(len(objects) * width, {bool: np.bool_, int: np.int32, float: np.float32}[kind])
+    objects.foreach_get(name, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+def _corners(scene: bpy.types.Scene, shown: np.ndarray) -> np.ndarray:
+    """(N, 8, 3)."""
+    columns = _column(scene, "centre", float, 3), _column(scene, "size", float, 3), _column(scene, "yaw", float)
+    return corners_of(*(c[shown].astype(np.float64) for c in columns))
+
+
+def box_at(context: bpy.types.Context, pointer: tuple[float, float]) -> int | None:
+    """The id of the object whose box lies under the pointer (pixels of the region), None where there is none."""
+    shown = _shown(context)
+    if shown is None:
+        return None
+    perspective = np.array(context.region_data.perspective_matrix, np.float64)
+    size = context.region.width, context.region.height
+    found = pick(pointer, _corners(context.scene, shown), perspective, size)
+    return None if found is None else int(_column(context.scene, "number", int)[shown[found]])
+
+
+def lines_of(context: bpy.types.Context, pointed: int | None) -> list[tuple[np.ndarray, tuple, float]]:
+    """What is drawn: (ends of edges (M, 3), colour, width in pixels) of all boxes that look alike, the one pointed at last."""
+    scene, shown = context.scene, _shown(context)
+    if shown is None:
+        return []
+    ends = _corners(scene, shown)[:, np.array(EDGES).ravel()].astype(np.float32)
+    number, chosen, moves = (
+        _column(scene, n, k)[shown] for n, k in (("number", int), ("chosen", bool), ("moves", bool))
+    )
+    is_pointed = number == (-1 if pointed is None else pointed)
+    is_active = (shown == scene.unveil_selection.active) & ~is_pointed
+    found = []
+    for color, own in ((STAYS, ~chosen & ~moves), (GOES, chosen & ~moves), (MOVES, moves)):
+        for width, part in ((WIDTH_PX, own & ~is_active & ~is_pointed), (ACTIVE_PX, own & is_active)):
+            found.append((ends[part].reshape(-1, 3), color, width))
+    found.append((ends[is_pointed].reshape(-1, 3), POINTED, ACTIVE_PX))
+    return [line for line in found if len(line[0])]
+
+
+class UNVEIL_GT_boxes(bpy.types.Gizmo):
+    """All boxes of the drive."""
+
+    bl_idname = "UNVEIL_GT_boxes"
+    __slots__ = ("clicked", "pointed")
+
+    def setup(self) -> None:
+        self.pointed: int | None = None
+        # Properties of the operator that a click runs, which makes the undo step, too.
+        self.clicked = self.target_set_operator("unveil.toggle_object")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        import gpu
+        from gpu_extras.batch import batch_for_shader
+
+        shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+        width, height = context.region.width, context.region.height
+        gpu.state.blend_set("ALPHA")
+        gpu.state.depth_test_set("NONE")
+        pixel = context.preferences.system.pixel_size
+        for ends, color, line_width in lines_of(context, self.pointed if self.is_highlight else None):
+            batch = batch_for_shader(shader, "LINES", {"pos": ends})
+            shader.bind()
+            shader.uniform_float("viewportSize", (width, height))
+            shader.uniform_float("lineWidth", line_width * pixel)
+            shader.uniform_float("color", color)
+            batch.draw(shader)
+        gpu.state.blend_set("NONE")
+
+    def test_select(self, context: bpy.types.Context, location: tuple[float, float]) -> int:
+        found = box_at(context, (float(location[0]), float(location[1])))
+        if found != self.pointed:
+            self.pointed = found
+            if context.area is not None:
+                context.area.tag_redraw()
+        if found is None:
+            return -1
+        self.clicked.number = found
+        return 0
+
+
+class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
+    """Shown in every 3D view of a scene that has a drive."""
+
+    bl_idname = "UNVEIL_GGT_boxes"
+    bl_label = "Unveil boxes"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"3D", "PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.mode == "OBJECT" and _shown(context) is not None
+
+    def setup(self, context: bpy.types.Context) -> None:
+        gizmo = self.gizmos.new(UNVEIL_GT_boxes.bl_idname)
+        gizmo.use_draw_modal = True
+        gizmo.use_draw_scale = False
+
+
+CLASSES = (UNVEIL_GT_boxes, UNVEIL_GGT_boxes)

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What goes: ``scene.unveil_selection`` with the classes and objects of the drive, and the options that a run gets of it."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ..formats.boxes import SceneBox
+from ..formats.drive_files import ImportedDrive, read_json
+from . import marks
+
+__all__ = ["UnveilClass", "UnveilObject", "UnveilSelection", "arguments", "box_of", "fill", "is_marked", "problem"]
+
+
+class UnveilObject(bpy.types.PropertyGroup):
+    """One object that can go; its ``name`` is for people and for searching."""
+
+    number: IntProperty(description="The id that --instances takes")
+    class_name: StringProperty()
+    source: StringProperty(description="images, clusters, box or mattes")
+    chosen: BoolProperty(name="Remove", description="Take this object out of the street")
+    moves: BoolProperty(description="It moves during the drive, and goes in any case")
+    boxed: BoolProperty(
+        description="Whether its place is known; of no meaning for a wire cube, which is a place itself"
+    )
+    centre: FloatVectorProperty(size=3)
+    size: FloatVectorProperty(size=3)
+    yaw: FloatProperty()
+    distance: FloatProperty(description="From the nearest camera that sees it, metres; negative: unknown")
+    frames: IntProperty(description="How many frames show it")
+    first_frame: StringProperty()
+    last_frame: StringProperty()
+    best_track: StringProperty(description="The camera that shows it best")
+    best_frame: IntProperty(default=-1, description="The frame of the timeline that shows it best; negative: none")
+    points: IntProperty()
+    thumbnail: StringProperty()
+    marker: PointerProperty(type=bpy.types.Object, description="The wire cube around what nobody labelled")
+    mattes: StringProperty(subtype="DIR_PATH")
+
+
+def _of_class(self: UnveilClass) -> list[UnveilObject]:
+    """Its objects that can be chosen one by one."""
+    listed = self.id_data.unveil_selection.objects
+    return [o for o in listed if o.class_name == self.name and not o.moves and not is_marked(o)]
+
+
+def _class_chosen(self: UnveilClass) -> bool:
+    own = _of_class(self)
+    return all(o.chosen for o in own) if own else self.alone
+
+
+def _choose_class(self: UnveilClass, value: bool) -> None:
+    own = _of_class(self)
+    self.alone = value and not own
+    for thing in own:
+        thing.chosen = value
+
+
+class UnveilClass(bpy.types.PropertyGroup):
+    """One class of the drive's labels, by its name."""
+
+    chosen: BoolProperty(
+        name="Remove", description="Take all of this class out of the street", get=_class_chosen, set=_choose_class
+    )
+    alone: BoolProperty(description="Whether it goes where it has no single objects")
+    removable: BoolProperty()
+    objects: IntProperty()
+    points: IntProperty()
+    pixels: IntProperty()
+
+
+class UnveilSelection(bpy.types.PropertyGroup):
+    """What can go and what does. Saved with the .blend."""
+
+    workspace: StringProperty(description="Absolute path of the workspace that the lists are of")
+    objects: CollectionProperty(type=UnveilObject)
+    classes: CollectionProperty(type=UnveilClass)
+    active: IntProperty(name="Object", default=0)
+    active_class: IntProperty(name="Class", default=0)
+    show_boxes: BoolProperty(
+        name="Boxes", default=True, description="Show the objects' boxes in the viewport; a click on one chooses it"
+    )
+    all_classes: BoolProperty(name="All classes", description="List classes that are not removed as a rule, too")
+
+
+# ------------------------------------------------------------------------------------------------------------ what it holds
+
+
+def is_marked(thing: UnveilObject) -> bool:
+    """Whether a person marked it, by a box or mattes."""
+    return thing.source in ("box", "mattes")
+
+
+def box_of(thing: UnveilObject) -> SceneBox | None:
+    """The box of an object: where its wire cube is now, for one that has such; None where nothing is known of its place."""
+    if thing.source == "box":
+        return None if not marks.alive(thing.marker) else marks.box_of_marker(thing.marker)
+    return SceneBox(tuple(thing.centre), tuple(thing.size), thing.yaw) if thing.boxed else None
+
+
+def current(scene: Any) -> bool:
+    """Whether the lists are of the workspace that is set."""
+    place = scene.unveil.workspace
+    listed = scene.unveil_selection.workspace
+    return bool(place and listed) and os.path.realpath(bpy.path.abspath(place)) == os.path.realpath(listed)
+
+
+def standing(scene: Any) -> list[UnveilObject]:
+    """The objects whose choice counts: not those that move, nor marks whose wire cube was deleted."""
+    return [
+        o
+        for o in scene.unveil_selection.objects
+        if not o.moves and not (o.source == "box" and not marks.alive(o.marker))
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------------- what a run gets
+
+
+def chosen_classes(scene: Any) -> list[str]:
+    """Names of the classes that go whole."""
+    listed = scene.unveil_selection
+    whole: dict[str, bool] = {}
+    for thing in listed.objects:  # one pass: this is asked for at every redraw
+        if not thing.moves and not is_marked(thing):
+            whole[thing.class_name] = whole.get(thing.class_name, True) and thing.chosen
+    return [c.name for c in listed.classes if whole.get(c.name, c.alone)]
+
+
+def chosen_numbers(scene: Any) -> list[int]:
+    """Ids of the single objects that go beside these classes."""
+    whole = set(chosen_classes(scene))
+    return [o.number for o in standing(scene) if o.chosen and (is_marked(o) or o.class_name not in whole)]
+
+
+def arguments(scene: Any) -> list[str]:
+    """Options of ``unveil run`` that say what is removed; none before a drive was imported, which means all that can be.
+
+    Writes ``marked.json`` of the workspace where people marked objects and something of that has changed. Quick enough
+    for every redraw.
+    """
+    if not current(scene):
+        return []
+    found: list[str] = []
+    classes, numbers = chosen_classes(scene), chosen_numbers(scene)
+    if classes:
+        found += ["--remove", ",".join(classes)]
+    if numbers:
+        found += ["--instances", ",".join(str(n) for n in numbers)]
+    path = marks.write_marked(Path(scene.unveil_selection.workspace), standing(scene))
+    return found if path is None else [*found, "--marked", str(path)]
+
+
+def problem(scene: Any) -> str:
+    """One line on why nothing can be removed as things stand, or an empty string."""
+    if not current(scene) or chosen_classes(scene) or chosen_numbers(scene):
+        return ""
+    if not scene.unveil_selection.objects:
+        return "Nothing is chosen: the drive has no labelled objects; add a box or mattes"
+    return "Nothing is chosen: tick what is to go, or click its box"
+
+
+# ------------------------------------------------------------------------------------------------------------------ filling
+
+
+def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
+    """List the classes and objects of a workspace; what was chosen in it stays chosen.
+
+    Raises:
+        ValueError: a damaged file; one line that names it.
+    """
+    selection = scene.unveil_selection
+    place = str(drive.workspace.resolve())
+    listed = read_json(drive.workspace / "objects.json") or {"classes": [], "objects": []}
+    same = selection.workspace == place
+    chosen = {o.number for o in selection.objects if o.chosen} if same else set()
+    alone = {c.name for c in selection.classes if c.alone} if same else set()
+    if not same:
+        chosen, alone = _recorded(drive.workspace, listed)
+    kept = [_keep(o) for o in selection.objects if is_marked(o)] if same else []
+    known = {int(e["id"]): e for e in listed["objects"]}
+    if not same:
+        kept = marks.restore(scene, drive)
+    moving = {m.get("id") for m in read_json(drive.workspace / "movers" / "movers.json") or []}
+    selection.workspace = place
+    selection.objects.clear()
+    for number, entry in known.items():
+        if entry["source"] in ("box", "mattes"):
+            continue
+        thing = selection.objects.add()
+        thing.number, thing.source, thing.class_name = number, entry["source"], entry["class"]
+        thing.chosen, thing.moves = number in chosen, number in moving
+        _describe(thing, entry, drive)
+    for mark in kept:
+        thing = selection.objects.add()
+        for name, value in mark.items():
+            setattr(thing, name, value)
+        if not same:
+            thing.chosen = thing.number in chosen
+        if thing.number in known:
+            _describe(thing, known[thing.number], drive)
+    for thing in selection.objects:
+        thing.name = f"{thing.class_name} {thing.number}"
+    selection.classes.clear()
+    for entry in listed["classes"]:
+        item = selection.classes.add()
+        item.name, item.removable, item.alone = entry["name"], bool(entry["removable"]), entry["name"] in alone
+        item.objects, item.points, item.pixels = (
+            int(entry["objects"]),
+            int(entry["points"]),
+            int(entry["pixels"] // 1000),
+        )
+    selection.active = min(selection.active, max(len(selection.objects) - 1, 0))
+
+
+def _recorded(workspace: Path, listed: dict) -> tuple[set[int], set[str]]:
+    """What the workspace itself says was chosen: ids and classes."""
+    recorded = read_json(workspace / "selection.json") or {}
+    classes = set(recorded.get("removed", ()))
+    own = {int(e["id"]) for e in listed["objects"] if e["class"] in classes and e["source"] not in ("box", "mattes")}
+    return own | {int(i) for i in recorded.get("instances", ())}, classes
+
+
+def _keep(thing: UnveilObject) -> dict[str, Any]:
+    """A mark, to be put into the list again."""
+    names = ("number", "class_name", "source", "chosen", "marker", "mattes")
+    return {name: getattr(thing, name) for name in names}
+
+
+def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
+    thing.frames, thing.points = int(entry["frames"]), int(entry["points"])
+    thing.first_frame, thing.last_frame = entry["first_frame"] or "", entry["last_frame"] or ""
+    thing.best_track, thing.best_frame = _place(drive, entry.get("best_camera"), entry.get("best_frame"))
+    thing.distance = -1.0 if entry["distance_m"] is None else float(entry["distance_m"])
+    thing.thumbnail = str(drive.workspace / entry["thumbnail"]) if entry["thumbnail"] else ""
+    box = entry["box"]
+    thing.boxed = box is not None and thing.source != "box"
+    if thing.boxed:
+        thing.centre = np.asarray(box["centre"], np.float64)
+        thing.size = np.asarray(box["size"])
+        thing.yaw = float(box["yaw"]) - math.pi / 2  # the files count from east, the scene's x is north
+
+
+def _place(drive: ImportedDrive, track: str | None, name: str | None) -> tuple[str, int]:
+    """Track and frame of the timeline of a frame of the drive."""
+    names = [f.name for f in drive.tracks.get(track or "", ())]
+    return (track or "", names.index(name)) if name in names else ("", -1)
+
+
+CLASSES = (UnveilObject, UnveilClass, UnveilSelection)
+
+
+def register() -> None:
+    bpy.types.Scene.unveil_selection = PointerProperty(type=UnveilSelection)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.unveil_selection

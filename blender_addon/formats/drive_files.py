@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An imported drive, as the files of its workspace tell it, in Blender's conventions. No bpy here.
+
+Scene coordinates are those of the workspace: metres, z up, an origin amid the cameras.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["DriveFrame", "ImportedDrive", "Lens", "read_drive", "read_json"]
+
+FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+"""From a camera that looks along +z with y down to Blender's, which looks along -z with y up."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Blender's settings of a camera; ``aspect`` is the pixel aspect (x, y), which is the scene's."""
+
+    focal_mm: float
+    shift_x: float
+    shift_y: float
+    aspect: tuple[float, float]
+    sensor_mm: float = 36.0
+
+
+@dataclass(frozen=True, eq=False)
+class DriveFrame:
+    """One photograph.
+
+    Attributes:
+        name: file stem; image: the file.
+        width, height: pixels; fx, fy, cx, cy: pixels from the corner of the picture.
+        camera_to_scene: (4, 4) float64, of Blender's camera.
+    """
+
+    name: str
+    image: Path
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_scene: np.ndarray
+
+    @property
+    def lens(self) -> Lens:
+        """With a horizontal sensor fit."""
+        ratio = self.fx / self.fy
+        return Lens(
+            focal_mm=self.fx * 36.0 / self.width,
+            shift_x=-(self.cx - self.width / 2) / self.width,
+            shift_y=(self.cy - self.height / 2) * ratio / self.width,
+            aspect=(1.0, ratio) if ratio >= 1 else (1 / ratio, 1.0),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedDrive:
+    """A drive in scene coordinates. Those of its files are ``units_per_metre * rotation @ scene + offset``.
+
+    Attributes:
+        workspace: its folder.
+        source: what was imported.
+        tracks: frames by camera name, in time.
+        offset: (3,) float64; rotation: (3, 3) float64.
+    """
+
+    workspace: Path
+    source: str
+    tracks: dict[str, tuple[DriveFrame, ...]]
+    offset: np.ndarray
+    units_per_metre: float
+    rotation: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        path = Path(self.source)
+        return path.parent.name if path.suffix else path.name
+
+    def to_drive(self, scene: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the scene in the drive's own coordinates, as its files have them."""
+        return scene @ self.rotation.T * self.units_per_metre + self.offset
+
+    def from_drive(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the drive's own coordinates in the scene."""
+        return (points - self.offset) @ self.rotation / self.units_per_metre
+
+
+def read_json(path: Path) -> Any:
+    """What a file holds, None where it is not there.
+
+    Raises:
+        ValueError: it is no JSON; the message names the file.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from error
+
+
+def read_drive(workspace: str | Path) -> ImportedDrive:
+    """The imported drive of a workspace.
+
+    Raises:
+        ValueError: there is none, or it is damaged; one line that names the file.
+    """
+    workspace = Path(workspace)
+    path = workspace / "drive" / "cameras.json"
+    data = read_json(path)
+    if data is None:
+        raise ValueError(f"{workspace}: holds no imported drive (import one first)")
+    try:
+        told = data["to_world"]
+        offset = np.array(told["translation"], np.float64).reshape(3)
+        rotation = np.array(told["rotation"], np.float64).reshape(3, 3)
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(told["scale"]), rotation)
+        tracks: dict[str, list[DriveFrame]] = {}
+        for entry in data["frames"]:
+            tracks.setdefault(entry["camera"], []).append(_frame(entry, drive))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
+    drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
+    return drive
+
+
+def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
+    pose = np.array(entry["world_to_camera"], dtype=np.float64).reshape(4, 4)
+    placed = np.eye(4)
+    placed[:3, :3] = pose[:3, :3].T
+    placed[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return DriveFrame(
+        str(entry["name"]), drive.workspace / "drive" / entry["image"], int(entry["width"]), int(entry["height"]),
+        float(entry["fx"]), float(entry["fy"]), float(entry["cx"]), float(entry["cy"]), placed @ FLIP,
+    )  # fmt: skip

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An imported drive in the scene: a collection with its cameras, its points and what could be removed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..formats import classes, sequences, splats
+from ..formats.drive_files import ImportedDrive, read_json
+from ..formats.ply_file import read_ply
+from . import blocks, cameras, meshes, plates
+
+__all__ = ["MOST_POINTS", "Placed", "looks_through_camera", "place", "set_up", "show_cameras_view", "tracks_of"]
+
+MOST_POINTS = 150_000
+"""More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
+RADIUS_PER_METRE, RADIUS_M = 0.005, (0.03, 0.35)
+"""Size of a shown point by its distance from the drive: LiDAR thins out with it."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A drive in the scene.
+
+    Attributes:
+        collection: that holds it.
+        tracks: its cameras, in the drive's order.
+        resized: those of them whose pictures have another size than when the drive was placed before.
+        frames: of the longest track.
+        new: whether the drive was not there before.
+    """
+
+    collection: bpy.types.Collection
+    tracks: list[bpy.types.Object]
+    resized: list[bpy.types.Object]
+    frames: int
+    new: bool
+
+
+def place(scene: bpy.types.Scene, drive: ImportedDrive) -> Placed:
+    """Bring a drive into the scene, or up to date where it is there: its cameras with the photographs, and its points.
+
+    Raises:
+        ValueError: a file of it is damaged; one line that names it.
+        OSError: a file cannot be read or a link not be made.
+    """
+    workspace = str(drive.workspace.resolve())
+    before = blocks.drive_collection(scene, workspace)
+    collection = before or blocks.drive_collection(scene, workspace, drive.name, drive.source)
+    assert collection is not None
+    mark = blocks.drive_of(collection)
+    collection["unveil_offset"] = [float(v) for v in drive.offset]  # double precision
+    collection["unveil_units_per_metre"] = drive.units_per_metre
+    sizes = {c.name: list(c["unveil_size"]) for c in tracks_of(collection)}
+    tracks = _cameras(collection, mark, drive)
+    _points(collection, mark, drive)
+    resized = [c for c in tracks if sizes.get(c.name) != list(c["unveil_size"])]
+    longest = max(len(frames) for frames in drive.tracks.values())
+    return Placed(collection, tracks, resized, longest, before is None)
+
+
+def set_up(context: bpy.types.Context, placed: Placed) -> None:
+    """Fit the scene to a drive: camera, frame range, picture size and, the first time, how the views show it."""
+    scene, collection, tracks = context.scene, placed.collection, placed.tracks
+    if placed.new:
+        _first_look(context, tracks)
+    if collection.get("unveil_frames") != placed.frames:  # what the artist has set since then stays
+        collection["unveil_frames"] = placed.frames
+        scene.frame_start, scene.frame_end = 0, max(placed.frames - 1, 1)
+    if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and placed.new):
+        scene.camera = tracks[0]
+    if scene.camera in placed.resized:
+        cameras.fit_scene_to(scene, scene.camera)
+
+
+def tracks_of(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+    """The cameras of a drive."""
+    return [o for o in collection.all_objects if cameras.track_of(o) is not None]
+
+
+def _cameras(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> list[bpy.types.Object]:
+    place = blocks.child_collection(collection, "cameras", "Cameras")
+    found = []
+    for track, frames in drive.tracks.items():
+        camera = cameras.track_camera(place, mark, track, frames)
+        folder = drive.workspace / "blender" / "original" / track
+        plates.set_plate(camera, mark, "original", sequences.numbered([f.image for f in frames], folder))
+        if not any(b.show_background_image for b in camera.data.background_images):
+            plates.show_plate(camera, "original")
+        found.append(camera)
+    for camera in tracks_of(collection):  # of a drive that had more tracks once
+        if camera not in found:
+            blocks.remove(bpy.data.objects, camera)
+    return found
+
+
+def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> None:
+    ply = read_ply(drive.workspace / "drive" / "points.ply")
+    chosen = splats.fair_share(len(ply.vertices), MOST_POINTS)
+    places = ply.positions[chosen]
+    centres = np.array([f.camera_to_scene[:3, 3] for frames in drive.tracks.values() for f in frames])
+    distance = _nearest(places, centres[splats.fair_share(len(centres), 64)])
+    radius = np.clip(distance * RADIUS_PER_METRE, *RADIUS_M)
+    mesh = blocks.ensure(bpy.data.meshes, mark, "points", lambda: bpy.data.meshes.new("Points"))
+    meshes.fill_mesh(mesh, *splats.tetrahedra(places, radius))
+    colors = ply.colors
+    plain = np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors[chosen]
+    labels = _point_labels(drive.workspace, len(ply.vertices))[chosen]
+    source = str((read_json(drive.workspace / "objects.json") or {}).get("source", "semantics"))
+    meshes.set_colors(mesh, "Colour", np.repeat(plain, 4, axis=0))
+    meshes.set_colors(mesh, "Class", np.repeat(classes.color_table(source)[labels], 4, axis=0))
+    meshes.set_face_values(mesh, "label", np.repeat(labels.astype(np.int32), 4))
+    thing = blocks.ensure_object(
+        mesh, mark, "points", "Points", blocks.child_collection(collection, "points", "Points")
+    )
+    if not mesh.materials:
+        mesh.materials.append(meshes.color_material(mark, "Points"))
+    thing.hide_select = True  # they are everywhere, and a click means something else
+    thing["unveil_points"], thing["unveil_points_shown"] = len(ply.vertices), len(chosen)
+    meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
+
+
+def _nearest(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """(N,) distance of points (N, 3) from the nearest of some centres (M, 3)."""
+    found = np.empty(len(points))
+    for i in range(0, len(points), 20_000):
+        part = points[i : i + 20_000]
+        found[i : i + 20_000] = np.sqrt(((part[:, None] - centres[None]) ** 2).sum(axis=2).min(axis=1))
+    return found
+
+
+def _point_labels(workspace: Path, count: int) -> np.ndarray:
+    """(P,) numbers of classes, 255 where none is known."""
+    try:
+        labels = np.load(workspace / "objects" / "point_labels.npy", allow_pickle=False)
+    except (OSError, ValueError):
+        labels = np.zeros(0, np.uint8)
+    return labels if labels.shape == (count,) else np.full(count, 255, np.uint8)
+
+
+def _first_look(context: bpy.types.Context, tracks: list[bpy.types.Object]) -> None:
+    """How the scene is seen right after an import; what the artist changes then stays."""
+    scene = context.scene
+    scene.camera = tracks[0]
+    scene.frame_set(0)
+    # Photographs are to be seen as they are: a filmic view would bleach them.
+    scene.view_settings.view_transform = "Standard"
+    for space in _viewports(context):
+        space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
+        space.shading.show_object_outline = False  # drawn along every edge of a mesh that has holes
+        space.clip_end = max(space.clip_end, 2000.0)
+    show_cameras_view(context)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                _fill(area, *tracks[0]["unveil_size"])
+
+
+def _fill(area: bpy.types.Area, width: int, height: int) -> None:
+    """Zoom a camera's view until a picture of that size fills what the sidebar leaves free."""
+    whole = next(r for r in area.regions if r.type == "WINDOW")
+    sidebar = next((r.width for r in area.regions if r.type == "UI"), 0)
+    overlaps = bpy.context.preferences.system.use_region_overlap
+    covered = sidebar if overlaps and area.spaces.active.show_region_ui else 0
+    fraction = min(0.92 * (whole.width - covered) / whole.width, 0.8 * whole.height * width / height / whole.width)
+    if fraction <= 0.1:  # no room for a picture
+        return
+    view = area.spaces.active.region_3d
+    view.view_camera_zoom = 50 * (2 * fraction**0.5 - 2**0.5)  # Blender's measure: 0 is half of the width
+    view.view_camera_offset = (covered / (4 * whole.width * fraction), 0.0)
+
+
+def show_cameras_view(context: bpy.types.Context) -> None:
+    """Look through the scene's camera in every 3D view."""
+    for space in _viewports(context):
+        space.region_3d.view_perspective = "CAMERA"
+
+
+def looks_through_camera(context: bpy.types.Context) -> bool:
+    """Whether every 3D view does, and there is one."""
+    seen = [space.region_3d.view_perspective for space in _viewports(context)]
+    return bool(seen) and all(perspective == "CAMERA" for perspective in seen)
+
+
+def _viewports(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:
+    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "VIEW_3D"]
+    return [a.spaces.active for a in areas]

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures behind the camera: the photographs, the clean frames, masks and regions, one of them shown at a time."""
+
+from __future__ import annotations
+
+import os
+
+import bpy
+
+from ..formats.sequences import PictureSequence
+from . import blocks
+
+__all__ = ["KINDS", "files_of", "kinds_of", "set_plate", "show_plate"]
+
+KINDS: tuple[tuple[str, str, str], ...] = (
+    ("original", "Photographs", "The drive's own pictures"),
+    ("clean", "Clean frames", "The delivery: the empty street where something was removed"),
+    ("render", "Empty scene", "The empty 3D scene, rendered"),
+    ("inpainted", "Inpainted", "What the keyframes invented, carried to all frames"),
+    ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),
+    ("removed", "Removed", "Mask of what goes"),
+    ("shadows", "Shadows", "Mask of shadows that go along"),
+    ("unobserved", "Never seen", "Mask of what nobody ever saw"),
+)
+"""(identifier, name, description) of every kind of plate."""
+
+
+def set_plate(camera: bpy.types.Object, drive: str, kind: str, pictures: PictureSequence) -> bpy.types.Image:
+    """Put a sequence behind a track's camera, hidden; brought up to date where it is there already."""
+    track = camera["unveil_track"]
+    role = f"plate:{kind}:{track}"
+    image = blocks.ensure_file(bpy.data.images, drive, role, str(pictures.files[0]), f"{track} {kind}")
+    image.source = "SEQUENCE" if len(pictures) > 1 else "FILE"
+    image.reload()  # the files may have been written anew
+    backgrounds = camera.data.background_images
+    plate = next((b for b in backgrounds if b.image == image), None)
+    if plate is None:
+        plate = backgrounds.new()
+        plate.image, plate.alpha, plate.display_depth, plate.frame_method = image, 1.0, "BACK", "FIT"
+        plate.show_background_image = plate.show_expanded = False
+    user = plate.image_user
+    user.frame_start, user.frame_duration, user.frame_offset = 0, len(pictures), pictures.first - 1
+    user.use_auto_refresh = True
+    camera.data.show_background_images = True
+    return image
+
+
+def kinds_of(camera: bpy.types.Object) -> list[str]:
+    """The kinds of plates that a camera has."""
+    roles = [str(b.image.get(blocks.ROLE, "")) for b in camera.data.background_images if b.image is not None]
+    found = {r.split(":")[1] for r in roles if r.startswith("plate:")}
+    return [kind for kind, _, _ in KINDS if kind in found]
+
+
+def show_plate(camera: bpy.types.Object, kind: str) -> None:
+    """Show one kind of plate behind a camera, the photographs where it has not that one, none for ``"none"``."""
+    wanted = kind if kind == "none" or kind in kinds_of(camera) else "original"
+    for plate in camera.data.background_images:
+        if plate.image is not None and str(plate.image.get(blocks.ROLE, "")).startswith("plate:"):
+            plate.show_background_image = plate.image[blocks.ROLE].split(":")[1] == wanted
+
+
+def files_of(camera: bpy.types.Object, kind: str) -> list[str]:
+    """The files of one kind of plate, in order; empty where the camera has not that one."""
+    for plate in camera.data.background_images:
+        if plate.image is not None and plate.image.get(blocks.ROLE) == f"plate:{kind}:{camera['unveil_track']}":
+            first = bpy.path.abspath(plate.image.filepath)
+            folder, name = os.path.split(first)
+            stem, suffix = os.path.splitext(name)
+            numbers = range(int(stem), int(stem) + plate.image_user.frame_duration)
+            return [os.path.join(folder, f"{n:0{len(stem)}d}{suffix}") for n in numbers]
+    return []

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a run has made, in the scene: plates, strips, clips, meshes and Gaussians. What is there already is brought up to date."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..formats import sequences, splats
+from ..formats.drive_files import ImportedDrive, read_drive, read_json
+from ..formats.files import write_whole
+from ..formats.ply_file import read_ply
+from . import blocks, drive_scene, meshes, plates, versions, view
+
+__all__ = ["FOLDERS", "load"]
+
+FOLDERS = {
+    "clean": "frames", "render": "renders", "inpainted": "inpainted", "regions": "regions", "removed": "masks/removed",
+    "shadows": "masks/shadows", "unobserved": "masks/unobserved",
+}  # fmt: skip
+"""Where the workspace keeps each kind of plate."""
+CLIPS = ("clean", "regions", "removed", "unobserved")
+"""Kinds that become movie clips, too, for tracking and compositing."""
+STATES = {"full": "before", "empty": "after"}
+MOST_SPLATS = 150_000
+"""More Gaussians of a scene are thinned evenly."""
+
+
+def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[str]:
+    """Bring whatever stages have made of a drive into the scene, into the collection that the drive has there.
+
+    Returns:
+        what is there, by kind.
+    Raises:
+        ValueError: a file is damaged; one line that names it.
+        OSError: a file cannot be read, or a link not be made.
+    """
+    drive = read_drive(Path(blocks.workspace_of(collection)))
+    scene, mark = context.scene, blocks.drive_of(collection)
+    found: list[str] = []
+    for camera in drive_scene.tracks_of(collection):
+        found += _plates(camera, mark, drive)
+        _strips(context, camera, mark)
+    _keyframes(scene, mark, drive)
+    for state in STATES:
+        found += _mesh(collection, mark, drive, state)
+        found += _splats(collection, mark, drive, state)
+    if "mesh:empty" in found and not collection.get("unveil_results"):
+        collection["unveil_results"] = True
+        # A mesh would cover the clean frames, which are sharper: whoever looks through the camera sees those first.
+        covers = "clean" in found and drive_scene.looks_through_camera(context)
+        scene.unveil_view.state, scene.unveil_view.shown = "AFTER", set() if covers else {"MESH"}
+    if "clean" in found and not collection.get("unveil_clean"):
+        collection["unveil_clean"] = True
+        scene.unveil_view.background = "clean"
+    view.apply(scene)
+    return found
+
+
+# ---------------------------------------------------------------------------------------------------------------- pictures
+
+
+def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[str]:
+    """Put each kind of picture that is there behind a track's camera, and make clips of some."""
+    track = str(camera["unveil_track"])
+    names = [f.name for f in drive.tracks[track]]
+    found = []
+    for kind, place in FOLDERS.items():
+        files = [drive.workspace / place / track / f"{name}.png" for name in names]
+        if not all(f.is_file() for f in files):
+            continue
+        folder = drive.workspace / "blender" / kind / track
+        if kind == "regions":
+            files = _in_color(files, folder)
+        pictures = sequences.numbered(files, folder)
+        plates.set_plate(camera, mark, kind, pictures)
+        if kind in CLIPS:
+            _clip(mark, kind, track, pictures)
+        found.append(kind)
+    return found
+
+
+def _in_color(files: list[Path], folder: Path) -> list[Path]:
+    """Copies of region pictures that show their numbers in colours, in a folder whose names are the frames'."""
+    folder = folder.with_name(f"{folder.name}_colours")
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
+    for file in files:
+        target = folder / file.name
+        content = sequences.with_palette(file.read_bytes(), sequences.REGION_COLORS)
+        if not target.is_file() or target.read_bytes() != content:
+            write_whole(target, content)
+        made.append(target)
+    return made
+
+
+def _clip(mark: str, kind: str, track: str, pictures: sequences.PictureSequence) -> None:
+    """A movie clip of a sequence; it stays in the file though nothing uses it."""
+    role = f"clip:{kind}:{track}"
+    clip = blocks.ensure_file(bpy.data.movieclips, mark, role, str(pictures.files[0]), f"{track} {kind}")
+    clip.use_fake_user, clip.frame_start, clip.frame_offset = True, 0, 0
+
+
+def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str) -> None:
+    """The photographs and, above them, the clean frames in the Video Sequencer."""
+    scene, track = context.scene, str(camera["unveil_track"])
+    kinds = plates.kinds_of(camera)
+    if "clean" not in kinds:
+        return
+    strips = versions.strips_of(scene)
+    if not len(strips):  # F12 goes on to render the scene, not these pictures
+        scene.render.use_sequencer = False
+    versions.show_in_sequencer(context, scene)
+    for kind in ("original", "clean"):
+        role = f"strip:{kind}:{track}"
+        files = [Path(p) for p in plates.files_of(camera, kind)]
+        strip = blocks.find(strips, mark, role)
+        if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
+            continue
+        channel = _free_channel(strips) if strip is None else strip.channel
+        if strip is not None:
+            strips.remove(strip)
+        strip = strips.new_image(name=f"{track} {kind}", filepath=str(files[0]), channel=channel, frame_start=0)
+        for file in files[1:]:
+            strip.elements.append(file.name)
+        strip.frame_final_duration = len(files)
+        blocks.mark(strip, mark, role)
+
+
+def _free_channel(strips: object) -> int:
+    used = {s.channel for s in strips}  # type: ignore[attr-defined]
+    return max(used, default=0) + 1
+
+
+def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
+    """What the keyframes invented, as pictures of their own, and a marker in the timeline for each."""
+    told = read_json(drive.workspace / "inpaint" / "keyframes.json") or {}
+    wanted = {}
+    for entry in told.get("keyframes", ()):
+        track, name = str(entry["camera"]), str(entry["frame"])
+        file = drive.workspace / "inpainted" / track / f"{name}.png"
+        order = [f.name for f in drive.tracks.get(track, ())]
+        if file.is_file() and name in order:
+            wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, order.index(name))
+    for image in [i for i in bpy.data.images if i.get(blocks.DRIVE) == mark]:
+        if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:
+            bpy.data.images.remove(image)
+    for role, (name, file, _) in wanted.items():
+        image = blocks.ensure_file(bpy.data.images, mark, role, str(file), name)
+        image.use_fake_user = True
+        image.reload()
+    # Markers cannot carry custom properties: one is known by its name and frame, and where any is, none is added.
+    names = [(f"Keyframe {f.name}", i) for frames in drive.tracks.values() for i, f in enumerate(frames)]
+    gone = set(names) - {(name, frame) for name, _, frame in wanted.values()}
+    for marker in [m for m in scene.timeline_markers if (m.name, m.frame) in gone]:
+        scene.timeline_markers.remove(marker)
+    taken = {m.frame for m in scene.timeline_markers}
+    for name, _, frame in wanted.values():
+        if frame not in taken:
+            scene.timeline_markers.new(name, frame=frame)
+
+
+# ---------------------------------------------------------------------------------------------------------------- geometry
+
+
+def _stamp(path: Path) -> str:
+    stat = path.stat()
+    return f"{stat.st_size} {stat.st_mtime_ns}"
+
+
+def _mesh(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
+    """The fused mesh of a state, in a collection of its own."""
+    path, role = drive.workspace / "meshes" / f"{state}.ply", f"mesh:{state}"
+    if not path.is_file():
+        return []
+    name = f"Mesh {STATES[state]}"
+    mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
+    blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
+    if mesh.get("unveil_stamp") == _stamp(path):
+        return [role]
+    ply = read_ply(path)
+    meshes.fill_mesh(mesh, drive.from_drive(ply.positions), ply.triangles)
+    colors = ply.colors
+    meshes.set_colors(mesh, "Col", np.full((len(ply.vertices), 3), 160, np.uint8) if colors is None else colors)
+    _finish(mesh, mark, path)
+    return [role]
+
+
+def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
+    """The 2D Gaussian scene of a state: a small square for each, with its opacity and label."""
+    path, role = drive.workspace / "surfels" / f"{state}.ply", f"splats:{state}"
+    if not path.is_file():
+        return []
+    name = f"Gaussians {STATES[state]}"
+    mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
+    thing = blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
+    if mesh.get("unveil_stamp") == _stamp(path):
+        return [role]
+    ply = read_ply(path)
+    try:
+        centres, first, second, colors = splats.surfel_discs(ply)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    chosen = splats.fair_share(len(centres), MOST_SPLATS)
+    meshes.fill_mesh(mesh, *splats.discs(centres[chosen], first[chosen], second[chosen]))
+    meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
+    opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
+    meshes.set_face_values(mesh, "opacity", opacity)
+    meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen])
+    thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
+    _finish(mesh, mark, path)
+    return [role]
+
+
+def _finish(mesh: bpy.types.Mesh, mark: str, path: Path) -> None:
+    meshes.show_colors(mesh, "Col")
+    if not mesh.materials:
+        mesh.materials.append(meshes.color_material(mark, "Street"))
+    mesh["unveil_stamp"] = _stamp(path)

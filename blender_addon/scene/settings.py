@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``scene.unveil``: which drive, which workspace, which settings. Saved with the .blend."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+__all__ = ["UnveilSettings"]
+
+
+class UnveilSettings(bpy.types.PropertyGroup):
+    """The settings of a run, as ``unveil run --help`` has them."""
+
+    drive: StringProperty(
+        name="Drive", subtype="FILE_PATH", description="What was imported: a transforms.json, a COLMAP folder, …"
+    )
+    workspace: StringProperty(
+        name="Workspace", subtype="DIR_PATH", description="Folder of the results; work goes on there after a break"
+    )
+    quality: EnumProperty(
+        name="Quality",
+        items=(
+            ("draft", "Draft", "A first look: smaller images, fewer steps"),
+            ("standard", "Standard", "For most work"),
+            ("high", "High", "Larger images, more steps, finer meshes"),
+        ),
+        default="standard",
+    )
+    device: EnumProperty(
+        name="Device",
+        items=(
+            ("auto", "Automatic", "What the machine has"),
+            ("cpu", "CPU", "Processor only"),
+            ("cuda", "GPU", "NVIDIA graphics card"),
+        ),
+        default="auto",
+    )
+    seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
+    shadows: EnumProperty(
+        name="Shadows",
+        items=(
+            ("auto", "Automatic", "Shadows of what goes are taken along; the sun is found by its shadows"),
+            ("off", "Leave", "Shadows stay"),
+            ("given", "Sun given", "As automatic, but you say where the sun stands"),
+        ),
+        default="auto",
+    )
+    sun_azimuth: FloatProperty(
+        name="Azimuth", subtype="ANGLE", default=math.radians(135), soft_min=0, soft_max=2 * math.pi,
+        description="Direction towards the sun, clockwise from the y axis (north)",
+    )  # fmt: skip
+    sun_elevation: FloatProperty(
+        name="Elevation", subtype="ANGLE", default=math.radians(40), min=math.radians(0.1), max=math.pi / 2,
+        description="Height of the sun above the horizon",
+    )  # fmt: skip
+    movers: EnumProperty(
+        name="Moving things",
+        items=(
+            ("auto", "Remove", "What moves during the drive goes from every frame"),
+            ("keep", "As standing", "Everything is taken for standing"),
+        ),
+        default="auto",
+    )
+    order: EnumProperty(
+        name="Order",
+        items=(
+            ("reverse", "Last frame first", "Nearest views invent for those farther away"),
+            ("forward", "First frame first", "For comparison"),
+            ("independent", "Each for itself", "For comparison"),
+        ),
+        default="reverse",
+    )
+    keyframes: StringProperty(
+        name="Keyframes", description="Frames that invent what nobody saw, as 3,7; empty: chosen automatically"
+    )
+    inpainter: StringProperty(
+        name="Inpainter", default="exemplar",
+        description="For what is neither ground nor seen: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
+    )  # fmt: skip
+    reference_inpainter: StringProperty(
+        name="Reference inpainter",
+        subtype="FILE_PATH",
+        description="ONNX file that paints by a reference; none by default",
+    )
+    max_side: IntProperty(
+        name="Largest side",
+        min=0,
+        subtype="PIXEL",
+        description="Reduce larger images to this side; 0: as the quality says",
+    )
+    show_more: BoolProperty(name="More settings", default=False, options={"SKIP_SAVE"})
+
+
+CLASSES = (UnveilSettings,)
+
+
+def register() -> None:
+    bpy.types.Scene.unveil = PointerProperty(type=UnveilSettings)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.unveil

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What differs between Blender 4.2 LTS and 5.2 LTS: the one module that asks which Blender this is.
+
+Ask whether something is there rather than for a version where that is possible.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import bpy
+
+__all__ = ["fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
+
+
+def has_window() -> bool:
+    """Whether events and timers run: not with ``--background``, nor in Blender as a Python module."""
+    return not bpy.app.background and not getattr(bpy.app, "module", False)
+
+
+def fcurve_of(datablock: Any, action: Any, data_path: str, index: int = 0) -> Any:
+    """A new f-curve of an action that is already assigned to the data block: an object, a camera, a scene.
+
+    Actions have slots since 4.4; 5.0 dropped ``action.fcurves``.
+    """
+    if hasattr(action, "fcurve_ensure_for_datablock"):
+        return action.fcurve_ensure_for_datablock(datablock, data_path, index=index)
+    if hasattr(action, "slots"):
+        animation = datablock.animation_data
+        if animation.action_slot is None:
+            animation.action_slot = action.slots.new(id_type=datablock.id_type, name=datablock.name)
+        layer = action.layers[0] if action.layers else action.layers.new("Layer")
+        strip = layer.strips[0] if layer.strips else layer.strips.new(type="KEYFRAME")
+        curves = strip.channelbag(animation.action_slot, ensure=True).fcurves
+    else:
+        curves = action.fcurves
+    return curves.find(data_path, index=index) or curves.new(data_path, index=index)
+
+
+def strips_of(scene: Any) -> Any:
+    """The strips of a scene's sequence editor, which is made where there is none; called sequences up to 4.3."""
+    editor = scene.sequence_editor or scene.sequence_editor_create()
+    return editor.strips if hasattr(editor, "strips") else editor.sequences
+
+
+def show_in_sequencer(context: Any, scene: Any) -> None:
+    """Let the Video Sequencer show a scene where it shows none: since 5.0 that need not be the window's scene."""
+    workspace = getattr(context, "workspace", None)
+    if workspace is not None and getattr(workspace, "sequencer_scene", scene) is None:
+        workspace.sequencer_scene = scene
+
+
+def strip_files(strip: Any) -> list[str]:
+    """Absolute paths of an image strip's pictures."""
+    folder = bpy.path.abspath(strip.directory)
+    return [os.path.join(folder, e.filename) for e in strip.elements]

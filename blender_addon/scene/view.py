@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of a drive is shown: ``scene.unveil_view``, and the switch between before and after."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty, PointerProperty
+
+from . import blocks, cameras, meshes, plates
+
+__all__ = ["UnveilView", "apply", "shown_drive"]
+
+ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
+STATES = {"BEFORE": "full", "AFTER": "empty"}
+
+
+def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
+    """Photographs and clean frames are the background's before and after; another background was chosen, and stays."""
+    if self.background in ("original", "clean"):
+        self.background = "clean" if self.state == "AFTER" else "original"
+    apply(self.id_data)
+
+
+def _changed(self: UnveilView, context: bpy.types.Context) -> None:
+    apply(self.id_data)
+
+
+class UnveilView(bpy.types.PropertyGroup):
+    """Saved with the .blend."""
+
+    state: EnumProperty(
+        name="State",
+        items=(
+            ("BEFORE", "Before", "Photographs and mesh of the street as it was"),
+            ("AFTER", "After", "Clean frames and mesh of the empty street"),
+        ),
+        default="BEFORE",
+        update=_state_changed,
+    )
+    shown: EnumProperty(
+        name="Show",
+        items=(
+            ("POINTS", "Points", "LiDAR or structure-from-motion points"),
+            ("MESH", "Mesh", "The fused mesh"),
+            ("SPLATS", "Gaussians", "The 2D Gaussian scene, a disc for each"),
+        ),
+        options={"ENUM_FLAG"},
+        default={"POINTS"},
+        update=_changed,
+    )
+    points: EnumProperty(
+        name="Colour of points",
+        items=(("CLASS", "Class", "By what they are"), ("COLOUR", "Colour", "As photographed")),
+        default="CLASS",
+        update=_changed,
+    )
+    background: EnumProperty(
+        name="Background",
+        description="What the camera shows behind the scene",
+        items=(*plates.KINDS, ("none", "None", "Nothing")),
+        default="original",
+        update=_changed,
+    )
+
+
+def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
+    """The collection of the scene's workspace, None before its import."""
+    place = scene.unveil.workspace
+    return blocks.drive_collection(scene, bpy.path.abspath(place)) if place else None
+
+
+def apply(scene: bpy.types.Scene) -> None:
+    """Bring the drive's collections, cameras and points in line with the settings."""
+    collection = shown_drive(scene)
+    if collection is None:
+        return
+    view = scene.unveil_view
+    for child in collection.children:
+        kind, _, state = str(child.get(blocks.ROLE, "")).partition(":")
+        flag = next((name for name, roles in ROLES.items() if kind in roles), None)
+        if flag is not None:
+            visible = flag in view.shown and state in ("", STATES[view.state])
+            child.hide_viewport = child.hide_render = not visible
+    for thing in collection.all_objects:
+        if cameras.track_of(thing) is not None:
+            plates.show_plate(thing, view.background)
+    points = blocks.find(bpy.data.meshes, blocks.drive_of(collection), "points")
+    if points is not None:
+        meshes.show_colors(points, "Class" if view.points == "CLASS" else "Colour")
+
+
+CLASSES = (UnveilView,)
+
+
+def register() -> None:
+    bpy.types.Scene.unveil_view = PointerProperty(type=UnveilView)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.unveil_view

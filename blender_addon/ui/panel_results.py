@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Results section of the sidebar: what of a run is shown."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..scene import view
+from .panels import Section
+
+__all__ = ["UNVEIL_PT_results"]
+
+
+class UNVEIL_PT_results(Section, bpy.types.Panel):
+    """What is shown of the results."""
+
+    bl_idname = "UNVEIL_PT_results"
+    bl_label = "Results"
+    bl_order = 4
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return view.shown_drive(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, shown = self.layout, context.scene.unveil_view
+        layout.row(align=True).prop(shown, "shown")
+        column = layout.column()
+        column.use_property_split, column.use_property_decorate = True, False
+        column.prop(shown, "background")
+        layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
+
+
+CLASSES = (UNVEIL_PT_results,)

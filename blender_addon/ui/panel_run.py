@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Unveil button with what a job tells, and the Run section: settings, and each stage with its state."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import bpy
+
+from ..scene.view import shown_drive
+from ..work import logs
+from ..work.job_operator import progress_lines, stage_line
+from ..work.operators_run import stage_states
+from ..worker.job_state import duration
+from ..worker.session import session
+from ..worker.workspace_state import STAGES, StageState
+from .panels import Section
+
+__all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
+
+ICONS = {
+    "to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR",
+}  # fmt: skip
+
+
+class UNVEIL_PT_work(Section, bpy.types.Panel):
+    """The button, and what the job tells: above everything else, so that it is always in sight."""
+
+    bl_idname = "UNVEIL_PT_work"
+    bl_label = "Unveil"
+    bl_order = 0
+    bl_options = {"HIDE_HEADER"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        if session.busy:
+            self._progress(context)
+        else:
+            row = self.layout.row()
+            row.scale_y = 1.6
+            row.operator("unveil.run", icon="PLAY")
+            if _has_results(context):
+                row = self.layout.row(align=True)
+                row.scale_y = 1.2
+                row.prop(context.scene.unveil_view, "state", expand=True)
+        self._outcome(context)
+
+    def _progress(self, context: bpy.types.Context) -> None:
+        state, job = session.last, session.job
+        if state is None or job is None:
+            return
+        box = self.layout.box()
+        said = stage_line(state)
+        box.label(text=said if state.place or said == session.title else f"{session.title}: {said}")
+        box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
+        column = box.column(align=True)
+        for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
+            column.label(text=line)
+        row = box.row()
+        row.enabled = not job.cancelling
+        row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel  (Esc)", icon="CANCEL")
+
+    def _outcome(self, context: bpy.types.Context) -> None:
+        state = session.last
+        if state is not None and not state.running and state.error:
+            box = self.layout.box()
+            box.alert = True
+            column = box.column(align=True)
+            for i, line in enumerate(_wrapped(context, state.error)):
+                column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
+        elif state is not None and state.status == "cancelled":
+            self.layout.label(text="Cancelled; start again to go on", icon="INFO")
+        if (state is not None or logs.log_text() is not None) and not session.busy:
+            self.layout.operator("unveil.show_log", icon="TEXT")
+
+
+class UNVEIL_PT_run(Section, bpy.types.Panel):
+    """Settings and work."""
+
+    bl_idname = "UNVEIL_PT_run"
+    bl_label = "Run"
+    bl_order = 3
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        scene = context.scene
+        settings = scene.unveil
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.enabled = not session.busy
+        column.prop(settings, "workspace")
+        column.prop(settings, "quality")
+        column.prop(settings, "shadows")
+        if settings.shadows == "given":
+            column.prop(settings, "sun_azimuth")
+            column.prop(settings, "sun_elevation")
+        more = column.row()
+        more.use_property_split = False
+        more.prop(settings, "show_more", toggle=True, icon="PREFERENCES")
+        if settings.show_more:
+            for name in (
+                "movers", "device", "seed", "max_side", "keyframes", "order", "inpainter", "reference_inpainter",
+            ):  # fmt: skip
+                column.prop(settings, name)
+        self._stages(context)
+
+    def _stages(self, context: bpy.types.Context) -> None:
+        found = stage_states(context.scene)
+        if found is None:
+            return
+        if found.problem:
+            self.layout.label(text=found.problem, icon="INFO")
+        column = self.layout.column(align=True)
+        for name, stage in found.stages.items():
+            self._stage(column, name, _live(stage))
+        for stage in found.stages.values():
+            if stage.message and not (session.last is not None and session.last.error):
+                for line in _wrapped(context, f"{STAGES[stage.name]}: {stage.message}"):
+                    self.layout.label(text=line)
+
+    def _stage(self, layout: Any, name: str, stage: StageState) -> None:
+        row = layout.row(align=True)
+        told = duration(stage.seconds) if stage.seconds is not None else stage.state
+        columns = row.split(factor=0.62)
+        columns.label(text=STAGES[name], icon=ICONS[stage.state])
+        columns.label(text=told)
+        button = row.row(align=True)
+        button.enabled = not session.busy
+        button.operator("unveil.stage", text="", icon="PLAY").stage = name
+
+
+def _has_results(context: bpy.types.Context) -> bool:
+    collection = shown_drive(context.scene)
+    return collection is not None and bool(collection.get("unveil_clean") or collection.get("unveil_results"))
+
+
+def _live(stage: StageState) -> StageState:
+    """With what the running job has told of it."""
+    state = session.last if session.busy else None
+    if state is None:
+        return stage
+    if stage.name in state.ended:
+        ended = state.ended[stage.name]
+        return StageState(stage.name, "failed" if ended == "failed" else "done", stage.seconds)
+    return StageState(stage.name, "running") if stage.name == state.stage else stage
+
+
+def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
+    """Lines that fit into the sidebar: labels do not wrap by themselves."""
+    width = (context.region.width if context.region is not None else 0) or 300
+    characters = max(int(width / (7.5 * (context.preferences.system.ui_scale or 1.0))) - 4, 16)
+    return textwrap.wrap(text, characters, break_on_hyphens=False) or [""]
+
+
+CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run)

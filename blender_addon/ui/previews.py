@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small pictures for the lists: a chip in each class's colour, and the thumbnails of objects."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+
+from ..formats.classes import color_of
+
+__all__ = ["chip", "thumbnail"]
+
+_previews: Any = None
+CHIP_PX = 16
+
+
+def chip(class_name: str) -> int:
+    """Icon number of a class's colour; 0 where there are no icons."""
+    if _previews is None:
+        return 0
+    key = f"class {class_name}"
+    if key not in _previews:
+        made = _previews.new(key)
+        color = [c / 255 for c in color_of(class_name)]
+        edge = {0, CHIP_PX - 1}
+        pixels = [
+            v
+            for y in range(CHIP_PX)
+            for x in range(CHIP_PX)
+            for v in ((0.75, 0.75, 0.75, 1.0) if x in edge or y in edge else (*color, 1.0))
+        ]
+        made.icon_size = (CHIP_PX, CHIP_PX)
+        made.icon_pixels_float = pixels
+    return int(_previews[key].icon_id)
+
+
+def thumbnail(path: str) -> int:
+    """Icon number of a picture file, read again when it was written anew; 0 where there is none."""
+    try:
+        key = f"{path} {os.stat(path).st_mtime_ns}"
+    except OSError:
+        return 0
+    if _previews is None:
+        return 0
+    if key not in _previews:
+        _previews.load(key, path, "IMAGE")
+    return int(_previews[key].icon_id)
+
+
+def register() -> None:
+    global _previews
+    _previews = bpy.utils.previews.new()
+
+
+def unregister() -> None:
+    global _previews
+    if _previews is not None:
+        bpy.utils.previews.remove(_previews)
+        _previews = None

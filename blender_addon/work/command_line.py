@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``blender --background [FILE.blend] --command unveil VERB ARGUMENTS [--save OUT.blend]``
+
+Every verb and option of ``unveil``, with its output and its exit codes (0 done, 1 failed, 2 bad input or usage, 130
+cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded into the scene, which is then saved.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..formats.files import one_line
+from ..worker.jobs import WINDOWS, unveil_command, worker_environment
+from ..worker.session import interrupts
+from .loading import load
+from .preferences import unveil_interpreter
+
+__all__ = ["main"]
+
+LOADED = ("run", "import")
+"""Verbs whose results ``--save`` loads."""
+_handle: Any = None
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> Any:
+        raise ValueError(message)
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command; returns the exit code."""
+    parser = _Parser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--save", type=Path)
+    folders = _Parser(add_help=False)
+    folders.add_argument("-o", "--output", type=Path)
+    try:
+        given, rest = parser.parse_known_args(arguments)
+        workspace = folders.parse_known_args(rest)[0].output
+    except ValueError as error:
+        return _refuse(str(error))
+    if given.save is not None and (rest[:1] == [] or rest[0] not in LOADED or workspace is None):
+        return _refuse("--save goes with the verbs run and import, and -o WORKSPACE")
+    found = unveil_interpreter(bpy.context)
+    if found is None or not found.ok:
+        return _refuse(found.problem if found else "no Python with unveil was found (set UNVEIL_PYTHON to one)", 1)
+    code = _run(unveil_command(found.python, rest))
+    if code == 0 and given.save is not None:
+        return _load_and_save(workspace.absolute(), given.save.absolute())
+    return code
+
+
+def _run(command: list[str]) -> int:
+    """The command's exit code; what it says goes where this process's output goes."""
+    sys.stdout.flush()
+    try:
+        # The pipe is the worker's standard input: it ends when this process ends, however that comes.
+        process = subprocess.Popen(command, env=worker_environment(), stdin=subprocess.PIPE)
+    except OSError as error:
+        return _refuse(f"{command[0]}: cannot be started: {error.strerror}", 1)
+    interrupt = signal.CTRL_C_EVENT if WINDOWS else signal.SIGINT  # type: ignore[attr-defined]
+    with process, interrupts(lambda: process.send_signal(interrupt)):
+        code = process.wait()
+    if code < 0:
+        return _refuse(f"the worker was ended by signal {-code} (run the same command again to go on)", 1)
+    return code
+
+
+def _load_and_save(workspace: Path, save: Path) -> int:
+    context = bpy.context
+    if not bpy.data.filepath:  # no file was named: the new file's cube and lamp would stand in the street
+        bpy.data.batch_remove(list(bpy.data.objects))
+    drive = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
+    context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
+    try:
+        load(context, workspace)
+    except (OSError, ValueError) as error:
+        return _refuse(one_line(error, workspace), 1)
+    try:
+        save.parent.mkdir(parents=True, exist_ok=True)
+        bpy.ops.wm.save_as_mainfile(filepath=str(save), check_existing=False)
+    except (OSError, RuntimeError) as error:
+        return _refuse(f"{save}: cannot be saved: {one_line(error, save)}", 1)
+    print(save)
+    return 0
+
+
+def _refuse(problem: str, code: int = 2) -> int:
+    print(f"unveil: {'error' if code == 2 else 'failed'}: {problem}", file=sys.stderr)
+    return code
+
+
+def register() -> None:
+    global _handle
+    _handle = bpy.utils.register_cli_command("unveil", main)
+
+
+def unregister() -> None:
+    bpy.utils.unregister_cli_command(_handle)

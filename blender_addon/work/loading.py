@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A workspace in the scene: its drive, the lists of what can go, and whatever stages have made of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..choice import selection
+from ..formats.drive_files import read_drive
+from ..formats.files import one_line
+from ..scene import drive_scene, results
+
+__all__ = ["load", "loaded"]
+
+
+def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
+    """Bring a workspace into the scene, or up to date where it is there.
+
+    Returns:
+        what of the results is there, by kind.
+    Raises:
+        ValueError: the workspace holds no imported drive, or a file is damaged; one line that names it.
+        OSError: a file cannot be read, or a link not be made.
+    """
+    drive = read_drive(Path(bpy.path.abspath(str(workspace))))
+    placed = drive_scene.place(context.scene, drive)
+    selection.fill(context.scene, drive)  # the artist's marks go into the drive's collection, so that comes first
+    drive_scene.set_up(context, placed)
+    return results.load(context, placed.collection)
+
+
+def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: str) -> bool:
+    """Bring a workspace into the scene; what is wrong with it is reported in one line."""
+    try:
+        load(context, workspace)
+    except (OSError, ValueError) as error:
+        operator.report({"ERROR"}, one_line(error, Path(bpy.path.abspath(workspace)).absolute()))
+        return False
+    return True

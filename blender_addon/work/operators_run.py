@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Run Unveil: everything, or one stage; cancel; show the log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..choice import selection
+from ..worker import workspace_state
+from ..worker.job_state import JobState
+from ..worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
+from ..worker.session import session
+from . import logs
+from .job_operator import JobOperator, UserError, redraw
+from .loading import loaded
+
+__all__ = ["stage_states", "workspace_of"]
+
+NEED_A_SELECTION = ("remove", "inpaint", "reoptimize")
+"""Stages that are of no use as long as nothing is chosen to go."""
+
+
+def drive_of(scene: bpy.types.Scene) -> str:
+    """The scene's drive, absolute.
+
+    Raises:
+        UserError: none is named.
+    """
+    if not scene.unveil.drive:
+        raise UserError("There is no drive yet: import one first")
+    return str(Path(bpy.path.abspath(scene.unveil.drive)).absolute())
+
+
+def workspace_of(scene: bpy.types.Scene) -> Path | None:
+    """The scene's workspace, absolute; None if none is named."""
+    name = scene.unveil.workspace
+    return Path(bpy.path.abspath(name)).absolute() if name else None
+
+
+class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
+    """Take what was chosen out of every frame and out of the scene; does only what is missing or changed"""
+
+    bl_idname = "unveil.run"
+    bl_label = "Unveil"
+    bl_options = {"UNDO"}  # what it loads into the scene can be taken back, and does not go with the step before it
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        scene = context.scene
+        drive = drive_of(scene)
+        if problem := selection.problem(scene):
+            raise UserError(problem)
+        if not scene.unveil.workspace:
+            scene.unveil.workspace = str(default_workspace(drive, bpy.data.filepath))
+        settings = settings_arguments(scene.unveil, bpy.path.abspath)
+        return [
+            "run",
+            drive,
+            "-o",
+            str(workspace_of(scene)),
+            *settings,
+            *selection_arguments(selection.arguments(scene)),
+        ]
+
+    def finished(self, context: bpy.types.Context, state: JobState) -> None:
+        loaded(self, context, self.workspace_used)
+
+
+class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
+    """Run this stage alone, with the settings as they are now"""
+
+    bl_idname = "unveil.stage"
+    bl_label = "Run stage"
+    bl_options = {"UNDO"}
+
+    stage: EnumProperty(name="Stage", items=[(name, label, "") for name, label in workspace_state.STAGES.items()])
+
+    def title(self) -> str:
+        return workspace_state.STAGES[self.stage]
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        scene = context.scene
+        workspace = workspace_of(scene)
+        if workspace is None:
+            raise UserError("There is no workspace yet: import a drive, or name the folder of one")
+        if self.stage in NEED_A_SELECTION and (problem := selection.problem(scene)):
+            raise UserError(problem)
+        chosen = selection_arguments(selection.arguments(scene))
+        settings = [*settings_arguments(scene.unveil, bpy.path.abspath), *chosen]
+        if self.stage == "import":
+            return ["import", drive_of(scene), "-o", str(workspace), *settings]
+        return [self.stage, str(workspace), *settings]
+
+    def finished(self, context: bpy.types.Context, state: JobState) -> None:
+        loaded(self, context, self.workspace_used)
+
+
+class UNVEIL_OT_cancel(bpy.types.Operator):
+    """End the work within two seconds; what is finished stays, and starting again goes on from there"""
+
+    bl_idname = "unveil.cancel"
+    bl_label = "Cancel"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.busy
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        session.cancel()
+        redraw(context)
+        return {"FINISHED"}
+
+
+class UNVEIL_OT_show_log(bpy.types.Operator):
+    """Open the full log of the latest job in a text editor"""
+
+    bl_idname = "unveil.show_log"
+    bl_label = "Show log"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.last is not None or logs.log_text() is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        text = logs.write_log(session.last) if session.last is not None else logs.log_text()
+        if bpy.app.background or not context.window_manager.windows:
+            return {"FINISHED"}
+        area = next((a for a in context.screen.areas if a.type == "TEXT_EDITOR"), None)
+        if area is None:
+            bpy.ops.wm.window_new()
+            area = context.window_manager.windows[-1].screen.areas[0]
+            area.type = "TEXT_EDITOR"
+        area.spaces.active.text = text
+        return {"FINISHED"}
+
+
+# --------------------------------------------------------------------------------------------------------- for the panel
+
+_cache: dict[str, tuple[object, workspace_state.WorkspaceState]] = {}
+
+
+def stage_states(scene: bpy.types.Scene) -> workspace_state.WorkspaceState | None:
+    """How the stages stand with the scene's settings; None without a workspace. Quick enough for every redraw."""
+    root = workspace_of(scene)
+    if root is None:
+        return None
+    try:
+        chosen = selection.arguments(scene)
+    except (OSError, ValueError):  # marks that cannot be written: a run says so, a panel goes on
+        chosen = []
+    wanted = recorded(scene.unveil, selection_arguments(chosen), bpy.path.abspath)
+    try:
+        stat = (root / "workspace.json").stat()
+        key: object = (stat.st_mtime_ns, stat.st_size, session.busy, repr(wanted))
+    except OSError:
+        key = None
+    held = _cache.get(str(root))
+    if held is None or key is None or held[0] != key:
+        _cache.clear()
+        held = (key, workspace_state.read(root, wanted))
+        _cache[str(root)] = held
+    return held[1]
+
+
+CLASSES = (UNVEIL_OT_run, UNVEIL_OT_stage, UNVEIL_OT_cancel, UNVEIL_OT_show_log)
+
+
+def unregister() -> None:
+    _cache.clear()

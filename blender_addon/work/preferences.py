@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's preferences: which Python has unveil, what it is, and a button that makes one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+
+from .. import __package__ as ADDON  # not this folder: Blender knows the add-on by the package above
+from ..worker import environment
+from ..worker.interpreter import Candidate, Found, candidates, check, find, venv_python
+from ..worker.session import session
+
+__all__ = ["UnveilPreferences", "environment_folder", "known", "preferences", "remember", "unveil_interpreter"]
+
+PYTORCH_CPU = "https://download.pytorch.org/whl/cpu" if sys.platform.startswith("linux") else ""
+"""On Linux the usual index has builds with CUDA, of gigabytes; elsewhere the usual ones are for the processor."""
+
+_known: dict[str, Found] = {}
+"""By what the preferences name: the interpreter that was found for it."""
+
+
+class UnveilPreferences(bpy.types.AddonPreferences):
+    """Kept with Blender's preferences."""
+
+    bl_idname = ADDON
+
+    python: StringProperty(
+        name="Python", subtype="FILE_PATH",
+        description="The Python that has unveil, or its virtual environment; empty: found in the usual places",
+    )  # fmt: skip
+    install_from: StringProperty(
+        name="Install from",
+        description="What Create environment installs: a wheel, a source folder, an address; empty: what came with the add-on",
+    )
+    torch_index: StringProperty(
+        name="Index for torch",
+        default=PYTORCH_CPU,
+        description="Package index that torch comes from; empty: the usual one",
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.prop(self, "python")
+        row = layout.row()
+        row.operator("unveil.check_python", icon="VIEWZOOM")
+        row.operator("unveil.create_environment", icon="IMPORT")
+        if session.busy:
+            row.operator("unveil.cancel", icon="CANCEL")
+        found = known(self)
+        lines = found.lines() if found else ["Not looked for yet: press Check."]
+        if not bpy.ops.unveil.check_python.poll():  # it is at it
+            lines = [*lines[:-1], "Looking at what it can do …"]
+        for line in lines:
+            layout.label(text=line, icon="NONE" if not found or found.ok or line != found.problem else "ERROR")
+        if not bpy.app.online_access:
+            layout.label(
+                text="Create environment needs online access: Preferences > System > Network", icon="INTERNET_OFFLINE"
+            )
+        elif session.last is not None and session.last.stage == "environment":
+            state = session.last
+            if state.running:
+                layout.progress(factor=state.fraction, text=state.message)
+            elif state.error:
+                layout.label(text=state.error, icon="ERROR")
+        column = layout.column()
+        column.prop(self, "install_from")
+        column.prop(self, "torch_index")
+
+
+def preferences(context: bpy.types.Context) -> Any:
+    """The add-on's preferences, whatever its package is called; None where it is not enabled as an add-on."""
+    entry = context.preferences.addons.get(ADDON)
+    return entry.preferences if entry else None
+
+
+def environment_folder(*, create: bool = False) -> Path | None:
+    """Where the add-on makes its environment; None where it is not installed as an extension."""
+    try:
+        return Path(bpy.utils.extension_path_user(ADDON, path="", create=create)) / "environment"
+    except ValueError:
+        return None
+
+
+def _candidates(context: bpy.types.Context) -> list[Candidate]:
+    chosen = preferences(context)
+    folder = environment_folder()
+    settings = context.scene.unveil
+    beside = [Path(bpy.path.abspath(p)) for p in (settings.drive, settings.workspace, bpy.data.filepath) if p]
+    return candidates(
+        bpy.path.abspath(chosen.python) if chosen else "",
+        own=venv_python(folder) if folder is not None and environment.is_ready(folder) else None,
+        beside=[p for p in beside if p.is_absolute()],
+    )
+
+
+def known(chosen: Any) -> Found | None:
+    """What was found for the present preferences, without looking."""
+    return _known.get(chosen.python if chosen else "")
+
+
+def remember(context: bpy.types.Context, found: Found) -> None:
+    """What a thorough check has found for the present preferences."""
+    chosen = preferences(context)
+    _known[chosen.python if chosen else ""] = found
+
+
+def forget() -> None:
+    """Look anew next time."""
+    _known.clear()
+
+
+def unveil_interpreter(context: bpy.types.Context, *, full: bool = False) -> Found | None:
+    """The Python that has unveil; looked for once, then remembered as long as it is there.
+
+    Args:
+        full: check it thoroughly, which takes seconds.
+    Returns:
+        what was found, also if it does not do (``ok`` and ``problem`` tell); None where there is nothing to look at.
+    """
+    chosen = preferences(context)
+    key = chosen.python if chosen else ""
+    found = _known.get(key)
+    if found is None or not found.ok or not found.python.exists():
+        found = find(_candidates(context))
+    if full and found is not None and found.ok:
+        found = check(Candidate(found.python, found.source))
+    if found is not None:
+        _known[key] = found
+    return found
+
+
+CLASSES = (UnveilPreferences,)
+
+
+def unregister() -> None:
+    forget()

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How the stages of a workspace stand, read from its workspace.json. No bpy here.
+
+This is quick enough for every redraw and sees changed settings at once. What has changed outside, in the drive's files
+say, only ``unveil status`` can tell, which digests them; a run finds out by itself in any case.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+__all__ = ["STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
+
+STAGES = {
+    "import": "Import",
+    "objects": "Find objects",
+    "segment": "Labels, movers",
+    "choose": "Choose",
+    "reconstruct": "Reconstruct",
+    "instances": "Objects in 3D",
+    "remove": "Remove",
+    "inpaint": "Inpaint",
+    "reoptimize": "Re-optimize",
+    "mesh": "Mesh",
+    "report": "Report",
+}
+"""Names for people by verb, in the order of their dependence."""
+
+
+def stages_of(verb: str) -> tuple[str, ...]:
+    """The stages that a verb of ``unveil`` goes through, in order; none if it is no verb that works on a workspace."""
+    if verb == "run":
+        return tuple(STAGES)
+    if verb == "import":
+        return ("import", "objects")
+    return (verb,) if verb in STAGES else ()
+
+
+@dataclass(frozen=True)
+class StageState:
+    """Attributes:
+    name: the verb.
+    state: "to do", "running", "done", "stale" or "failed".
+    seconds: that it took, where it is done.
+    message: why it failed, or that it was broken off, in one line.
+    """
+
+    name: str
+    state: str
+    seconds: float | None = None
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class WorkspaceState:
+    """Attributes:
+    root: the folder.
+    exists: whether there is a workspace.
+    problem: one line if there is none, or it is damaged.
+    drive: what was imported.
+    stages: by name, in order.
+    """
+
+    root: Path
+    exists: bool
+    problem: str = ""
+    drive: str = ""
+    stages: dict[str, StageState] = field(default_factory=dict)
+
+
+def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> WorkspaceState:
+    """Read the states.
+
+    Args:
+        root: the workspace.
+        wanted: settings that a run would have, under their names in workspace.json; what was made with others is stale.
+            Names that are not in it are not compared.
+    """
+    root = Path(root)
+    try:
+        data = json.loads((root / "workspace.json").read_text(encoding="utf-8"))
+        recorded = dict(data.get("stages", {}))
+    except FileNotFoundError:
+        return _none(root, "There is no workspace yet")
+    except OSError as error:
+        return _none(root, f"{root}: cannot be read: {error.strerror}")
+    except (ValueError, AttributeError, TypeError):
+        return _none(root, f"{root / 'workspace.json'}: is damaged (run again into a new folder)")
+    # Asked for only where it matters: whoever looks holds the lock himself for a moment.
+    in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
+    stages: dict[str, StageState] = {}
+    for name in STAGES:
+        entry = recorded.get(name, {})
+        made_with = _chosen(root, wanted or {}) if name == "choose" else {}
+        state = _state({**entry, "settings": {**(entry.get("settings") or {}), **made_with}}, wanted or {}, in_use)
+        if state == "done" and not _follows(entry, recorded, stages):
+            state = "stale"
+        message = _why_failed(root, name) if state == "failed" else ""
+        if state in ("to do", "stale") and entry.get("status") == "running":
+            message = "was broken off; Unveil goes on from here"
+        stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
+    return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
+
+
+def _none(root: Path, problem: str) -> WorkspaceState:
+    return WorkspaceState(root, False, problem, stages={name: StageState(name, "to do") for name in STAGES})
+
+
+def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bool) -> str:
+    """A stage's state by its entry alone. A cancelled, killed or failed attempt leaves the finished result as it was."""
+    status = entry.get("status")
+    if status == "running" and in_use:
+        return "running"
+    attempt = entry.get("attempt")
+    attempted = attempt.get("settings") if isinstance(attempt, dict) else None
+    if status == "failed" and ("input_hash" not in entry or _fits(attempted, wanted)):
+        return "failed"
+    if "input_hash" not in entry:
+        return "to do"
+    return "done" if _fits(entry.get("settings"), wanted) else "stale"
+
+
+def _fits(settings: object, wanted: Mapping[str, object]) -> bool:
+    """Whether recorded settings are the wanted ones, as far as both name them."""
+    return not isinstance(settings, dict) or all(wanted[k] == v for k, v in settings.items() if k in wanted)
+
+
+def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:
+    """What was chosen in the end, as settings: one choice can be put in several ways, and comes to the same."""
+    if not wanted.get("remove") and not wanted.get("instances"):
+        return {}  # everything that can be removed: that is one of the ways
+    try:
+        made = json.loads((root / "selection.json").read_text(encoding="utf-8"))
+        found = {"remove": made["removed"], "instances": made["instances"]}
+        return {k: wanted.get(k) if set(v) == set(wanted.get(k) or ()) else v for k, v in found.items()}  # type: ignore[call-overload]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _follows(entry: Mapping[str, object], recorded: Mapping[str, dict], stages: Mapping[str, StageState]) -> bool:  # type: ignore[type-arg]
+    """Whether the stages that it was made from are up to date, and are what they were then."""
+    made_from = entry.get("follows")
+    if not isinstance(made_from, dict):
+        return True
+    return all(
+        recorded.get(name, {}).get("input_hash") == digest and (name not in stages or stages[name].state == "done")
+        for name, digest in made_from.items()
+    )
+
+
+def _in_use(root: Path) -> bool:
+    """Whether a process works there: it holds a lock that goes with it."""
+    try:
+        handle = os.open(root / ".lock", os.O_RDWR)
+    except OSError:
+        return False
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        else:
+            import fcntl
+
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(handle)
+    return False
+
+
+def _why_failed(root: Path, stage: str) -> str:
+    """The latest error of a stage; only the end of the log is read, which may be long."""
+    try:
+        with (root / "events.jsonl").open("rb") as stream:
+            stream.seek(0, os.SEEK_END)
+            stream.seek(max(stream.tell() - 65536, 0))
+            lines = stream.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        return ""
+    for line in reversed(lines):
+        try:
+            event = json.loads(line)
+        except ValueError:
+            continue
+        if event.get("stage") == stage and event.get("level") == "error":
+            return str(event.get("message", "")).splitlines()[0] if event.get("message") else ""
+    return ""

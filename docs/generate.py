@@ -1,0 +1,185 @@
+"""Writes the parts of the pages in docs/ that follow from the code: the drawing of the packages, and the tables beside it.
+
+    python docs/generate.py
+
+A generated part lies between ``<!-- generated: NAME ... -->`` and ``<!-- end -->``. ``tests/test_architecture.py`` makes the
+parts anew, compares, and holds the imports to :data:`ORDER`.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import resolve_name
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+PACKAGE = "unveil_core"
+COMMAND = "python docs/generate.py"
+
+ORDER = {
+    "app": "the unveil command",
+    "bench": "measurements",
+    "pipeline": "stages, runner, settings",
+    "report": "the page, videos",
+    "evaluate": "metrics, baselines",
+    "workspace": "files, lock, journal",
+    "mesh": "fusion, export",
+    "inpaint": "ground, light, facades, frames",
+    "remove": "selection, visibility",
+    "movers": "dynamic objects",
+    "optimize": "reconstruct, re-optimize",
+    "ground": "path, ground, terrain",
+    "semantics": "classes, votes, objects",
+    "raster": "the rasterizer",
+    "surfels": "the scene, the sky",
+    "drives": "readers, import",
+    "geometry": "cameras, axes, images",
+    "base": "files, errors, threads",
+}
+"""The packages of unveil_core from top to bottom, and a word on each. A package imports only from those below it."""
+
+
+@dataclass(frozen=True)
+class Import:
+    """One import statement's target: ``module`` imports ``target``, or the name ``name`` out of it, at ``line``."""
+
+    module: str
+    target: str
+    name: str
+    line: int
+
+
+def package_of(module: str) -> str:
+    """``inpaint`` of ``unveil_core.inpaint.light.sun``; empty for the package ``unveil_core`` itself."""
+    return module.partition(".")[2].partition(".")[0]
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """All modules of unveil_core, by dotted name."""
+    found = {}
+    for path in sorted((ROOT / PACKAGE).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+@cache
+def imports() -> tuple[Import, ...]:
+    """All imports of all modules, also those inside functions and under ``TYPE_CHECKING``."""
+    known, found = modules(), []
+    for module, path in known.items():
+        package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found += [Import(module, alias.name, "", node.lineno) for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                source = resolve_name("." * node.level + (node.module or ""), package)
+                for alias in node.names:
+                    whole = f"{source}.{alias.name}" in known
+                    target, name = (f"{source}.{alias.name}", "") if whole else (source, alias.name)
+                    found.append(Import(module, target, name, node.lineno))
+    return tuple(found)
+
+
+@cache
+def package_imports() -> dict[str, frozenset[str]]:
+    """For each package, the other packages that it imports from."""
+    found: dict[str, set[str]] = {name: set() for name in ORDER}
+    for entry in imports():
+        source, target = package_of(entry.module), package_of(entry.target)
+        if entry.target.startswith(f"{PACKAGE}.") and source in found and source != target:
+            found[source].add(target)
+    return {name: frozenset(targets) for name, targets in found.items()}
+
+
+def below(package: str) -> set[str]:
+    """All packages that one can be reached from by imports, over any number of steps."""
+    found: set[str] = set()
+    waiting = [package]
+    while waiting:
+        new = package_imports().get(waiting.pop(), frozenset()) - found
+        found |= new
+        waiting += new
+    return found
+
+
+def drawing() -> str:
+    """The packages as a Mermaid flowchart. An arrow that follows from two others is not drawn."""
+    lines = ["```mermaid", "flowchart TD"]
+    lines += [f'    {name}["{name}<br/>{what}"]' for name, what in ORDER.items()]
+    for name in ORDER:
+        targets = package_imports()[name]
+        lines += [
+            f"    {name} --> {target}"
+            for target in ORDER
+            if target in targets and not any(target in below(other) for other in targets - {target})
+        ]
+    return "\n".join([*lines, "```"])
+
+
+def package_table() -> str:
+    """What each package holds, in the words of its docstring, and all packages that it imports from."""
+    lines = ["| package | holds | imports from |", "|---|---|---|"]
+    for name in ORDER:
+        text = ast.get_docstring(ast.parse((ROOT / PACKAGE / name / "__init__.py").read_text(encoding="utf-8"))) or ""
+        first = re.sub(r":\w+:(?=`)", "", " ".join(text.split("\n\n")[0].split())).replace("``", "`")
+        targets = " ".join(f"`{target}`" for target in ORDER if target in package_imports()[name])
+        lines.append(f"| `{name}` | {first} | {targets or '–'} |")
+    return "\n".join(lines)
+
+
+def stage_table() -> str:
+    """What each stage declares: its inputs, its outputs, and the settings that matter to it."""
+    from unveil_core.pipeline.graph import STAGES
+
+    def shown(names: tuple[str, ...]) -> list[str]:
+        return [f"`{name}{'' if Path(name).suffix else '/'}`" for name in names]
+
+    lines = ["| stage | reads | writes | settings |", "|---|---|---|---|"]
+    for stage in STAGES:
+        outside = [] if stage.outside is None else [f"*{stage.outside.__name__.replace('_', ' ')}*"]
+        reads = [*outside, *shown(stage.inputs)]
+        settings = [f"`{name}`" for name in stage.settings]
+        cells = (reads, shown(stage.outputs), settings)
+        lines.append(f"| `{stage.name}` | " + " | ".join(" ".join(cell) or "–" for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+PARTS = {
+    "development.md": {"packages": drawing, "package table": package_table},
+    "workspace.md": {"stages": stage_table},
+}
+"""The generated parts by page and name."""
+
+
+def generated(page: str) -> str:
+    """The text of a page with its generated parts made anew.
+
+    Raises:
+        ValueError: a part's markers are missing.
+    """
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    for name, make in PARTS[page].items():
+        begin = f"<!-- generated: {name} ({COMMAND}) -->"
+        before, found, rest = text.partition(begin)
+        _, ended, after = rest.partition("<!-- end -->")
+        if not found or not ended:
+            raise ValueError(f"docs/{page} has no {begin} with <!-- end --> after it")
+        text = f"{before}{begin}\n\n{make()}\n\n<!-- end -->{after}"
+    return text
+
+
+def main() -> None:
+    """Write all pages."""
+    for page in PARTS:
+        (ROOT / "docs" / page).write_text(generated(page), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

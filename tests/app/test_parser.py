@@ -1,0 +1,39 @@
+"""The command's grammar: every stage has its verb, every setting its option, and neither costs an import."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import fields
+
+from unveil_core.app.parser import STAGE_VERBS, command_parser
+from unveil_core.app.verbs import VERBS, settings_of
+from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.settings import RunSettings
+
+
+def test_each_stage_has_a_verb_in_the_order_of_the_graph() -> None:
+    assert ["import", *STAGE_VERBS] == [stage.name for stage in STAGES]
+
+
+def test_each_verb_that_is_parsed_does_something() -> None:
+    verbs = next(a for a in command_parser()._actions if a.dest == "verb")
+    assert list(verbs.choices or ()) == list(VERBS)
+
+
+def test_each_setting_has_an_option_and_what_is_not_given_stays_as_it_was() -> None:
+    before = RunSettings(remove=("car",), seed=3, adapt=False, keyframes=("2",))
+    assert settings_of(command_parser().parse_args(["inpaint", "ws"]), before) == before
+    assert settings_of(command_parser().parse_args(["run", "drive", "-o", "ws"])) == RunSettings()
+    verbs = next(a for a in command_parser()._actions if a.dest == "verb")
+    options = {a.dest for a in verbs.choices["run"]._actions}  # type: ignore[index, call-overload]
+    assert {f.name for f in fields(RunSettings)} <= options
+
+
+def test_the_grammar_loads_no_heavy_package() -> None:
+    program = (
+        "import sys, unveil_core.app.cli; "
+        "print(sorted({m.split('.')[0] for m in sys.modules} & {'torch', 'numpy', 'cv2', 'numba', 'scipy'}))"
+    )
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

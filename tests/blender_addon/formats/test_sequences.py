@@ -1,0 +1,44 @@
+"""Pictures numbered as Blender wants them, and regions in colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.formats.sequences import REGION_COLORS, numbered, with_palette
+
+
+def test_numbered_files_are_taken_as_they_are(tmp_path: Path) -> None:
+    files = [tmp_path / f"{i:04d}.png" for i in range(7, 12)]
+    for f in files:
+        f.write_bytes(b"x")
+    found = numbered(files, tmp_path / "links")
+    assert list(found.files) == files and found.first == 7 and not (tmp_path / "links").exists()
+
+
+@pytest.mark.parametrize("names", [("3", "5"), ("9", "10"), ("a", "b"), ("1533.1", "1533.2"), ("1", "2.jpg")])
+def test_other_files_get_numbered_links(names: tuple[str, ...], tmp_path: Path) -> None:
+    files = [tmp_path / (n if "." in n[-4:-3] else f"{n}.png") for n in names]
+    for f in files:
+        f.write_text(f.name)
+    found = numbered(files, tmp_path / "links")
+    assert found.first == 0 and [f.stem for f in found.files] == ["000000", "000001"]
+    assert [f.read_text() for f in found.files] == [f.name for f in files]
+    files[0].unlink()
+    files[0].write_text("new")  # as a stage replaces its results
+    (tmp_path / "links/000007.png").write_text("left over")
+    again = numbered(files, tmp_path / "links")
+    assert again.files[0].read_text() == "new" and len(list((tmp_path / "links").iterdir())) == 2
+
+
+def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:
+    numbers = np.random.default_rng(0).integers(0, 4, (30, 41), dtype=np.uint8)
+    png = cv2.imencode(".png", numbers)[1].tobytes()
+    shown = cv2.imdecode(np.frombuffer(with_palette(png, REGION_COLORS), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    assert np.array_equal(shown, np.array(REGION_COLORS, np.uint8)[numbers])
+    for bad in (b"", b"GIF89a", cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes()):
+        with pytest.raises(ValueError, match="no grey 8-bit PNG"):
+            with_palette(bad, REGION_COLORS)

@@ -1,0 +1,142 @@
+"""Making the environment: the program that the button starts, with a tiny wheel instead of gigabytes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from blender_addon.worker import environment
+from blender_addon.worker.interpreter import venv_python
+from blender_addon.worker.jobs import Job
+from tests.app.test_endings import alive, until
+from tests.blender_addon.tiny_wheel import tiny_wheel
+
+PROGRAM = environment.__file__
+
+
+@pytest.fixture(autouse=True)
+def offline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pip is cut off here, so the step that renews pip fails; the rest must come about all the same."""
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.delenv("PIP_FIND_LINKS", raising=False)
+
+
+def job(folder: Path, wanted: str) -> Job:
+    return Job([sys.executable, "-I", "-u", PROGRAM, str(folder), wanted])
+
+
+def any_of_group(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_an_environment_that_works_with_progress(tmp_path: Path) -> None:
+    folder = tmp_path / "environment"
+    state = job(folder, str(tiny_wheel(tmp_path))).wait(90)
+    assert state.status == "done", list(state.log)
+    assert state.ended == {"environment": "done"} and environment.is_ready(folder)
+    python = venv_python(folder)
+    said = subprocess.run(
+        [python, "-c", "import unveil_core as u; print(u.__version__)"], capture_output=True, text=True
+    )
+    assert said.stdout == "0.1.0\n"
+    assert any("installing unveil" in line for line in state.log)
+    assert any(line.endswith("Processing unveil_core 0.1.0") for line in state.log)
+    assert not (folder / "temporary").exists()
+    assert not environment.remove_unfinished(folder) and python.exists()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "line"),
+    [
+        ("a-package-that-is-not-there", "No matching distribution found for a-package-that-is-not-there"),
+        ("broken", "RuntimeError: built for another machine"),
+    ],
+)
+def test_a_failure_is_one_line_and_leaves_nothing(wanted: str, line: str, tmp_path: Path) -> None:
+    if wanted == "broken":
+        wanted = str(tiny_wheel(tmp_path, 'raise RuntimeError("built for another machine")\n'))
+    state = job(tmp_path / "environment", wanted).wait(90)
+    assert state.status == "failed" and line in state.error and "\n" not in state.error
+    assert not (tmp_path / "environment").exists()
+
+
+def test_a_finished_environment_outlives_a_failed_one(tmp_path: Path) -> None:
+    folder = tmp_path / "environment"
+    folder.mkdir()
+    (folder / environment.READY).write_text("")
+    (folder / "mine").write_text("made before")
+    running = job(folder, str(tiny_wheel(tmp_path)))
+    assert until(lambda: running.drain().running and (folder / "pyvenv.cfg").exists(), 30)
+    assert running.end().status == "cancelled"
+    environment.remove_unfinished(folder)
+    assert environment.is_ready(folder) and (folder / "mine").read_text() == "made before"
+    assert job(folder, str(tiny_wheel(tmp_path))).wait(90).status == "done"
+    assert environment.is_ready(folder) and not (folder / "mine").exists()
+    assert [p.name for p in tmp_path.iterdir() if p.is_dir()] == ["environment"]
+
+
+def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
+    folder = tmp_path / "environment"
+    running = job(folder, str(tiny_wheel(tmp_path)))
+    assert until(lambda: running.drain().running and (folder / "pyvenv.cfg").exists(), 30)
+    assert running.end().status == "cancelled"
+    environment.remove_unfinished(folder)  # as the operator does: a program that had to be killed could not
+    assert not folder.exists()
+
+
+def test_pip_leaves_nothing_where_it_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it downloads and unpacks lies in the environment's folder, which goes."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    folder = tmp_path / "environment"
+    running = job(folder, str(tiny_wheel(tmp_path)))
+    assert until(lambda: running.drain().running and any(folder.glob("temporary/pip-*")), 60)
+    os.killpg(running.pid, signal.SIGKILL)
+    assert running.wait(5).status == "failed" and environment.remove_unfinished(folder)
+    assert not list(temporary.iterdir())
+
+
+@pytest.mark.parametrize("sign", ["", "pyvenv.cfg", "lib/python3.*/site-packages/pip"])
+def test_it_ends_with_who_started_it(sign: str, tmp_path: Path) -> None:
+    """At once, when it has hardly begun, and while a command of a command works."""
+    folder = tmp_path / "environment"
+    process = subprocess.Popen(
+        [sys.executable, "-I", "-u", PROGRAM, str(folder), str(tiny_wheel(tmp_path))],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+    )  # fmt: skip
+    assert process.stdin is not None
+    assert until(lambda: not sign or any(folder.glob(sign)), 60)
+    process.stdin.close()
+    assert until(lambda: process.poll() is not None, 10) and not alive(process.pid)
+    assert process.returncode == 130 and not folder.exists()
+    assert until(lambda: not any_of_group(process.pid), 2)  # who was ended may lie there until somebody looks
+
+
+def test_what_is_installed(tmp_path: Path) -> None:
+    assert (environment.ADDON / "blender_manifest.toml").is_file()
+    assert environment.requirement(addon=tmp_path) == "unveil-core"
+    wheel = tiny_wheel(tmp_path / "core")
+    assert environment.requirement(addon=tmp_path) == str(wheel)
+    assert environment.requirement(" ../source ", addon=tmp_path) == "../source"
+
+
+def test_a_base_that_can_make_one(tmp_path: Path) -> None:
+    assert environment.base_python(sys.executable) == sys.executable
+    old = tmp_path / "python3"
+    old.write_text("#!/bin/sh\necho 3 9\n")
+    old.chmod(0o755)
+    assert environment.base_python(str(old), {"PATH": str(tmp_path)}) is None
+    (tmp_path / "python3.12").write_text("#!/bin/sh\necho 3 12\n")
+    (tmp_path / "python3.12").chmod(0o755)
+    assert environment.base_python(str(old), {"PATH": str(tmp_path)}) == str(tmp_path / "python3.12")

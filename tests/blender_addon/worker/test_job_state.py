@@ -1,0 +1,97 @@
+"""What a job's lines mean."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+
+from blender_addon.worker.job_state import JobState, duration
+from blender_addon.worker.workspace_state import stages_of
+
+
+def event(**values: object) -> str:
+    return json.dumps(
+        {"t": 0.0, "stage": "reconstruct", "done": 0, "total": 0, "message": "", "level": "info", **values}
+    )
+
+
+def test_events_and_log_are_told_apart() -> None:
+    state = JobState()
+    state.read("some warning\n")
+    state.read("{no json\n")
+    state.read('{"t": 1}\n')
+    state.read(event(done=20, total=80, message="step", loss=0.25) + "\n")
+    assert (state.stage, state.done, state.total, state.fraction) == ("reconstruct", 20, 80, 0.25)
+    assert state.metrics == {"loss": 0.25}
+    assert list(state.log)[:3] == ["some warning", "{no json", '{"t": 1}']
+    assert "20/80" in state.log[-1] and "loss 0.25" in state.log[-1]
+
+
+def test_stages_end() -> None:
+    state = JobState()
+    state.read(event(stage="import", message="up to date", done=1, total=1))
+    state.read(event(message="done", done=1, total=1, seconds=3.5))
+    assert state.ended == {"import": "up to date", "reconstruct": "done"}
+    state.read(event(stage="remove", message="no surfel carries this label", level="error", traceback="line 1\nline 2"))
+    assert state.ended["remove"] == "failed" and state.error == "no surfel carries this label"
+    assert "line 2" in state.log
+
+
+def test_time_left_follows_the_pace_of_the_present_part() -> None:
+    state = JobState()
+    now = time.monotonic()
+    state.read(event(done=10, total=100))
+    assert state.seconds_left(now + 10) is None  # no pace yet: the first that it told was already 10
+    state.read(event(done=30, total=100))
+    state.stage_started = now
+    assert state.seconds_left(now + 10) == pytest.approx(35)
+    state.read(event(done=1, total=50))  # the next part
+    assert state.seconds_left(time.monotonic() + 10) is None
+    state.read(event(done=50, total=50))
+    assert state.seconds_left(time.monotonic() + 10) is None
+
+
+@pytest.mark.parametrize(
+    ("exit_code", "line", "status", "error"),
+    [
+        (0, "unveil: error: of no consequence", "done", ""),
+        (1, "unveil: failed: ws: the disk is full (…)", "failed", "ws: the disk is full (…)"),
+        (2, "unveil: error: x: there is no such drive", "bad input", "x: there is no such drive"),
+        (2, "", "bad input", "Bad input; the log tells which"),
+        (1, "", "failed", "It failed; the log tells where"),
+        (130, "unveil: cancelled", "cancelled", ""),
+        (-9, "", "failed", "The worker was killed, perhaps because memory ran out; run it again to go on"),
+        (-11, "", "failed", "The worker was ended by signal 11; run it again to go on"),
+        (3221225477, "", "failed", "The worker ended with exit code 3221225477; the log tells more"),
+    ],
+)
+def test_exit_codes(exit_code: int, line: str, status: str, error: str) -> None:
+    state = JobState()
+    state.read(line)
+    assert state.running
+    state.end(exit_code)
+    assert (state.status, state.error, state.exit_code) == (status, error, exit_code)
+
+
+def test_the_log_is_bounded() -> None:
+    state = JobState()
+    for i in range(20000):
+        state.read(f"line {i}")
+    assert len(state.log) == 5000 and state.log[-1] == "line 19999"
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(7.6, "8 s"), (125, "2 min 05 s"), (4200, "1 h 10 min")])
+def test_durations(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_which_of_how_many_stages_runs() -> None:
+    state = JobState(planned=stages_of("run"))
+    assert state.place is None  # none has begun
+    state.read(event(done=20, total=80))
+    assert state.place == (5, 11)
+    state.planned = stages_of("reconstruct")
+    assert state.place is None  # there is but one
+    assert stages_of("import") == ("import", "objects") and stages_of("status") == ()

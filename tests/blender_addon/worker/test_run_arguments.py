@@ -1,0 +1,77 @@
+"""``scene.unveil`` as options: the command takes them, and records what the add-on expects to find recorded."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from blender_addon.worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
+from unveil_core.app.parser import command_parser
+from unveil_core.app.verbs import settings_of
+from unveil_core.pipeline.settings import RunSettings
+
+PLAIN = {
+    "quality": "standard", "device": "auto", "seed": 0, "shadows": "auto", "sun_azimuth": 0.0, "sun_elevation": 0.5,
+    "movers": "auto", "order": "reverse", "keyframes": "", "inpainter": "exemplar", "reference_inpainter": "", "max_side": 0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"quality": "high", "device": "cpu", "seed": 12, "movers": "keep", "order": "forward", "max_side": 640},
+        {"shadows": "off"},
+        {"shadows": "given", "sun_azimuth": math.radians(135), "sun_elevation": math.radians(40.5)},
+        {"keyframes": "3, 7", "inpainter": "telea"},
+        {"keyframes": " auto "},
+        {"inpainter": "//lama.onnx", "reference_inpainter": "/networks/leftrefill.onnx"},
+    ],
+)
+def test_the_command_records_what_the_add_on_compares_with(changed: dict[str, object]) -> None:
+    settings = SimpleNamespace(**{**PLAIN, **changed})
+
+    def absolute(path: str) -> str:
+        return path.replace("//", "/blend/")
+
+    selection = ["--remove", "car,person", "--instances", "3,7"]
+    options = settings_arguments(settings, absolute)
+    for verb in (["run", "drive", "-o", "ws"], ["inpaint", "ws"]):
+        given = settings_of(command_parser().parse_args([*verb, *options, *selection])).to_json()
+        expected = recorded(settings, selection, absolute)
+        assert {name: given[name] for name in expected} == expected
+    assert given["shadows"] in ("auto", "off", "135,40.5")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "goes"),
+    [
+        (["--remove", "car,person"], (["car", "person"], [], None)),
+        (["--instances", "3,7"], ([], [3, 7], None)),
+        (["--remove", "car", "--marked", "/ws/marked.json"], (["car"], [], "/ws/marked.json")),
+    ],
+)
+def test_a_choice_replaces_the_one_before(chosen: list[str], goes: tuple[object, ...]) -> None:
+    """Also of the kinds that it does not name: a stage keeps what is recorded unless it is told."""
+    options = selection_arguments(chosen)
+    before = RunSettings(remove=("truck",), instances=(9,), marked="/old.json")
+    given = settings_of(command_parser().parse_args(["choose", "ws", *options]), before).to_json()
+    assert (given["remove"], given["instances"], given["marked"]) == goes
+    expected = recorded(SimpleNamespace(**PLAIN), options)
+    assert (expected["remove"], expected["instances"], expected["marked"]) == goes
+    assert selection_arguments([]) == []
+
+
+def test_nothing_recorded_before_comes_through() -> None:
+    """Every setting that the panel has is said, whatever a workspace has recorded."""
+    options = [*settings_arguments(SimpleNamespace(**PLAIN)), *selection_arguments(["--remove", "car"])]
+    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN), options[-6:]))
+
+
+def test_where_results_go_if_nobody_says() -> None:
+    assert default_workspace("/data/street/transforms.json") == Path("/data/street_unveiled")
+    assert default_workspace("/data/street") == Path("/data/street_unveiled")
+    assert default_workspace("/data/street", "/work/shot.blend") == Path("/work/street_unveiled")

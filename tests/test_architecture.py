@@ -1,0 +1,102 @@
+"""The packages of unveil_core: what lies where, and who may import whom. docs/development.md shows and argues it."""
+
+from __future__ import annotations
+
+import ast
+from importlib.util import find_spec
+
+import pytest
+
+import unveil_core
+from docs.generate import COMMAND, ORDER, PACKAGE, PARTS, ROOT, generated, imports, modules, package_of
+
+MOST_MODULES = 14
+"""In one folder, beside its ``__init__``: more is no longer seen at a glance."""
+BLENDER = {
+    "bpy",
+    "bpy_extras",
+    "bmesh",
+    "mathutils",
+    "gpu",
+    "gpu_extras",
+    "blf",
+    "addon_utils",
+    "bl_ext",
+    "blender_addon",
+}
+BY_NAME = {"unveil_core", "unveil_core.raster.autograd", "unveil_core.bench.rivals"}
+"""Modules that import others by a computed name: the public face, the rasterizer its backends, a benchmark its rivals."""
+INSIDE = [i for i in imports() if i.target == PACKAGE or i.target.startswith(f"{PACKAGE}.")]
+
+
+def test_only_init_and_main_lie_loose() -> None:
+    assert {p.name for p in (ROOT / PACKAGE).glob("*.py")} == {"__init__.py", "__main__.py"}
+
+
+def test_each_package_has_its_place_in_the_order() -> None:
+    assert {package_of(m) for m in modules()} - {"", "__main__"} == set(ORDER)
+
+
+def test_no_folder_has_too_many_modules() -> None:
+    paths = [p for p in (*modules().values(), *(ROOT / "blender_addon").rglob("*.py")) if p.name != "__init__.py"]
+    counts = {folder: sum(p.parent == folder for p in paths) for folder in {p.parent for p in paths}}
+    assert {str(folder.relative_to(ROOT)): n for folder, n in counts.items() if n > MOST_MODULES} == {}
+
+
+def test_no_import_points_up() -> None:
+    place = {name: k for k, name in enumerate(ORDER)} | {"__main__": -1}
+    wrong = [
+        i for i in INSIDE
+        if package_of(i.module) and package_of(i.target) and place[package_of(i.module)] > place[package_of(i.target)]
+    ]  # fmt: skip
+    assert wrong == []
+
+
+def test_the_public_face_is_not_used_from_below() -> None:
+    assert [i for i in INSIDE if i.target == PACKAGE and i.name != "__version__"] == []
+
+
+def test_the_public_face_names_what_there_is() -> None:
+    assert all(getattr(unveil_core, name) is not None for name in unveil_core.__all__)
+
+
+def test_each_import_finds_its_module() -> None:
+    assert {i.target for i in INSIDE} <= set(modules())
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    targets = {m: sorted({i.target for i in INSIDE if i.module == m}) for m in modules()}
+    done: set[str] = set()
+
+    def circle_from(module: str, way: tuple[str, ...]) -> tuple[str, ...]:
+        if module in way:
+            return (*way[way.index(module) :], module)
+        for target in [] if module in done else targets[module]:
+            if found := circle_from(target, (*way, module)):
+                return found
+        done.add(module)
+        return ()
+
+    found = [circle_from(module, ()) for module in targets]
+    assert [" -> ".join(way) for way in found if way] == []
+
+
+def test_nothing_imports_blender() -> None:
+    assert [i for i in imports() if i.target.split(".")[0] in BLENDER] == []
+
+
+def test_imports_by_a_computed_name_are_few() -> None:
+    """They are not seen by the rules above."""
+    using = set()
+    for module, path in modules().items():
+        calls = [n.func for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+        names = {f.attr if isinstance(f, ast.Attribute) else getattr(f, "id", "") for f in calls}
+        if names & {"import_module", "__import__"}:
+            using.add(module)
+    assert using == BY_NAME
+    assert all(find_spec(f"unveil_core.raster.{name}.backend") for name in ("cpu", "triton"))
+
+
+@pytest.mark.parametrize("page", PARTS)
+def test_generated_parts_of_the_pages_are_up_to_date(page: str) -> None:
+    assert (ROOT / "docs" / page).read_text(encoding="utf-8") == generated(page), f"run `{COMMAND}`"

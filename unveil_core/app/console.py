@@ -1,0 +1,67 @@
+"""How a run speaks: a progress bar on a terminal, plain lines in a log, JSON lines for programs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the stages' module loads NumPy
+    from unveil_core.pipeline.stage import Reporter
+
+__all__ = ["reporting"]
+
+
+@contextmanager
+def reporting(as_json: bool) -> Iterator[Reporter]:
+    """A reporter for the surroundings: ``--json``, a terminal, or neither."""
+    if as_json:
+        yield lambda event: print(json.dumps(event), flush=True)
+    elif sys.stderr.isatty():
+        with _bar() as reporter:
+            yield reporter
+    else:
+        yield _plain
+
+
+def _text(event: dict[str, object]) -> str:
+    metrics = "  ".join(
+        f"{k} {v:g}" for k, v in event.items()
+        if isinstance(v, float | int) and k not in ("t", "done", "total")
+    )  # fmt: skip
+    return "  ".join(p for p in (str(event["message"]), metrics) if p)
+
+
+def _plain(event: dict[str, object]) -> None:
+    if event["message"] in ("started", "done", "up to date") or event["level"] == "error":
+        print(f"{event['stage']:<12} {_text(event)}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _bar() -> Iterator[Reporter]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("[bold]{task.description:<12}"), BarColumn(32), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[note]}"),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), refresh_per_second=8) as progress:
+        tasks = {}
+
+        def report(event: dict[str, object]) -> None:
+            stage = str(event["stage"])
+            if stage not in tasks:
+                tasks[stage] = progress.add_task(stage, total=None, note="")
+            total, done = event["total"], event["done"]
+            if event["message"] == "done" or event["message"] == "up to date":
+                known = progress.tasks[tasks[stage]].total or 1
+                progress.update(tasks[stage], total=known, completed=known, note=_text(event))
+            elif total:
+                progress.update(tasks[stage], total=total, completed=done, note=_text(event))  # type: ignore[arg-type]
+            else:
+                progress.update(tasks[stage], note=_text(event))
+
+        yield report

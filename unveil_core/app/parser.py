@@ -1,0 +1,271 @@
+"""The command line's grammar. Importing it loads neither torch nor NumPy, so ``unveil --help`` answers at once."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from unveil_core import __version__
+from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES
+
+__all__ = ["STAGE_VERBS", "command_parser"]
+
+STAGE_VERBS = {
+    "objects": "list the single objects that can be removed, before there is a scene",
+    "segment": "find the labels that occur, and what moves",
+    "choose": "say which classes and objects go",
+    "reconstruct": "fit the semantic surfel scene with everything in it",
+    "instances": "find the listed objects among the scene's surfels",
+    "remove": "take the chosen objects out and find what nobody ever saw",
+    "inpaint": "fill frames in reversed time, the ground in street coordinates",
+    "reoptimize": "teach the scene its empty state, write renders/ and frames/",
+    "mesh": "fuse meshes before and after",
+    "report": "measure and write the report page",
+}
+"""The stages that have a verb of their own, each with its line of help, in the order of ``pipeline.graph.STAGES``. They are
+named here again because importing the stages loads torch; a test compares the two lists."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Usage errors are one line and exit 2."""
+
+    def error(self, message: str) -> Any:
+        print(f"unveil: error: {message} (see {self.prog} --help)", file=sys.stderr)
+        raise SystemExit(2)
+
+
+_Verbs = Any
+"""What ``add_subparsers`` returns; argparse gives it no public name."""
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """The parser of the ``unveil`` command."""
+    parser = _Parser(prog="unveil", description="The empty street from a drive.")
+    parser.add_argument("--version", action="version", version=f"unveil {__version__}")
+    verbs = parser.add_subparsers(dest="verb", required=True, parser_class=_Parser, metavar="VERB")
+    _add_whole_runs(verbs)
+    _add_stages(verbs)
+    _add_evaluate(verbs)
+    _add_render(verbs)
+    _add_export(verbs)
+    _add_bench(verbs)
+    _add_common(verbs.add_parser("doctor", help="what this machine has"))
+    return parser
+
+
+# Verbs
+
+
+def _add_whole_runs(verbs: _Verbs) -> None:
+    p = verbs.add_parser("demo", help="unveil the sample street")
+    p.add_argument("-o", "--output", type=Path, default=Path("demo_workspace"), metavar="WORKSPACE")
+    _add_settings(p)
+    _add_common(p)
+    for name, text in (
+        ("run", "from a drive to clean frames, meshes and a report"),
+        ("import", "bring a drive into a workspace and list what could go"),
+    ):
+        p = verbs.add_parser(name, help=text)
+        p.add_argument("drive", type=Path)
+        p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+        _add_settings(p)
+        _add_common(p)
+
+
+def _add_stages(verbs: _Verbs) -> None:
+    status = {"status": "which stages of a workspace are done, stale, or still to do"}
+    for name, text in {**STAGE_VERBS, **status}.items():
+        p = verbs.add_parser(name, help=text)
+        p.add_argument("workspace", type=Path)
+        _add_settings(p)
+        _add_common(p)
+
+
+def _add_evaluate(verbs: _Verbs) -> None:
+    p = verbs.add_parser("evaluate", help="compare a workspace with the true empty street, or with its own photographs")
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--truth", type=Path, default=None, metavar="DIR")
+    p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
+    p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
+    p.add_argument(
+        "--holdout-masks", action="store_true",
+        help="lay virtual cars over street that is seen, remove them, compare; takes a drive, too",
+    )  # fmt: skip
+    p.add_argument("--cars", type=int, default=None, metavar="N", help="virtual cars (2)")
+    p.add_argument(
+        "--quality", default=None, choices=QUALITIES,
+        help="of the run with the virtual cars, by default the workspace's",
+    )  # fmt: skip
+    p.add_argument(
+        "-o", "--output", type=Path, default=None, metavar="DIR",
+        help="of the run with the virtual cars, by default WORKSPACE_holdout",
+    )  # fmt: skip
+    _add_common(p)
+
+
+def _add_render(verbs: _Verbs) -> None:
+    p = verbs.add_parser(
+        "render", help="render the scene from free views: a path of cameras, or beside the drive's own"
+    )
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument(
+        "--path", type=Path, default=None, metavar="FILE",
+        help="cameras: transforms.json or nerfstudio's camera path; by default the drive's own",
+    )  # fmt: skip
+    p.add_argument(
+        "--beside", type=float, default=0.0, metavar="METRES", help="to the right of the path (left: negative)"
+    )
+    p.add_argument("--above", type=float, default=0.0, metavar="METRES", help="up from the path")
+    p.add_argument("--planes", type=_names, default=("rgb",), metavar="PLANES", help="rgb,depth,normal,alpha,semantics")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    _add_common(p)
+
+
+def _add_export(verbs: _Verbs) -> None:
+    p = verbs.add_parser("export", help="write a mesh for another program: another format, fewer triangles")
+    p.add_argument("workspace", type=Path)
+    p.add_argument("--to", default=None, choices=("ply", "obj", "glb"), help="by default what FILE's suffix says")
+    p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
+    p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most so many; all by default")
+    p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
+    _add_common(p)
+
+
+def _add_bench(verbs: _Verbs) -> None:
+    p = verbs.add_parser("bench", help="measure the rasterizer, a training step, a reconstruction or whole runs")
+    p.add_argument("what", choices=("raster", "step", "reconstruction", "pipeline"))
+    p.add_argument("drive", type=Path, nargs="?", default=None, help="with a truth; the sample street by default")
+    p.add_argument("--quality", default="standard", choices=QUALITIES)
+    p.add_argument("--every", type=int, default=8, metavar="N", help="hold every n-th frame out (8)")
+    p.add_argument(
+        "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
+    )
+    p.add_argument(
+        "--variant", default=None, metavar="NAME",
+        help="fixed, soft_labels, ellipsoids, random_start, no_growth or no_pruning, for comparison",
+    )  # fmt: skip
+    p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
+    p.add_argument(
+        "--rows", type=_names, default=(), metavar="NAMES", help="of the pipeline's baselines; all by default"
+    )
+    p.add_argument(
+        "--scene", type=Path, default=None, metavar="WORKSPACE", help="where the rows' scene is, or is to be kept"
+    )
+    p.add_argument("--keep", type=Path, default=None, metavar="DIR", help="for the frames of each row")
+    _add_inpainters(p, "single-image inpainter of all rows")
+    p.set_defaults(inpainter="exemplar", reference_inpainter=None)
+    p.add_argument("--seed", type=int, default=0)
+    p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
+    p.add_argument(
+        "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
+    )
+    p.add_argument("--quick", action="store_true", help="a small scene and few rounds, to see that it works")
+    p.add_argument("--surfels", type=int, default=None, metavar="N", help="of the main table, or of the step")
+    p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT")
+    _add_common(p)
+
+
+# Options that several verbs take
+
+
+def _add_common(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--json", action="store_true", help="JSON lines on standard output")
+    p.add_argument("--debug", action="store_true", help="show tracebacks")
+    p.add_argument(
+        "--end-with-stdin", action="store_true",
+        help="cancel when standard input closes: when the program that started this one ends",
+    )  # fmt: skip
+
+
+def _add_settings(p: argparse.ArgumentParser) -> None:
+    """An option for each field of ``RunSettings``, under the field's name.
+
+    An option that is not given leaves no attribute behind: the setting keeps its default or, on a workspace, its recorded value.
+    """
+
+    def add(name: str, **options: Any) -> None:
+        p.add_argument(name, default=argparse.SUPPRESS, **options)
+
+    add("--remove", type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
+    add("--instances", type=_ids, metavar="IDS", help="single objects, as 3,7")
+    add(
+        "--marked", metavar="FILE.json|none", type=_file_or_none,
+        help="objects nobody labelled: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
+    )  # fmt: skip
+    add("--quality", choices=QUALITIES)
+    add("--device", choices=("auto", "cpu", "cuda"))
+    add("--seed", type=int)
+    add("--max-side", type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
+    add(
+        "--shadows", metavar="auto|off|AZIMUTH,ELEVATION",
+        help="take shadows of what goes along, leave them, or say where the sun stands, in degrees",
+    )  # fmt: skip
+    add(
+        "--movers", choices=MOVERS,
+        help="take what moves during the drive out of every frame, or treat it as if it stood",
+    )  # fmt: skip
+    add("--iterations", type=int, metavar="N", help="steps of the reconstruction")
+    add("--sh-degree", type=int, metavar="L", help="degree of colour by direction, 0 to 3")
+    add("--splats", type=int, metavar="N", help="surfels at most")
+    add(
+        "--no-adaptation", dest="adapt", action="store_false",
+        help="take all that the quality allows, not only what the scene needs",
+    )  # fmt: skip
+    _add_inpainters(
+        p,
+        "for what is neither ground nor seen from anywhere: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
+    )
+    add("--order", choices=ORDERS, help="of the frames when holes are filled; for comparison")
+    add(
+        "--keyframes", type=_keyframes, metavar="auto|N,N,...",
+        help="frames that invent what nobody saw, by number or stem",
+    )  # fmt: skip
+
+
+def _add_inpainters(p: argparse.ArgumentParser, text: str) -> None:
+    p.add_argument("--inpainter", default=argparse.SUPPRESS, metavar="NAME|FILE.onnx", help=text)
+    p.add_argument(
+        "--reference-inpainter", default=argparse.SUPPRESS, metavar="FILE.onnx|none", type=_file_or_none,
+        help="carries what was invented: image, mask and the frame that shows the place to image",
+    )  # fmt: skip
+
+
+# Types of arguments
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def _ids(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in _names(text))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
+
+
+def _keyframes(text: str) -> tuple[str, ...]:
+    names = () if text.strip() == "auto" else _names(text)
+    if not names and text.strip() != "auto":
+        raise argparse.ArgumentTypeError(f"{text!r} names no frames, as 3,7 would")
+    return names
+
+
+def _pixels(text: str) -> int | None:
+    if text.strip() != "auto" and not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of pixels, and not auto")
+    return None if text.strip() == "auto" else int(text)
+
+
+def _file_or_none(text: str) -> str | None:
+    return None if text.strip() == "none" else text
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 480x320")
+    return int(width), int(height)

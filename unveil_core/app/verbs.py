@@ -1,0 +1,188 @@
+"""What each verb of the command does: a function from the parsed arguments to an exit code.
+
+Each function imports what it needs when it is called, so that one verb does not wait for the imports of another.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+from unveil_core.app.console import reporting
+from unveil_core.app.parser import STAGE_VERBS
+from unveil_core.base.errors import DriveError, SettingsError
+from unveil_core.pipeline.settings import RunSettings
+
+__all__ = ["VERBS", "settings_of"]
+
+
+def settings_of(arguments: argparse.Namespace, before: RunSettings | None = None) -> RunSettings:
+    """The settings that the command line gives, over those before or else the defaults."""
+    given = {f.name: getattr(arguments, f.name) for f in fields(RunSettings) if hasattr(arguments, f.name)}
+    return replace(before or RunSettings(), **given)
+
+
+def _recorded_settings(arguments: argparse.Namespace) -> RunSettings:
+    """The settings that the command line gives, over those that the workspace records."""
+    from unveil_core.workspace.workspace import Workspace
+
+    recorded = Workspace.open(arguments.workspace).state().get("settings", {})
+    return settings_of(arguments, RunSettings.from_json(recorded))
+
+
+def _sample_drive() -> Path:
+    folder = Path(__file__).resolve().parents[2] / "sample_scenes" / "parked_street"
+    if not (folder / "transforms.json").is_file():
+        raise DriveError("the sample street is not there", path=folder, mend="run the demo from a source checkout")
+    return folder
+
+
+def _demo(arguments: argparse.Namespace) -> int:
+    return _run_and_sum_up(_sample_drive(), arguments)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    return _run_and_sum_up(arguments.drive, arguments)
+
+
+def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
+    from unveil_core.pipeline.run import run
+    from unveil_core.report.summary import print_summary
+
+    with reporting(arguments.json) as reporter:
+        workspace = run(drive, arguments.output, settings_of(arguments), reporter=reporter)
+    print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
+    return 0
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from unveil_core.pipeline.run import run
+
+    with reporting(arguments.json) as reporter:
+        run(arguments.drive, arguments.output, settings_of(arguments), until="objects", reporter=reporter)
+    return 0
+
+
+def _stage(arguments: argparse.Namespace) -> int:
+    from unveil_core.pipeline.run import run_verb
+
+    settings = _recorded_settings(arguments)
+    with reporting(arguments.json) as reporter:
+        run_verb(arguments.verb, arguments.workspace, settings, reporter=reporter)
+    return 0
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from unveil_core.pipeline.status import stage_states
+    from unveil_core.workspace.workspace import Workspace
+
+    settings = _recorded_settings(arguments)
+    states = stage_states(Workspace.open(arguments.workspace), settings)
+    if arguments.json:
+        print(json.dumps({"stages": states}))
+    else:
+        for name, state in states.items():
+            print(f"{name:<12} {state}")
+    return 0
+
+
+def _evaluate(arguments: argparse.Namespace) -> int:
+    if arguments.holdout_masks:
+        return _check_footage(arguments)
+    for name in ("cars", "quality", "output"):
+        if getattr(arguments, name) is not None:
+            raise SettingsError(f"--{name} is for virtual cars only", mend="add --holdout-masks")
+    from unveil_core.evaluate import run_evaluation
+    from unveil_core.workspace.workspace import Workspace
+
+    root = Workspace.open(arguments.workspace).root
+    metrics = run_evaluation(root, arguments.truth, lpips=arguments.lpips, fid=arguments.fid)
+    print(json.dumps(metrics, indent=1))
+    return 0
+
+
+def _check_footage(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.holdout_check import CARS, check_footage, holdout_lines
+
+    for name in ("truth", "lpips", "fid"):
+        if getattr(arguments, name) is not None:
+            raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
+    with reporting(arguments.json) as reporter:
+        found = check_footage(
+            arguments.workspace, arguments.output, cars=CARS if arguments.cars is None else arguments.cars,
+            settings=RunSettings(quality=arguments.quality or "standard"), quality=arguments.quality, reporter=reporter,
+        )  # fmt: skip
+    print(json.dumps({"holdout": found}) if arguments.json else "\n".join(holdout_lines(found)))
+    return 0
+
+
+def _render(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.render_views import render_views
+    from unveil_core.workspace.workspace import Workspace
+
+    with reporting(arguments.json) as reporter:
+
+        def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+            reporter({
+                "t": round(time.time(), 3), "stage": "render", "done": done, "total": total, "message": message,
+                "level": "info", **metrics,
+            })  # fmt: skip
+
+        views = render_views(
+            Workspace.open(arguments.workspace), arguments.output, state=arguments.state, path=arguments.path,
+            beside=arguments.beside, above=arguments.above, planes=arguments.planes, progress=progress,
+        )  # fmt: skip
+    print(json.dumps({"folder": str(arguments.output), "views": views}) if arguments.json else arguments.output)
+    return 0
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.export_mesh import export_mesh
+    from unveil_core.workspace.workspace import Workspace
+
+    path = export_mesh(
+        Workspace.open(arguments.workspace), to=arguments.to, state=arguments.state, triangles=arguments.triangles,
+        output=arguments.output,
+    )  # fmt: skip
+    print(json.dumps({"file": str(path)}) if arguments.json else path)
+    return 0
+
+
+def _bench(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.bench import run_bench
+
+    if arguments.what in ("reconstruction", "pipeline") and arguments.drive is None:
+        arguments.drive = _sample_drive()
+    return run_bench(arguments)
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.doctor import examine
+
+    found = examine()
+    if arguments.json:
+        print(json.dumps(found))
+    else:
+        for key, value in found.items():
+            print(f"{key:<32} {value}")
+    return 0 if found["ok"] else 1
+
+
+VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "demo": _demo,
+    "run": _run,
+    "import": _import,
+    **dict.fromkeys(STAGE_VERBS, _stage),
+    "status": _status,
+    "evaluate": _evaluate,
+    "render": _render,
+    "export": _export,
+    "bench": _bench,
+    "doctor": _doctor,
+}
+"""Every verb of the command line, with what it does."""

@@ -1,0 +1,96 @@
+"""Finished outputs are renamed into place under a journal: after ``kill -9`` a workspace holds the old result of a stage or the
+new one, with the record that belongs to it, never a mixture.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["PARTIAL", "commit", "recover"]
+
+PARTIAL = ".partial-"
+"""How the folders begin in which stages write."""
+
+
+def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[str], record: dict[str, Any]) -> None:
+    """Rename a finished stage's outputs over the old ones and record them; once begun, it is finished at the next start.
+
+    Args:
+        partial: folder in the workspace that holds the new outputs.
+        outputs: files and folders, relative to the workspace.
+        record: entries of the stage in workspace.json.
+    """
+    entry = {"stage": stage, "partial": partial.name, "outputs": list(outputs), "record": record}
+    write_json_atomic(_journal(workspace), entry)
+    _finish(workspace, entry)
+
+
+def recover(workspace: Workspace) -> None:
+    """Finish an interrupted commit, and throw away what an interrupted stage left.
+
+    Raises:
+        WorkspaceError: the journal is damaged, or names something outside the workspace.
+    """
+    path = _journal(workspace)
+    if path.is_file():
+        entry: Any = read_json(path)
+        if not _is_sound(entry):
+            raise WorkspaceError("is no journal of this program", path=path, mend="delete it; the stage is run again")
+        _finish(workspace, entry)
+    for folder in workspace.root.glob(f"{PARTIAL}*"):
+        shutil.rmtree(folder, ignore_errors=True)
+    for file in workspace.root.rglob(".*.partial"):
+        if file.is_file():
+            file.unlink()
+
+
+def _journal(workspace: Workspace) -> Path:
+    return workspace.root / ".journal.json"
+
+
+def _finish(workspace: Workspace, entry: dict[str, Any]) -> None:
+    partial = workspace.root / entry["partial"]
+    for name in entry["outputs"]:
+        source, target = partial / name, workspace.root / name
+        if not source.exists():
+            continue  # moved before the interruption
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.is_dir() and not target.is_symlink():
+            shutil.rmtree(target)
+        elif target.exists() or target.is_symlink():
+            target.unlink()
+        source.rename(target)
+    # What is recorded replaces the entry: nothing of the result before it may stay.
+    workspace.replace_stage(entry["stage"], entry["record"])
+    shutil.rmtree(partial, ignore_errors=True)
+    with suppress(FileNotFoundError):
+        _journal(workspace).unlink()
+
+
+def _is_sound(entry: Any) -> bool:
+    """Whether an entry is what :func:`commit` writes: a workspace may come from a stranger, and recovery removes folders."""
+    if (
+        not isinstance(entry, dict)
+        or not isinstance(entry.get("record"), dict)
+        or not isinstance(entry.get("stage"), str)
+    ):
+        return False
+    partial, outputs = entry.get("partial"), entry.get("outputs")
+    if not isinstance(partial, str) or not partial.startswith(PARTIAL) or "/" in partial or "\\" in partial:
+        return False
+    return isinstance(outputs, list) and all(isinstance(o, str) and _is_inside(o) for o in outputs)
+
+
+def _is_inside(name: str) -> bool:
+    path = PurePosixPath(name)
+    return (
+        bool(path.parts) and not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name
+    )
