@@ -45,20 +45,20 @@ def in_shadow(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> n
     return (near <= far) & (far > 0)
 
 
-def paint(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+def paint(s: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Colours in full sun."""
-    grain = 0.02 * np.sin(9 * s + 5 * l) * np.cos(7 * l - 4 * s)
+    grain = 0.02 * np.sin(9 * s + 5 * t) * np.cos(7 * t - 4 * s)
     color = np.repeat((0.5 + grain)[..., None], 3, axis=-1)
-    color[np.abs(l + 1.4) < 0.1] = 0.85
-    color[np.abs(l) > 4] = np.array([0.7, 0.66, 0.6])
+    color[np.abs(t + 1.4) < 0.1] = 0.85
+    color[np.abs(t) > 4] = np.array([0.7, 0.66, 0.6])
     return color
 
 
 def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray, np.ndarray, Surfels, Surfels]:
     """The chart as read, the true one without the car, the car's footprint, and surfels of what stays and of the car."""
     path = fit_path(drive_on_circle(np.inf, 0.0), UP)
-    s, l = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")  # noqa: E741
-    points = np.stack([s.ravel(), l.ravel(), np.zeros(s.size)], axis=1)
+    s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
+    points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
     ground = fit_ground(path, path.to_world(points))
     rows, columns = int(28 / TEXEL), int(14 / TEXEL)
     empty = StreetChart(

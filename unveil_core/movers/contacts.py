@@ -1,4 +1,4 @@
-"""Where what a frame shows touches the ground: the lower edge of its pixels, carried to the ground."""
+"""Where an object touches the ground: the lower edge of its pixels in a frame, projected to the ground."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from unveil_core.ground.sparse import GroundPoints
 __all__ = ["Contacts", "find_contacts"]
 
 WHEELBASE_M = 3.0
-"""Between two wheels the lower edge is the floor's, not the ground's."""
+"""Metres. Between two wheels the lower edge shows a car's floor, not its contact with the ground."""
 MOST_COLUMNS = 160
 LEAST_HEIGHT_M = 0.35
-"""What is lower over its contact than this is a sliver of something."""
+"""An object lower than this over its contact, metres, is only a sliver of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Contacts:
         points: (M, 3) places on the ground, world.
         depth: (M,) along the optical axis, metres.
         error: (M,) by which a pixel more or less moves the place, metres.
-        height: (M,) of what stands there, as if it stood upright over the place, metres.
+        height: (M,) of the object there, taken as upright over the contact, metres.
     """
 
     columns: NDArray[np.int64]
@@ -48,9 +48,9 @@ class Contacts:
 
 
 def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints) -> Contacts:
-    """Contacts of the pixels of one thing, or of several that touch in the image.
+    """Contacts of the pixels of one object, or of several that touch in the image.
 
-    A column counts where ground is seen right under it: not at the image's rim, nor where something stands in front.
+    A column counts where ground is seen right under it: not at the image's edge, nor where another object occludes it.
 
     Args:
         mask: (H, W) pixels; below: (H, W) pixels that show ground.

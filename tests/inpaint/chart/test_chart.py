@@ -20,23 +20,23 @@ from unveil_core.raster.picture import render_numpy
 RADIUS = 60.0
 
 
-def paint(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+def paint(s: np.ndarray, t: np.ndarray) -> np.ndarray:
     """True colours: asphalt, an edge line at -2.2 m, a walk beyond the kerb at 4 m with joints every 60 cm."""
-    grain = 0.03 * np.sin(13 * s + 7 * l) * np.cos(11 * l - 5 * s)
+    grain = 0.03 * np.sin(13 * s + 7 * t) * np.cos(11 * t - 5 * s)
     color = np.repeat((0.35 + grain)[..., None], 3, axis=-1)
-    color[np.abs(l + 2.2) < 0.1] = 0.85
-    walk = np.abs(l) > 4
+    color[np.abs(t + 2.2) < 0.1] = 0.85
+    walk = np.abs(t) > 4
     color[walk] = np.array([0.6, 0.57, 0.52])
     color[walk & (np.abs((s / 0.6) % 1) < 0.08)] = 0.42
     return color
 
 
-def in_car(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
-    return (s > 9) & (s < 13.5) & (l < -1.6) & (l > -3.5)
+def in_car(s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return (s > 9) & (s < 13.5) & (t < -1.6) & (t > -3.5)
 
 
-def in_shadow(s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
-    return (s > 9) & (s < 13.5) & (l >= -1.6) & (l < -0.6)
+def in_shadow(s: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return (s > 9) & (s < 13.5) & (t >= -1.6) & (t < -0.6)
 
 
 @pytest.fixture(scope="module")
@@ -47,16 +47,16 @@ def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], 
     images, labels, usable = [], [], []
     for camera in cameras:
         depth, at = ground.intersect(camera, camera.rays().reshape(-1, 3))
-        s, l = at[:, 0], at[:, 1]  # noqa: E741
-        color = paint(s, l)
-        color[in_shadow(s, l)] *= 0.5
+        s, t = at[:, 0], at[:, 1]
+        color = paint(s, t)
+        color[in_shadow(s, t)] *= 0.5
         hit = np.isfinite(depth)
         color[~hit] = 0.7
-        color[in_car(s, l) & hit] = (0.8, 0.1, 0.1)
+        color[in_car(s, t) & hit] = (0.8, 0.1, 0.1)
         shape = (camera.height, camera.width)
         images.append((color.reshape(*shape, 3) * 255).round().astype(np.uint8))
-        labels.append(np.where(np.abs(l) > 4, 1, 0).reshape(shape))
-        usable.append((hit & ~in_car(s, l)).reshape(shape))
+        labels.append(np.where(np.abs(t) > 4, 1, 0).reshape(shape))
+        usable.append((hit & ~in_car(s, t)).reshape(shape))
         usable[-1] = cv2.erode(usable[-1].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     return ground, cameras, images, labels, usable
 
@@ -68,31 +68,31 @@ def chart(street) -> StreetChart:  # type: ignore[no-untyped-def]
 
 
 def coordinates(chart: StreetChart) -> tuple[np.ndarray, np.ndarray]:
-    s, l = chart.coordinates()  # noqa: E741
-    return np.meshgrid(s, l, indexing="ij")
+    s, t = chart.coordinates()
+    return np.meshgrid(s, t, indexing="ij")
 
 
 def test_reading_returns_the_paint(chart: StreetChart) -> None:
-    s, l = coordinates(chart)  # noqa: E741
-    clear = (chart.source == OBSERVED) & (s > 3) & (s < 24) & (np.abs(l) < 3.6) & ~in_shadow(s, l)
-    clear &= (np.abs(np.abs(l + 2.2) - 0.1) > 0.08) & ~((s > 8.8) & (s < 13.7) & (l < -0.4))
-    error = np.abs(chart.color - paint(s, l)).mean(axis=-1)[clear]
+    s, t = coordinates(chart)
+    clear = (chart.source == OBSERVED) & (s > 3) & (s < 24) & (np.abs(t) < 3.6) & ~in_shadow(s, t)
+    clear &= (np.abs(np.abs(t + 2.2) - 0.1) > 0.08) & ~((s > 8.8) & (s < 13.7) & (t < -0.4))
+    error = np.abs(chart.color - paint(s, t)).mean(axis=-1)[clear]
     assert clear.sum() > 20_000
     assert np.median(error) < 0.02
 
 
 def filled(chart: StreetChart, **settings: float) -> StreetChart:
-    s, l = coordinates(chart)  # noqa: E741
-    return fill_chart(chart, in_car(s, l), FillSettings(**settings))
+    s, t = coordinates(chart)
+    return fill_chart(chart, in_car(s, t), FillSettings(**settings))
 
 
 def test_paint_continues_through_the_hole(chart: StreetChart) -> None:
     result = filled(chart)
-    s, l = coordinates(chart)  # noqa: E741
-    hole = (s > 9.3) & (s < 13.2) & (l < -1.9) & (l > -3.2)
+    s, t = coordinates(chart)
+    hole = (s > 9.3) & (s < 13.2) & (t < -1.9) & (t > -3.2)
     assert (result.source[hole] == INVENTED).all()
-    line = hole & (np.abs(l + 2.2) < 0.06)
-    asphalt = hole & (np.abs(l + 2.2) > 0.25)
+    line = hole & (np.abs(t + 2.2) < 0.06)
+    asphalt = hole & (np.abs(t + 2.2) > 0.25)
     assert abs(float(result.color[line].mean()) - 0.85) < 0.08
     assert abs(float(result.color[asphalt].mean()) - 0.35) < 0.03
     # texture, not a flat smear
@@ -100,12 +100,12 @@ def test_paint_continues_through_the_hole(chart: StreetChart) -> None:
 
 
 def test_shadow_of_what_went_goes_with_it(chart: StreetChart) -> None:
-    s, l = coordinates(chart)  # noqa: E741
-    core = (s > 9.5) & (s < 13) & (l > -1.4) & (l < -0.8) & (chart.source == OBSERVED)
+    s, t = coordinates(chart)
+    core = (s > 9.5) & (s < 13) & (t > -1.4) & (t < -0.8) & (chart.source == OBSERVED)
     assert core.sum() > 200
-    before = float(np.abs(chart.color[core] - paint(s, l)[core]).mean())
+    before = float(np.abs(chart.color[core] - paint(s, t)[core]).mean())
     result = filled(chart)
-    after = float(np.abs(result.color[core] - paint(s, l)[core]).mean())
+    after = float(np.abs(result.color[core] - paint(s, t)[core]).mean())
     assert (result.source[core] == RELIT).mean() > 0.9
     assert after < before / 4
     kept = filled(chart, shadow_reach_m=0.0)
@@ -132,8 +132,8 @@ def test_filling_is_reproducible(chart: StreetChart) -> None:
 def test_world_lies_on_the_circle(chart: StreetChart) -> None:
     rows, columns = np.array([300, 400]), np.array([50, 120])
     world = chart.world(rows, columns)
-    s, l = chart.coordinates()  # noqa: E741
-    expected = true_street(RADIUS, s[rows], l[columns])
+    s, t = chart.coordinates()
+    expected = true_street(RADIUS, s[rows], t[columns])
     assert np.abs(world[:, :2] - expected).max() < 0.5
 
 

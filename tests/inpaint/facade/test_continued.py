@@ -23,15 +23,15 @@ FAR = 200.0
 def street(radius: float) -> tuple[Ground, list[Camera]]:
     cameras = drive_on_circle(radius, 0.0)
     path = fit_path(cameras, UP)
-    s, l = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")  # noqa: E741
-    points = np.stack([s.ravel(), l.ravel(), np.zeros(s.size)], axis=1)
+    s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
+    points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
     return fit_ground(path, path.to_world(points)), cameras
 
 
 def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:
     """The front on the left, FRONT metres from the cameras' way."""
     s, h = (p.ravel() for p in np.meshgrid(np.arange(first, last, 0.15), np.arange(0, 7, 0.15), indexing="ij"))
-    here, nearer = (true_street(radius, s, np.full(len(s), l)) for l in (FRONT, FRONT - 1))  # noqa: E741
+    here, nearer = (true_street(radius, s, np.full(len(s), t)) for t in (FRONT, FRONT - 1))
     points, normals = np.column_stack([here, h]), np.column_stack([nearer - here, np.zeros(len(s))])
     return surfels_from_points(
         points, np.full((len(s), 3), 120, np.uint8), np.zeros(len(s), np.int64), normals, np.full(len(s), 0.15)

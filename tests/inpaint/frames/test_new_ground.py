@@ -23,8 +23,8 @@ ROAD, HOUSE = 0, 1
 def parked_chart() -> StreetChart:
     """What lies under the car is invented, all else was seen."""
     chart, *_ = sunny_chart(None)
-    s, l = chart.coordinates()  # noqa: E741
-    under = ((s > CAR[0, 0]) & (s < CAR[1, 0]))[:, None] & ((l > CAR[0, 1]) & (l < CAR[1, 1]))[None]
+    s, t = chart.coordinates()
+    under = ((s > CAR[0, 0]) & (s < CAR[1, 0]))[:, None] & ((t > CAR[0, 1]) & (t < CAR[1, 1]))[None]
     return replace(chart, source=np.where(under, INVENTED, OBSERVED).astype(np.uint8))
 
 

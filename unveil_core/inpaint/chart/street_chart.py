@@ -32,7 +32,7 @@ class StreetChart:
     Attributes:
         ground: what it lies on.
         texel: size of a texel in metres.
-        s_start, l_start: street coordinates of the first texel's centre.
+        s_start, t_start: street coordinates of the first texel's centre.
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where ``source`` is OUTSIDE.
         label: (A, B) int16 compact labels, -1 unknown.
         source: (A, B) uint8: OUTSIDE, OBSERVED, RELIT or INVENTED.
@@ -44,7 +44,7 @@ class StreetChart:
     ground: Ground
     texel: float
     s_start: float
-    l_start: float
+    t_start: float
     color: Float32
     label: NDArray[np.int16]
     source: NDArray[np.uint8]
@@ -55,17 +55,17 @@ class StreetChart:
     def coordinates(self) -> tuple[Float64, Float64]:
         """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
         rows, columns = self.source.shape
-        return self.s_start + self.texel * np.arange(rows), self.l_start + self.texel * np.arange(columns)
+        return self.s_start + self.texel * np.arange(rows), self.t_start + self.texel * np.arange(columns)
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
-        s, l = self.s_start + self.texel * rows, self.l_start + self.texel * columns  # noqa: E741
-        return self.ground.path.to_world(np.stack([s, l, self.ground.height_at(s, l)], axis=1))
+        s, t = self.s_start + self.texel * rows, self.t_start + self.texel * columns
+        return self.ground.path.to_world(np.stack([s, t, self.ground.height_at(s, t)], axis=1))
 
     def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Nearest rows and columns of street coordinates (N, 2+), and whether they lie on the chart."""
         row = np.round((street[:, 0] - self.s_start) / self.texel).astype(np.int64)
-        column = np.round((street[:, 1] - self.l_start) / self.texel).astype(np.int64)
+        column = np.round((street[:, 1] - self.t_start) / self.texel).astype(np.int64)
         rows, columns = self.source.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         return np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1), inside
@@ -92,15 +92,15 @@ def read_chart(
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
     texel = texel_m
-    l_low, l_high = float(ground.right.min()), float(ground.left.max())
+    t_low, t_high = float(ground.right.min()), float(ground.left.max())
     s_low = ground.s_start
     s_high = ground.s_start + ground.s_cell * (len(ground.left) - 1)
-    rows, columns = int((s_high - s_low) / texel) + 1, int((l_high - l_low) / texel) + 1
+    rows, columns = int((s_high - s_low) / texel) + 1, int((t_high - t_low) / texel) + 1
     s = s_low + texel * np.arange(rows)
-    l = l_low + texel * np.arange(columns)  # noqa: E741
-    grid_s, grid_l = np.repeat(s, columns), np.tile(l, rows)
-    inside = ground.inside(grid_s, grid_l)
-    world = ground.path.to_world(np.stack([grid_s, grid_l, ground.height_at(grid_s, grid_l)], axis=1))
+    t = t_low + texel * np.arange(columns)
+    grid_s, grid_t = np.repeat(s, columns), np.tile(t, rows)
+    inside = ground.inside(grid_s, grid_t)
+    world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
     total = np.zeros((rows * columns, 3), dtype=np.float64)
     weight = np.zeros(rows * columns)
     nearest = np.full(rows * columns, np.inf)
@@ -133,7 +133,7 @@ def read_chart(
         ground=ground,
         texel=texel,
         s_start=float(s_low),
-        l_start=l_low,
+        t_start=t_low,
         color=color.reshape(rows, columns, 3),
         label=label.reshape(rows, columns),
         source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
@@ -180,7 +180,7 @@ def sample_chart(
     spread = footprint * np.minimum(1.0, LONGEST_TEXELS * chart.texel / length)[:, None]
     for tap in np.linspace(-0.5, 0.5, 2 * TAPS + 1)[1::2]:
         row = (street[:, 0] + tap * spread[:, 0] - chart.s_start) / chart.texel
-        column = (street[:, 1] + tap * spread[:, 1] - chart.l_start) / chart.texel
+        column = (street[:, 1] + tap * spread[:, 1] - chart.t_start) / chart.texel
         for k in range(len(layers)):
             use = (lower == k) | (lower + 1 == k)
             if not use.any():

@@ -62,9 +62,9 @@ class FacadeChart:
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
-        s, l = self.s_start + self.texel * rows, self.front[rows]  # noqa: E741
-        height = self.ground.height_at(s, l) + self.texel * (columns + 0.5)
-        return self.ground.path.to_world(np.stack([s, l, height], axis=1))
+        s, t = self.s_start + self.texel * rows, self.front[rows]
+        height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)
+        return self.ground.path.to_world(np.stack([s, t, height], axis=1))
 
 
 def find_fronts(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:

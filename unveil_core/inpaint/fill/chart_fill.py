@@ -78,8 +78,8 @@ def fill_chart(
     per_m = 1.0 / chart.texel
     seen = chart.source == OBSERVED
     rows, columns = seen.shape
-    s, l = chart.coordinates()  # noqa: E741
-    inside = chart.ground.inside(np.repeat(s, columns), np.tile(l, rows)).reshape(rows, columns)
+    s, t = chart.coordinates()
+    inside = chart.ground.inside(np.repeat(s, columns), np.tile(t, rows)).reshape(rows, columns)
     window, hop = int(settings.window_m * per_m), max(1, int(4 * per_m))
 
     drift = find_drift(chart.color, seen, texels_per_m=per_m)

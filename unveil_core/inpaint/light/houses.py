@@ -201,8 +201,8 @@ def as_high_as_beside(
         size = 2 * round(DENSE_M / COLUMN_M) + 1
         ridge = grey_opening(grey_closing(np.maximum(ridge, 0.0), size), size)
         house = np.flatnonzero(ridge > HOUSE_M)
-        s, l = at[highest[house]].T  # noqa: E741
-        over = np.stack([s, l, ground.height_at(s, l) + ridge[house] + OVER_M], axis=1)
+        s, t = at[highest[house]].T
+        over = np.stack([s, t, ground.height_at(s, t) + ridge[house] + OVER_M], axis=1)
         ends = _in_sight(ground.path.to_world(over), cameras)
         known, cut = house[ends], house[~ends]
         if not len(known) or not len(cut):

@@ -98,8 +98,8 @@ def light_of_scene(
 
     kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, judge)])
     shape = chart.source.shape
-    s, l = chart.coordinates()  # noqa: E741
-    inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(l, shape[0])).reshape(shape)
+    s, t = chart.coordinates()
+    inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(t, shape[0])).reshape(shape)
     rows, columns = np.nonzero(inside)
     points = chart.world(rows, columns)
     planes = []
@@ -155,12 +155,12 @@ def _look_for_sun(
     mean = cv2.blur(np.where(observed, darkness, 0).astype(np.float32), (step, step)) / np.maximum(weight, 1e-6)
 
     cells = np.s_[step // 2 :: step, step // 2 :: step]
-    s, l = (along[step // 2 :: step] for along in chart.coordinates())  # noqa: E741
-    if min(len(s), len(l)) < 2:
+    s, t = (along[step // 2 :: step] for along in chart.coordinates())
+    if min(len(s), len(t)) < 2:
         return None
     means = casters.means.detach().double().numpy()
     known = weight[cells] > 0.5
-    return find_sun(mean[cells].astype(np.float32), known, s, l, chart.ground, means)
+    return find_sun(mean[cells].astype(np.float32), known, s, t, chart.ground, means)
 
 
 def _telling(

@@ -55,13 +55,13 @@ def sun_towards(azimuth: float, elevation: float, up: Float64) -> Float64:
 
 
 def find_sun(
-    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, l: Float64, ground: Ground, casters: Float64  # noqa: E741
+    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, t: Float64, ground: Ground, casters: Float64
 ) -> Sun | None:  # fmt: skip
     """The direction whose shadows lie where the ground is dark.
 
     Args:
         dark: (A, B) darkness of the ground on a coarse grid, such as minus the logarithm of its luminance; known: (A, B).
-        s, l: (A,), (B,) street coordinates of the grid, evenly spaced.
+        s, t: (A,), (B,) street coordinates of the grid, evenly spaced.
         casters: (N, 3) world points of what stands on the ground.
     Returns:
         the sun, or None where no direction explains the dark places.
@@ -81,7 +81,7 @@ def find_sun(
         return None
 
     def score(azimuth: float, elevation: float) -> float:
-        shadow = _shadow(casters, sun_towards(azimuth, elevation, up), s, l, ground)
+        shadow = _shadow(casters, sun_towards(azimuth, elevation, up), s, t, ground)
         found = _within_offset(shadow, known)
         spread = float(np.sqrt((found[known] ** 2).mean()))
         return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
@@ -101,7 +101,7 @@ def find_sun(
     return Sun(sun_towards(azimuth, elevation, up), found, float(azimuth % 360), float(elevation))
 
 
-def _shadow(casters: Float64, towards_sun: Float64, s: Float64, l: Float64, ground: Ground) -> NDArray[np.float32]:  # noqa: E741
+def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, ground: Ground) -> NDArray[np.float32]:
     """(A, B) 0 to 1, where the rays through the casters meet the ground."""
     up = ground.path.axes[2]
     fallen = casters
@@ -112,9 +112,9 @@ def _shadow(casters: Float64, towards_sun: Float64, s: Float64, l: Float64, grou
     street = ground.path.to_street(fallen)
     cell = s[1] - s[0]
     row = np.round((street[:, 0] - s[0]) / cell).astype(int)
-    column = np.round((street[:, 1] - l[0]) / cell).astype(int)
-    on = (row >= 0) & (row < len(s)) & (column >= 0) & (column < len(l))
-    plane = np.zeros((len(s), len(l)), dtype=np.float32)
+    column = np.round((street[:, 1] - t[0]) / cell).astype(int)
+    on = (row >= 0) & (row < len(s)) & (column >= 0) & (column < len(t))
+    plane = np.zeros((len(s), len(t)), dtype=np.float32)
     plane[row[on], column[on]] = 1
     closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     blurred: NDArray[np.float32] = cv2.GaussianBlur(closed, (0, 0), 1.0)

@@ -41,7 +41,7 @@ def run(context: StageContext) -> None:
     removable = np.isin(labels, scene.removable_labels)
     of_surfel = np.zeros(len(surfels), dtype=np.int64)
     moving = read_moving(workspace.root)
-    images = [moving.ids_of_standing(f, frame_instances(f)) for f in drive.frames]
+    images = [moving.ids_of_static(f, frame_instances(f)) for f in drive.frames]
     if any(image is not None for image in images):
         of_surfel[removable] = vote_instances(
             positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v],

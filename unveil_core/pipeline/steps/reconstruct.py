@@ -42,7 +42,7 @@ def run(context: StageContext) -> Facts:
 def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Facts:
     """What :func:`run` does, with settings of one's own: for comparison."""
     moving = read_moving(context.workspace.root)
-    drive = moving.standing(read_imported(context.workspace.drive_dir))
+    drive = moving.static_part(read_imported(context.workspace.drive_dir))
     scene, hidden = load_labels(context.workspace), moving.hidden(drive)
     exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
