@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -14,7 +13,7 @@ from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
-from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
+from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, rounded, squared_error, ssim_map
 from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_file
 
 __all__ = ["FILM_FIGURES", "FilmFigure", "measure_frames"]
@@ -85,18 +84,13 @@ def measure_frames(
             "has no true images of the empty street to compare with", path=drive.truth_root or drive.root,
             mend="put them into truth/images beside the drive",
         )  # fmt: skip
-    told: dict[str, Any] = {"regions": {}, "changed_outside": outside}
+    figures: dict[str, Any] = {"regions": {}, "changed_outside": outside}
     for name in REGIONS:
         squared, similarity, pixels = sums.get(name, (0.0, 0.0, 0))
         if pixels:
-            told["regions"][name] = {
-                "psnr": _rounded(psnr_of_mse(squared / pixels)), "ssim": _rounded(similarity / pixels), "pixels": pixels,
+            figures["regions"][name] = {
+                "psnr": rounded(psnr_of_mse(squared / pixels)), "ssim": rounded(similarity / pixels), "pixels": pixels,
             }  # fmt: skip
     for figure in FILM_FIGURES if film is None else film:
-        told.update({name: _rounded(value) for name, value in figure(drive, frames, compared).items()})
-    return told
-
-
-def _rounded(value: float) -> float | None:
-    """JSON has no infinity: frames that agree exactly have none."""
-    return round(value, 4) if math.isfinite(value) else None
+        figures.update({name: rounded(value) for name, value in figure(drive, frames, compared).items()})
+    return figures

@@ -11,7 +11,8 @@ is grown by (:func:`with_border`), and returns an image of which only the pixels
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -20,16 +21,22 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.single_image import opencv
 
-__all__ = ["BASELINES", "navier_stokes", "shift_map", "telea", "with_border"]
+__all__ = ["BASELINES", "navier_stokes", "shift_map", "telea", "with_border", "with_neighbours"]
+
+RADIUS_PX = 3
+"""Neighbourhood of OpenCV's two classical methods, pixels, as in OpenCV's own tutorial. The inpainters of the same names in
+``inpaint.single_image`` take 5: they are part of the method, and changing them must not move the baselines."""
+BASELINE_FRAMES = 40
+"""Of longer drives about so many evenly spaced frames are filled by the baselines: shift-map takes seconds a frame."""
 
 
 def telea(image: Picture, mask: Mask) -> Picture:
-    """Fast marching (Telea 2004), radius 3 px."""
+    """Fast marching (Telea 2004)."""
     return _classic(image, mask, cv2.INPAINT_TELEA)
 
 
 def navier_stokes(image: Picture, mask: Mask) -> Picture:
-    """Navier-Stokes (Bertalmio 2001), radius 3 px."""
+    """Navier-Stokes (Bertalmio 2001)."""
     return _classic(image, mask, cv2.INPAINT_NS)
 
 
@@ -37,7 +44,7 @@ def _classic(image: Picture, mask: Mask, method: int) -> Picture:
     hole = _hole(image, mask)
     if not hole.any() or hole.all():
         return image.copy()
-    filled = cv2.inpaint(image, hole.astype(np.uint8), 3, method)
+    filled = cv2.inpaint(image, hole.astype(np.uint8), RADIUS_PX, method)
     return np.where(hole[..., None], filled, image).astype(np.uint8)
 
 
@@ -61,3 +68,9 @@ def _hole(image: Picture, mask: Mask) -> Mask:
 def with_border(mask: Mask) -> Mask:
     """A mask (H, W) with the border that the baselines fill, too: as wide as that of the masks that ours fills."""
     return grow(mask, border_px(mask.shape[1]))
+
+
+def with_neighbours(frames: Sequence[int]) -> set[int]:
+    """The frames, of those given, that the baselines fill: evenly spaced pairs of neighbours, so that flicker can be measured."""
+    every = max(1, math.ceil(len(frames) / BASELINE_FRAMES))
+    return {frame for k, frame in enumerate(frames) if k % (2 * every) < 2}
