@@ -17,6 +17,7 @@ STAGE_VERBS = {
     "segment": "find the labels that occur and the dynamic objects",
     "choose": "choose the classes and objects to remove",
     "reconstruct": "fit the semantic surfel scene with everything in it",
+    "ground": "fit the street's path, the ground and the terrain, once for a scene",
     "instances": "assign the listed objects to the scene's surfels",
     "remove": "select the surfels and pixels to remove, find what no frame shows",
     "inpaint": "fill what the removed objects hid, in every frame and as new surfels",

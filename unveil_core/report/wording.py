@@ -47,4 +47,7 @@ def movers(state: dict[str, Any]) -> tuple[int, str]:
     count = state.get("stages", {}).get("segment", {}).get("movers", 0)
     if not isinstance(count, int) or count < 1:
         return 0, ""
-    return count, "dynamic object, removed from every frame" if count == 1 else "dynamic objects, removed from every frame"
+    return (
+        count,
+        "dynamic object, removed from every frame" if count == 1 else "dynamic objects, removed from every frame",
+    )

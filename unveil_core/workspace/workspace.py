@@ -104,6 +104,11 @@ class Workspace:
         return self.root / "surfels" / "exposure.json"
 
     @property
+    def ground_npz(self) -> Path:
+        """Path, street and terrain, see :mod:`unveil_core.ground.files`."""
+        return self.root / "ground" / "ground.npz"
+
+    @property
     def surfels_empty(self) -> Path:
         """The empty street."""
         return self.root / "surfels" / "empty.ply"

@@ -10,7 +10,9 @@ from tests.mesh.street import Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, WorkspaceError
 from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
-from unveil_core.ground.street import Ground, fit_ground, fit_path
+from unveil_core.ground.path import fit_path
+from unveil_core.ground.street import Ground
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
