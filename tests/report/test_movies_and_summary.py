@@ -168,8 +168,15 @@ def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_p
 
 def test_wording() -> None:
     assert [seconds(s) for s in (0.034, 0.999, 8.24, 9.99, 59.4, 59.9, 185.0, 4321.0)] == [
-        "0.03 s", "1.0 s", "8.2 s", "10 s", "59 s", "1 min 00 s", "3 min 05 s", "1 h 12 min"
-    ]  # fmt: skip
+        "0.03 s",
+        "1.0 s",
+        "8.2 s",
+        "10 s",
+        "59 s",
+        "1 min 00 s",
+        "3 min 05 s",
+        "1 h 12 min",
+    ]
     assert [memory(m) for m in (640.4, 2355.0)] == ["640 MB", "2.3 GB"]
     assert [percent(p) for p in (0.0, 0.034, 0.5, 1.0)] == ["0 %", "3.4 %", "50 %", "100 %"]
     assert (decibels(None), decibels(31.44), similarity(None), similarity(0.91)) == ("exact", "31.4 dB", "–", "0.910")

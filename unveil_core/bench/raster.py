@@ -151,9 +151,11 @@ class _Truth:
         truth = self.values["rgb"] * self._mask(self.values["rgb"])
         measured = {"rgb_error": float((rgb - truth).norm() / truth.norm())}
         pairs = {
-            "means": found["means"], "quats": found["quats"], "log_scales": found["scales"] * scene["scales"],
+            "means": found["means"],
+            "quats": found["quats"],
+            "log_scales": found["scales"] * scene["scales"],
             "opacity_logits": found["opac"] * scene["opac"] * (1 - scene["opac"]),
-        }  # fmt: skip
+        }
         measured["gradient_error"] = max(
             float((g.double() - self.sums[n]).norm() / self.sums[n].norm()) for n, g in pairs.items()
         )
@@ -184,9 +186,13 @@ def _knobs(plan: Plan) -> dict[str, Any]:
         elif "SH degree" not in str(row["name"]):
             row.update(truth.errors(ours[str(row["name"])]))
     return {
-        "size": plan.size, "surfels": plan.count, "scene": "the yardstick's" if yard else "corridor",
-        "forward_and_backward": rows, "undecided_pixels": round(truth.undecided, 4), "tiles_compared": len(truth.tiles),
-    }  # fmt: skip
+        "size": plan.size,
+        "surfels": plan.count,
+        "scene": "the yardstick's" if yard else "corridor",
+        "forward_and_backward": rows,
+        "undecided_pixels": round(truth.undecided, 4),
+        "tiles_compared": len(truth.tiles),
+    }
 
 
 def _sweep(plan: Plan, progress: Progress) -> list[dict[str, Any]]:

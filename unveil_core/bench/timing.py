@@ -66,9 +66,12 @@ def machine() -> dict[str, Any]:
             versions[package] = None
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
-        "processor": processor, "cores": os.cpu_count(), "system": platform.platform(), "load_before": load,
+        "processor": processor,
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "load_before": load,
         "versions": versions,
-    }  # fmt: skip
+    }
 
 
 def forget_peak_memory() -> None:

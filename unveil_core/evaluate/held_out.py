@@ -70,9 +70,15 @@ def class_iou(confusion: NDArray[np.int64], names: tuple[str, ...]) -> dict[str,
 
 
 def evaluate_views(
-    surfels: Surfels, sky: Sky, frames: list[Frame], scene: SceneLabels, *, near: float, far: float,
+    surfels: Surfels,
+    sky: Sky,
+    frames: list[Frame],
+    scene: SceneLabels,
+    *,
+    near: float,
+    far: float,
     align_exposure: bool = False,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """PSNR, SSIM and mIoU over some frames; PSNR is that of the mean squared error over all of them.
 
     Args:

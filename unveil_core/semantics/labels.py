@@ -126,9 +126,10 @@ def choose_labels(
     scene = find_labels(drive)
     if scene.source == "nothing" and not instances:
         raise DriveError(
-            "the drive has neither semantics nor masks", path=drive.root,
+            "the drive has neither semantics nor masks",
+            path=drive.root,
             mend="add semantic_path or mask_path to its frames, or mark objects and choose them",
-        )  # fmt: skip
+        )
     wanted = expand_names(remove, scene.labels.names) if remove else (() if instances else scene.removed)
     if scene.source == "masks" and (remove or not instances):
         wanted = ("remove",)  # masks carry no class: whatever name was typed, the masked pixels are meant

@@ -49,9 +49,16 @@ def _flat(start, stop, values, gradient, first, second, rate, bias1, bias2):
 
 
 def adam_step(
-    values: Tensor, gradient: Tensor, first: Tensor, second: Tensor, moving: Tensor | None, *, turn: int, rate: float,
+    values: Tensor,
+    gradient: Tensor,
+    first: Tensor,
+    second: Tensor,
+    moving: Tensor | None,
+    *,
+    turn: int,
+    rate: float,
     rest_rate: float | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """One step in place.
 
     Args:
