@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tests.ground.test_street import UP, drive_on_circle
-from unveil_core.ground.street import fit_ground, fit_path
+from unveil_core.ground.path import fit_path
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate

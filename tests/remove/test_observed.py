@@ -32,10 +32,10 @@ def test_a_wall_is_seen_from_beside_the_object() -> None:
     hidden[5:35, 25:35] = True
     # From 4 m beside, an object at z = 4 lies 40 px to the side, the wall behind it 16 px.
     views = [seen_view(camera(0), *wall_view(0, hidden)), seen_view(camera(4), *wall_view(4))]
-    alpha_left = np.zeros((HEIGHT, WIDTH), np.float32)
-    alpha_left[HEIGHT // 2 :] = 1
+    alpha_empty = np.zeros((HEIGHT, WIDTH), np.float32)
+    alpha_empty[HEIGHT // 2 :] = 1
     none = np.full((HEIGHT, WIDTH), np.inf)
-    behind = depth_behind((alpha_left, alpha_left * np.float32(WALL)), none)
+    behind = depth_behind((alpha_empty, alpha_empty * np.float32(WALL)), none)
     mask = never_seen(camera(0), hidden, behind, views)
     assert not mask.any()
     alone = never_seen(camera(0), hidden, behind, views[:1])

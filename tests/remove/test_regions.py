@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from unveil_core.geometry.images import grow
+from unveil_core.remove import selection
 from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
 from unveil_core.remove.selection import near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
+from unveil_core.semantics.instances import Box, fit_box
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
@@ -63,6 +66,23 @@ def test_of_an_object_whose_foot_nobody_saw_nothing_stays_but_the_ground() -> No
     ids = np.where(surfels.labels.numpy() == 2, 1, 0)
     gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
     assert not gone[~rear].any() and not gone[rear & (surfels.means[:, 2].numpy() < 0.1) & (ids == 0)].any()
+
+
+def test_what_belongs_to_no_object_gets_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
+    boxed: list[int] = []
+
+    def counting(positions: np.ndarray, *rest: np.ndarray, **more: float) -> Box:
+        boxed.append(len(positions))
+        return fit_box(positions, *rest, **more)
+
+    monkeypatch.setattr(selection, "fit_box", counting)
+    surfels = row_of_surfels([2] * 20_000)
+    none = np.zeros(20_000, np.int64)
+    assert select_removed(surfels, none, scene(("car",)), too_close=0.0, axes=np.eye(3)).all()
+    assert boxed == []
+    ids = np.where(np.arange(20_000) < 30, 7, 0)
+    assert select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).all()
+    assert boxed == [30]
 
 
 def test_near_removed_leaves_out_the_removed() -> None:

@@ -96,7 +96,7 @@ def test_keep_leaves_everything_standing(street: Path, tmp_path: Path) -> None:
     found = run(street, tmp_path / "kept", RunSettings(quality="draft", movers="keep"), until="segment")
     drive = read_imported(found.drive_dir)
     moving = read_moving(found.root)
-    assert moving.count == 0 and moving.hidden(drive) is None and moving.standing(drive) is drive
+    assert moving.count == 0 and moving.hidden(drive) is None and moving.static_part(drive) is drive
     assert [p.name for p in (found.root / "movers").rglob("*")] == ["movers.json"]
     with pytest.raises(SettingsError, match="unknown movers 'chase'"):
         RunSettings(movers="chase")
@@ -108,5 +108,5 @@ def test_a_workspace_without_the_folder_has_no_movers(street: Path, tmp_path: Pa
     assert write_moving(drive, choose_labels(drive), tmp_path / "movers", "auto", lambda *_, **__: None) == 1
     moving = read_moving(tmp_path)
     ids = np.full((drive.frames[6].camera.height, drive.frames[6].camera.width), PARKED_ID)
-    left = moving.ids_of_standing(drive.frames[6], ids)
-    assert left is not None and ((left == 0) == moving.pixels(drive.frames[6])).all() and (left == 0).any()
+    static = moving.ids_of_static(drive.frames[6], ids)
+    assert static is not None and ((static == 0) == moving.pixels(drive.frames[6])).all() and (static == 0).any()

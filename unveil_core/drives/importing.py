@@ -77,9 +77,7 @@ def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np
     return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
 
 
-def _warp(
-    picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int
-) -> NDArray[Any]:
+def _warp(picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[Any]:
     """A picture of the frame as the target camera sees it."""
     if frame.distortion is None:
         return _resized(picture, target, label=label)

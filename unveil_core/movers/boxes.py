@@ -1,4 +1,4 @@
-"""What tracked boxes say: which objects moved, and which pixels are theirs."""
+"""Tracked boxes: which objects moved, and which pixels belong to them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from unveil_core.semantics.classes import CITYSCAPES, REMOVABLE
 __all__ = ["box_pixels", "moving_boxes", "points_in_boxes"]
 
 MOVED_SHARE, MOVED_M = 0.25, 0.3
-"""An object moved if its box did by more than this share of its length and this much: annotated boxes wander a little."""
+"""An object moved if its box did by more than this share of its length plus this many metres: annotated boxes wander a little."""
 MARGIN_M = 0.15
-"""Points so close to a box are its object's."""
+"""Points so close to a box, metres, belong to its object."""
 
 
 def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
-    """Class name of each id whose box moved, and the ids of the removable ones that stood.
+    """Class name of each id whose box moved, and the ids of the removable ones that are static.
 
     Raises:
         DriveError: a class that Cityscapes does not know.
@@ -77,11 +77,11 @@ def box_pixels(
 ) -> NDArray[np.int64]:
     """(H, W) id of the box that each pixel belongs to, 0 = none.
 
-    Pixels of things that may go belong to the nearest box that covers them; an object of the instance image belongs to the box
-    that covers most of it, whole. Where the frame has no labels, all that a box covers is its own.
+    Pixels of removable labels belong to the nearest box that covers them; an object of the instance image belongs, whole, to the
+    box that covers most of it. Where the frame has no labels, a box gets all pixels that it covers.
 
     Args:
-        label: (H, W), negative = unknown; labels_of: labels of what may be removed; instances: (H, W) or None.
+        label: (H, W), negative = unknown; labels_of: the removable labels; instances: (H, W) or None.
     """
     owner = np.zeros(label.shape, dtype=np.int64)
     possible = np.isin(label, labels_of) | (label < 0 if (label < 0).all() else False)
@@ -95,11 +95,11 @@ def box_pixels(
         by_box = owner.copy()
         owner[instances > 0] = 0
         for number in np.unique(instances[(instances > 0) & (by_box > 0)]):
-            own = instances == number
-            ids, counts = np.unique(by_box[own], return_counts=True)
+            shown = instances == number
+            ids, counts = np.unique(by_box[shown], return_counts=True)
             best = int(ids[counts.argmax()])
-            if best and counts.max() > 0.5 * own.sum():
-                owner[own] = best
+            if best and counts.max() > 0.5 * shown.sum():
+                owner[shown] = best
     return owner
 
 

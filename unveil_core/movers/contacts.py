@@ -1,4 +1,4 @@
-"""Where what a frame shows touches the ground: the lower edge of its pixels, carried to the ground."""
+"""Where an object touches the ground: the lower edge of its pixels in a frame, projected to the ground."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 
 __all__ = ["Contacts", "find_contacts"]
 
+FAR_M = 300.0
+"""Farther along a ray no contact is looked for; one pixel there is tens of metres of ground."""
 WHEELBASE_M = 3.0
-"""Between two wheels the lower edge is the floor's, not the ground's."""
+"""Metres. Between two wheels the lower edge shows a car's floor, not its contact with the ground."""
 MOST_COLUMNS = 160
 LEAST_HEIGHT_M = 0.35
-"""What is lower over its contact than this is a sliver of something."""
+"""An object lower than this over its contact, metres, is only a sliver of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class Contacts:
         points: (M, 3) places on the ground, world.
         depth: (M,) along the optical axis, metres.
         error: (M,) by which a pixel more or less moves the place, metres.
-        height: (M,) of what stands there, as if it stood upright over the place, metres.
+        height: (M,) of the object there, taken as upright over the contact, metres.
     """
 
     columns: NDArray[np.int64]
@@ -47,10 +50,10 @@ class Contacts:
         return Contacts(self.columns[keep], self.points[keep], self.depth[keep], self.error[keep], self.height[keep])
 
 
-def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints) -> Contacts:
-    """Contacts of the pixels of one thing, or of several that touch in the image.
+def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: HeightField) -> Contacts:
+    """Contacts of the pixels of one object, or of several that touch in the image.
 
-    A column counts where ground is seen right under it: not at the image's rim, nor where something stands in front.
+    A column counts where ground is seen right under it: not at the image's edge, nor where another object occludes it.
 
     Args:
         mask: (H, W) pixels; below: (H, W) pixels that show ground.
@@ -67,7 +70,8 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     if not usable.any():
         return Contacts(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
     pixels = np.stack([columns + 0.5, lowest + 1.0], axis=1)[usable]
-    depth = ground.intersect(camera, pixels)
+    rays = camera.rays_at(pixels)
+    depth = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
     known = np.isfinite(depth)
     # Only what reaches as far down as its surroundings within a wheelbase stands on the ground.
     typical = float(np.median(depth[known])) if known.any() else 1.0
@@ -76,10 +80,8 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     row[columns] = lowest
     closed = cv2.morphologyEx(row[None], cv2.MORPH_CLOSE, np.ones((1, span), np.uint8))[0]
     known &= closed[columns[usable]] - lowest[usable] <= 1
-    pixels, depth = pixels[known], depth[known]
-    ray = np.stack([(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy], axis=1)
-    rays = np.concatenate([ray, np.ones((len(ray), 1))], axis=1) @ camera.world_to_camera[:3, :3]
-    points = camera.centre + depth[:, None] * rays
+    depth = depth[known]
+    points = camera.centre + depth[:, None] * rays[known]
     eye = np.maximum((camera.centre - points) @ ground.axes[2], 0.2)
     size = tall[usable][known] * depth / camera.fy
     found = Contacts(columns[usable][known], points, depth, depth**2 / (eye * camera.fy), size)

@@ -1,7 +1,7 @@
-"""What moves during a drive: its list, its pixels in every frame, its shadows, and the points that lie on it.
+"""The dynamic objects of a drive: a list, their pixels in every frame, their shadows, and the points that lie on them.
 
-Given tracks decide where there are any. Else a thing moves if other frames look through the place where a frame shows it
-standing (``seen_through``), or if the contacts of one id wander over the ground. What nothing proves to have moved stands.
+Where the drive has tracks of boxes, these decide. Otherwise an object is dynamic if other frames see through the place where a
+frame shows it on the ground (``seen_through``), or if the ground contacts of one instance id wander. All others are static.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.images import border_px
-from unveil_core.ground.sparse import GroundPoints, find_ground
+from unveil_core.ground.height_field import HeightField
+from unveil_core.ground.sparse import find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
 from unveil_core.movers.points import points_along_track, points_behind_contacts
-from unveil_core.movers.seen_through import MASKED, SLIM, WIDE, Body, Sight, sight_of, sticks
+from unveil_core.movers.seen_through import MASKED, SLIM, WIDE, Body, FrameVisibility, frame_visibility, probe_points
 from unveil_core.movers.shadows import mover_shadow
 from unveil_core.movers.tracks import Patch, find_patches, instance_moves, link_patches
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SLIM_CLASSES, THIN_CLASSES
@@ -32,7 +33,7 @@ __all__ = ["FoundMovers", "Mover", "find_movers"]
 
 @dataclass(frozen=True)
 class Mover:
-    """One thing that moves.
+    """One dynamic object.
 
     Attributes:
         number: 1, 2, … within the drive; its value in the mask images.
@@ -51,12 +52,12 @@ class Mover:
 
 @dataclass(frozen=True, eq=False)
 class FoundMovers:
-    """Everything that moves in a drive.
+    """The dynamic objects of a drive.
 
     Attributes:
         movers: the list.
-        numbers: (H, W) uint16 per frame, the mover that a pixel shows, 0 = none.
-        shadows: (H, W) bool per frame, ground in a mover's shadow.
+        numbers: (H, W) uint16 per frame, the dynamic object that a pixel shows, 0 = none.
+        shadows: (H, W) bool per frame, ground in the shadow of one.
         on_mover: (P,) bool, of the drive's points.
     """
 
@@ -67,7 +68,7 @@ class FoundMovers:
 
 
 class _Search:
-    """What is known of a drive while its movers are looked for."""
+    """State of the search for dynamic objects in a drive."""
 
     def __init__(self, drive: Drive, scene: SceneLabels) -> None:
         self.drive, self.names = drive, scene.labels.names
@@ -78,7 +79,7 @@ class _Search:
         # Without classes all that is not to be removed may be ground.
         self.below_labels = ground or tuple(k for k, n in enumerate(self.names) if n == "keep")
         self.behind_labels = (*self.below_labels, *(k for k, n in enumerate(self.names) if n == "sky"))
-        self.ground: GroundPoints | None = None
+        self.ground: HeightField | None = None
         if any(np.isin(label, self.removable).any() for label in self.labels):
             self.ground = find_ground(drive, self.labels, ground, self.removable)
         self.numbers = [np.zeros(label.shape, np.uint16) for label in self.labels]
@@ -93,9 +94,9 @@ class _Search:
     def below(self, frame: int) -> Mask:
         return np.isin(self.labels[frame], self.below_labels)
 
-    def sights(self) -> list[Sight]:
+    def visibility(self) -> list[FrameVisibility]:
         return [
-            sight_of(f.camera, np.isin(label, self.behind_labels), np.isin(label, self.removable))
+            frame_visibility(f.camera, np.isin(label, self.behind_labels), np.isin(label, self.removable))
             for f, label in zip(self.drive.frames, self.labels, strict=True)
         ]
 
@@ -105,7 +106,7 @@ class _Search:
 
 
 def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progress) -> FoundMovers | None:
-    """Everything that moves in a drive, None where nothing does.
+    """The dynamic objects of a drive, None where there are none.
 
     Args:
         drive: an imported drive; scene: its labels.
@@ -116,13 +117,13 @@ def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progre
     search = _Search(drive, scene)
     boxed = _by_boxes(search)
     if search.ground is not None:
-        sights = search.sights()
+        visibility = search.visibility()
         instances = [frame_instances(f) for f in drive.frames]
-        for owner, own in zip(boxed, instances, strict=True):
-            if own is not None:
-                own[owner > 0] = 0
-        _by_instances(search, instances, sights)
-        _by_patches(search, [i is not None for i in instances], boxed, sights, progress)
+        for owner, ids in zip(boxed, instances, strict=True):
+            if ids is not None:
+                ids[owner > 0] = 0
+        _by_instances(search, instances, visibility)
+        _by_patches(search, [i is not None for i in instances], boxed, visibility, progress)
     if not search.movers:
         return None
     numbers = tuple(search.numbers)
@@ -138,7 +139,7 @@ def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progre
 
 
 def _by_boxes(search: _Search) -> list[NDArray[np.int64]]:
-    """Mark what moving boxes own; returns (H, W) per frame the id of the box that each pixel belongs to, 0 = none."""
+    """Mark the pixels of moving boxes; returns (H, W) per frame the id of the box that each pixel belongs to, 0 = none."""
     moved, _ = moving_boxes(search.drive)
     number = {source: search.add(name, "boxes", source) for source, name in sorted(moved.items())}
     owners = []
@@ -152,31 +153,34 @@ def _by_boxes(search: _Search) -> list[NDArray[np.int64]]:
     return owners
 
 
-def _by_instances(search: _Search, instances: list[NDArray[np.int64] | None], sights: list[Sight]) -> None:
+def _by_instances(
+    search: _Search, instances: list[NDArray[np.int64] | None], visibility: list[FrameVisibility]
+) -> None:
     assert search.ground is not None
     frames: dict[int, list[int]] = {}
-    for v, own in enumerate(instances):
-        if own is not None:
-            own[~np.isin(search.labels[v], search.removable)] = 0
-            for source in np.unique(own):
+    for v, ids in enumerate(instances):
+        if ids is not None:
+            ids[~np.isin(search.labels[v], search.removable)] = 0
+            for source in np.unique(ids):
                 if source:
                     frames.setdefault(int(source), []).append(v)
-    below = [search.below(v) for v in range(len(sights))]
+    below = [search.below(v) for v in range(len(visibility))]
     nothing = [np.zeros_like(b) for b in below]
     for source in sorted(frames):
-        masks: list[Mask | None] = [None] * len(sights)
+        masks: list[Mask | None] = [None] * len(visibility)
         counts = np.zeros(len(search.names), np.int64)
         for v in frames[source]:
-            own = instances[v]
-            assert own is not None
-            mask = own == source
+            image = instances[v]
+            assert image is not None
+            mask = image == source
             masks[v] = mask
             counts += np.bincount(search.labels[v][mask], minlength=len(search.names))
-        own_sights = [
-            Sight(s.camera, s.open, n if m is None else m) for s, m, n in zip(sights, masks, nothing, strict=True)
+        own_visibility = [
+            FrameVisibility(s.camera, s.open, n if m is None else m)
+            for s, m, n in zip(visibility, masks, nothing, strict=True)
         ]
         label = int(counts.argmax())
-        evidence = instance_moves(masks, below, own_sights, search.body(label), search.ground)
+        evidence = instance_moves(masks, below, own_visibility, search.body(label), search.ground)
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
             for v in frames[source]:
@@ -184,17 +188,21 @@ def _by_instances(search: _Search, instances: list[NDArray[np.int64] | None], si
 
 
 def _by_patches(
-    search: _Search, told: list[bool], boxed: list[NDArray[np.int64]], sights: list[Sight], progress: Progress
+    search: _Search,
+    with_ids: list[bool],
+    boxed: list[NDArray[np.int64]],
+    visibility: list[FrameVisibility],
+    progress: Progress,
 ) -> None:
-    """Things without ids, frame by frame; ``told`` of the frames that have instance images."""
+    """Objects without ids, frame by frame; ``with_ids``: which frames have instance images."""
     assert search.ground is not None
     wanted = {k: search.body(k) for k in search.removable}
     patches: dict[int, list[Patch]] = {}
     for v, frame in enumerate(search.drive.frames):
-        if not told[v]:
+        if not with_ids[v]:
             label = np.where(boxed[v] > 0, -1, search.labels[v]).astype(np.int8)
-            patches[v] = find_patches(v, label, wanted, search.below(v), sights, search.ground)
-        progress(v + 1, len(told), f"looking for what moves, {frame.name}")
+            patches[v] = find_patches(v, label, wanted, search.below(v), visibility, search.ground)
+        progress(v + 1, len(with_ids), f"looking for what moves, {frame.name}")
     cameras = list(dict.fromkeys(f.camera_name for f in search.drive.frames))
     tracks = [[v for v, f in enumerate(search.drive.frames) if f.camera_name == c] for c in cameras]
     link_patches(tracks, patches)
@@ -221,8 +229,8 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
     def plain(v: int) -> Mask:
         if v not in plains:
             side = 2 * border_px(frames[v].camera.width) + 1
-            own = cv2.dilate((search.numbers[v] > 0).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
-            plains[v] = search.below(v) & ~own
+            shown = cv2.dilate((search.numbers[v] > 0).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+            plains[v] = search.below(v) & ~shown
         return plains[v]
 
     cameras = [f.camera for f in frames]
@@ -237,10 +245,10 @@ def _points(search: _Search) -> Mask:
     if ground is None:
         return found
     thin = tuple(k for k, n in enumerate(search.names) if n in THIN_CLASSES)
-    standing = (*search.removable, *thin)
-    sights = [
-        sight_of(f.camera, np.isin(label, search.behind_labels) & (own == 0), np.isin(label, standing) & (own == 0))
-        for f, label, own in zip(search.drive.frames, search.labels, search.numbers, strict=True)
+    upright = (*search.removable, *thin)
+    visibility = [
+        frame_visibility(f.camera, np.isin(label, search.behind_labels) & (n == 0), np.isin(label, upright) & (n == 0))
+        for f, label, n in zip(search.drive.frames, search.labels, search.numbers, strict=True)
     ]
     for k, (name, evidence, _) in enumerate(search.movers):
         if evidence == "boxes":
@@ -254,9 +262,9 @@ def _points(search: _Search) -> Mask:
                 found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)
                 if len(contacts) and np.median(contacts.error) < 2 * body.error_m:
                     # Of its places the second lies about in its middle.
-                    middle = sticks(contacts, frame.camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
+                    middle = probe_points(contacts, frame.camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
                     track.append(np.median(middle, axis=0))
                     heights.append(float(np.median(contacts.height)))
         if len(track) > 1:
-            found |= points_along_track(points, np.array(track), max(heights), sights, body, ground)
+            found |= points_along_track(points, np.array(track), max(heights), visibility, body, ground)
     return found

@@ -1,4 +1,4 @@
-"""Which of the drive's points lie on movers: a LiDAR draws a thing that drives along as a trail through the empty street."""
+"""Which of the drive's points lie on dynamic objects: in a LiDAR cloud they leave trails through the empty street."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
-from unveil_core.movers.seen_through import Body, Sight
+from unveil_core.movers.seen_through import Body, FrameVisibility
 
 __all__ = ["points_along_track", "points_behind_contacts"]
 
 OVER_GROUND_M = 0.12
-"""What lies lower is the ground itself."""
+"""Points lower than this over the ground, metres, belong to the ground."""
 SIDE_M = 2.0
-"""Contacts that reach so far in depth show a thing's long side; behind them lies no more than its width."""
+"""Contacts that span more depth than this, metres, show an object's long side; behind them lies no more than its width."""
 LONG_SHARE = 2.0
-"""Seen from its end a thing may reach so many times its width farther."""
+"""Seen from its end an object may reach this multiple of its width farther."""
 BEYOND_M = 20.0
-"""A LiDAR sees a thing before and after the camera does: its way is prolonged by so much."""
+"""A LiDAR sees an object before and after the camera does: its path is extended by so much, metres."""
 STEP_M = 0.5
 
 
@@ -32,12 +32,12 @@ def points_behind_contacts(
     contacts: Contacts,
     camera: Camera,
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
-    """(P,) points within a mover as one frame shows it: in its pixels, and no farther behind its contacts than it may reach.
+    """(P,) points on a dynamic object as one frame shows it: in its pixels, and no farther behind its contacts than it may reach.
 
     Args:
-        points: (P, 3) world; mask: (H, W) of the mover; contacts: its own, may be uncertain.
+        points: (P, 3) world; mask: (H, W) of the object; contacts: of the same object, may be uncertain.
     """
     inside = np.zeros(len(points), dtype=bool)
     if not len(contacts):
@@ -54,7 +54,7 @@ def points_behind_contacts(
     behind = depth[index] - contacts.depth[nearest]
     hit = (behind > -0.4 - error) & (behind < reach + error)
     index = index[hit]
-    inside[index] = ground.above(points[index]) > OVER_GROUND_M
+    inside[index] = ground.over(points[index]) > OVER_GROUND_M
     return inside
 
 
@@ -62,17 +62,19 @@ def points_along_track(
     points: NDArray[np.float64],
     track: NDArray[np.float64],
     height: float,
-    sights: Sequence[Sight],
+    visibility: Sequence[FrameVisibility],
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
-    """(P,) points on the way of a mover: amid it all that no frames show to stand there, beside it and where the camera did
-    not see the mover pass only what other frames look through.
+    """(P,) points on the path of a dynamic object.
+
+    In the middle of the path all that frames do not show as static; at its sides, and where the camera did not see the object
+    pass, only what other frames see through.
 
     Args:
         points: (P, 3) world; track: (K, 3) places in its middle, on the ground, one a frame, in order of time, K >= 2.
-        height: of the mover, metres.
-        sights: of all frames; ``taken`` of what may stand in the street, poles as well, and does not move.
+        height: of the object, metres.
+        visibility: of all frames; ``occupied`` by static objects, poles as well.
     """
     found = np.zeros(len(points), dtype=bool)
     way = (track @ ground.axes.T)[:, :2]
@@ -81,8 +83,8 @@ def points_along_track(
         return found
     ahead = (way[-1] - way[0]) / travelled
     # It was where its contacts were, and as far beyond them as it is long.
-    own = body.drift_m * ahead
-    ends = [way[0] - own, *way, way[-1] + own]
+    half = body.drift_m * ahead
+    ends = [way[0] - half, *way, way[-1] + half]
     ends = [ends[0] - BEYOND_M * ahead, *ends, ends[-1] + BEYOND_M * ahead]
     dense = []
     for a, b in zip(ends[:-1], ends[1:], strict=True):
@@ -93,18 +95,18 @@ def points_along_track(
     near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
     amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
     index = np.flatnonzero(np.isfinite(near))
-    above = ground.above(points[index])
+    above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
-    through, taken, seen = (np.zeros(len(index), np.int64) for _ in range(3))
-    for sight in sights:
-        camera = sight.camera
+    through, occupied, seen = (np.zeros(len(index), np.int64) for _ in range(3))
+    for view in visibility:
+        camera = view.camera
         pixel, depth = camera.project(points[index])
         inside = np.flatnonzero(camera.in_picture(pixel, depth))
         row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
-        through[inside] += sight.open[row, column]
-        taken[inside] += sight.taken[row, column]
+        through[inside] += view.open[row, column]
+        occupied[inside] += view.occupied[row, column]
         seen[inside] += 1
-    open_ = (through >= 2) & (through > taken)
-    swept = np.isfinite(amid[index]) & (2 * taken < np.maximum(seen, 1))
+    open_ = (through >= 2) & (through > occupied)
+    swept = np.isfinite(amid[index]) & (2 * occupied < np.maximum(seen, 1))
     found[index[open_ | swept]] = True
     return found

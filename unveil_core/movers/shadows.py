@@ -1,6 +1,6 @@
-"""A mover's own shadow in one frame: ground beside it that is dark here and lit in most other frames.
+"""The shadow of a dynamic object in one frame: ground beside it that is dark here and lit in most other frames.
 
-What stands casts its shadow in all frames alike, so a place that is darker than other frames show it tells of a mover.
+Static objects cast the same shadow in all frames, so ground that is darker than in other frames is in the shadow of a dynamic one.
 """
 
 from __future__ import annotations
@@ -12,22 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
+from unveil_core.movers.contacts import FAR_M
 
 __all__ = ["mover_shadow"]
 
 DARK = 0.8
-"""Shadow is darker than this share of what most other frames show of the place."""
+"""Shadow is darker than this share of the median brightness that other frames show there."""
 REACH = 2.5
-"""So many heights of the mover in the image its shadow may reach beyond it."""
+"""How far a shadow may reach beyond its object in the image, in heights of the object."""
 OTHERS, FEWEST_OTHERS = 16, 3
-"""At most so many other frames are asked for a place, and so many must show it."""
+"""How many other frames at most are compared at a place, and how many at least must show it."""
 AROUND = 400
-"""About so many places farther off say how much brighter or darker this photograph is than the others."""
+"""About so many places farther off measure how much brighter or darker this photograph is than the others."""
 ALMOST_LIT, ALIKE = 0.9, 1.25
-"""Shadow goes on where brightness is less than so many times its median and others do not show that it is lit, by this share."""
+"""A shadow is extended over ground less bright than ``ALIKE`` times its median, unless other frames show that ground lit: a
+brightness of at least ``ALMOST_LIT`` of theirs."""
 TOUCH_PX = 4
 """So far from a mover its shadow may begin, pixels at 384, see :func:`unveil_core.geometry.images.border_px`."""
 
@@ -38,13 +41,13 @@ def mover_shadow(
     cameras: Sequence[Camera],
     gray: Callable[[int], NDArray[np.float32]],
     plain: Callable[[int], Mask],
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> Mask:
-    """(H, W) pixels of a frame in the shadow of its movers.
+    """(H, W) pixels of a frame in the shadow of its dynamic objects.
 
     Args:
-        frame: which; mask: (H, W) of its movers, all False where it has none.
-        cameras: of all frames; gray: gives (H, W) brightness of frame v; plain: its pixels that show ground and no mover.
+        frame: index; mask: (H, W) of its dynamic objects, all False where it has none.
+        cameras: of all frames; gray: gives (H, W) brightness of frame v; plain: its ground pixels without dynamic objects.
     """
     camera = cameras[frame]
     none = np.zeros(mask.shape, dtype=bool)
@@ -66,13 +69,10 @@ def mover_shadow(
     if not near.any():
         return none
     row, column = np.unravel_index(asked, mask.shape)
-    pixels = np.stack([column + 0.5, row + 0.5], axis=1)
-    depth = ground.intersect(camera, pixels)
-    local = np.stack(
-        [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels))], 1
-    )
+    rays = camera.rays_at(np.stack([column + 0.5, row + 0.5], axis=1))
+    depth = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
     known = np.isfinite(depth)
-    places = camera.centre + np.where(known, depth, 0.0)[:, None] * (local @ camera.world_to_camera[:3, :3])
+    places = camera.centre + np.where(known, depth, 0.0)[:, None] * rays
     order = sorted((v for v in range(len(cameras)) if v != frame), key=lambda v: (abs(v - frame), v))
     if len(order) > OTHERS:  # near and far ones: near ones show it best, in far ones the mover has gone
         order = order[:: max(1, len(order) // OTHERS)][:OTHERS]
@@ -110,7 +110,7 @@ def _whole(
     shadow: Mask, near: Mask, asked: tuple[NDArray[np.int64], NDArray[np.int64]], ratio: NDArray[np.floating],
     gray: NDArray[np.float32],
 ) -> Mask:  # fmt: skip
-    """A shadow (H, W) with the ground beside it that is as dark and of which too few other frames tell.
+    """A shadow (H, W), extended over adjacent ground that is as dark and that too few other frames show.
 
     Args:
         near: (H, W) ground to consider; asked: rows and columns (N,) of the pixels whose ``ratio`` (N,) is known, or nan.

@@ -1,6 +1,6 @@
-"""Which things move, by what they show of themselves: things with ids over the whole drive, others frame by frame.
+"""Which objects are dynamic: those with instance ids over the whole drive, others frame by frame.
 
-Nothing is called moving that no other frame proves to have moved: what is seen too seldom, too far off or always hidden stands.
+Only what other frames prove to have moved counts as dynamic; objects seen too seldom, too far off or always occluded are static.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts, find_contacts
-from unveil_core.movers.seen_through import Body, Sight, look_through, sticks
+from unveil_core.movers.seen_through import Body, FrameVisibility, count_evidence, probe_points
 
 __all__ = ["Patch", "find_patches", "instance_moves", "link_patches"]
 
 COLUMNS = 3
-"""So many contacts tell something of a thing."""
+"""Least number of contacts that say anything about an object."""
 MOST, FEW = 0.7, 0.3
-"""Share of a thing's contacts that are looked through, from which all of it moves, and up to which all of it stands."""
+"""Share of an object's contacts that other frames see through: from the first on all of it is dynamic, up to the second static."""
 FRAMES_MOVING = 3
-"""A thing without an id must be proven to move in so many frames."""
+"""An object without an id must be proven to move in so many frames."""
 LIKE = 0.3
-"""Patches of frames that follow each other may be one thing if they are as alike as this."""
+"""Patches of consecutive frames may be one object if their similarity, 0 to 1, exceeds this."""
 SMALLEST_PX = 12
-MOVING, STANDING, UNKNOWN = 1, 0, -1
+MOVING, STATIC, UNKNOWN = 1, 0, -1
 
 
 @dataclass(eq=False)
@@ -39,8 +39,8 @@ class Patch:
     Attributes:
         frame, label: which.
         mask: (H, W) pixels.
-        state: MOVING, STANDING or UNKNOWN.
-        number: of the mover that it belongs to, 0 = none.
+        state: MOVING, STATIC or UNKNOWN.
+        number: of the dynamic object that it belongs to, 0 = none.
     """
 
     frame: int
@@ -60,31 +60,37 @@ def _certain(contacts: Contacts, body: Body) -> Contacts:
 
 
 def _seen_through(
-    contacts: Contacts, frame: int, sights: Sequence[Sight], body: Body, ground: GroundPoints
+    contacts: Contacts, frame: int, visibility: Sequence[FrameVisibility], body: Body, ground: HeightField
 ) -> tuple[Mask, Mask]:
-    """(M,) contacts that other frames look through, and (M,) those of which they say anything."""
-    evidence = look_through(sticks(contacts, sights[frame].camera, body, ground), sights, frame, farther=body.farther)
+    """(M,) contacts that other frames see through, and (M,) those about which they say anything."""
+    evidence = count_evidence(
+        probe_points(contacts, visibility[frame].camera, body, ground), visibility, frame, farther=body.farther
+    )
     through = body.seen_through(evidence)
     return through, through | (evidence.covered > 0)
 
 
 def instance_moves(
-    masks: Sequence[Mask | None], below: Sequence[Mask], sights: Sequence[Sight], body: Body, ground: GroundPoints
+    masks: Sequence[Mask | None],
+    below: Sequence[Mask],
+    visibility: Sequence[FrameVisibility],
+    body: Body,
+    ground: HeightField,
 ) -> str | None:
-    """How it is known that a thing moves: "seen through", "drift", or None where nothing proves it.
+    """How it is known that an object moves: "seen through", "drift", or None where nothing proves it.
 
     Args:
-        masks: (H, W) of the thing per frame, None where a frame does not show it; below: (H, W) per frame, ground.
-        sights: of all frames; for this thing, ``taken`` is what it may be itself.
+        masks: (H, W) of the object per frame, None where a frame does not show it; below: (H, W) per frame, ground.
+        visibility: of all frames, with only this object's pixels as ``occupied``.
     """
     verdicts, places, doubts, widths = [], [], [], [0.0]
     for frame, mask in enumerate(masks):
         if mask is None or mask.sum() < SMALLEST_PX:
             continue
-        contacts = _certain(find_contacts(mask, below[frame], sights[frame].camera, ground), body)
+        contacts = _certain(find_contacts(mask, below[frame], visibility[frame].camera, ground), body)
         if len(contacts) < COLUMNS:
             continue
-        through, known = _seen_through(contacts, frame, sights, body, ground)
+        through, known = _seen_through(contacts, frame, visibility, body, ground)
         if known.sum() >= COLUMNS:
             verdicts.append(bool(through[known].mean() >= MOST))
         places.append(np.median(contacts.points, axis=0))
@@ -105,15 +111,15 @@ def find_patches(
     label: NDArray[np.int8],
     wanted: dict[int, Body],
     below: Mask,
-    sights: Sequence[Sight],
-    ground: GroundPoints,
+    visibility: Sequence[FrameVisibility],
+    ground: HeightField,
 ) -> list[Patch]:
-    """The connected pixels of each wanted label in a frame, with what the other frames say of them.
+    """The connected pixels of each wanted label in a frame, with what the other frames say about them.
 
-    A patch of several things that touch in the image is cut where its contacts change from looked through to not.
+    A patch of several objects that touch in the image is cut where its contacts change from seen through to not.
 
     Args:
-        label: (H, W), negative where nothing is to be looked for; wanted: what things of each label are.
+        label: (H, W), negative where nothing is to be searched; wanted: the kind of object of each label.
         below: (H, W) pixels that show ground.
     """
     patches: list[Patch] = []
@@ -123,26 +129,26 @@ def find_patches(
             if stats[i, cv2.CC_STAT_AREA] < SMALLEST_PX:
                 continue
             mask = component == i
-            contacts = _certain(find_contacts(mask, below, sights[frame].camera, ground), body)
-            through, known = _seen_through(contacts, frame, sights, body, ground)
+            contacts = _certain(find_contacts(mask, below, visibility[frame].camera, ground), body)
+            through, known = _seen_through(contacts, frame, visibility, body, ground)
             share = float(through[known].mean()) if known.sum() >= COLUMNS else -1.0
             if share < 0:
                 patches.append(Patch(frame, k, mask, UNKNOWN))
             elif share >= MOST or share <= FEW:
-                patches.append(Patch(frame, k, mask, MOVING if share >= MOST else STANDING))
+                patches.append(Patch(frame, k, mask, MOVING if share >= MOST else STATIC))
             else:
-                patches += _cut(frame, k, mask, contacts.where(known), through[known], sights[frame].camera)
+                patches += _cut(frame, k, mask, contacts.where(known), through[known], visibility[frame].camera)
     return patches
 
 
 def _cut(frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, camera: Camera) -> list[Patch]:
-    """The parts of a patch that move and that stand: per column what most contacts within half a metre or so say."""
+    """The dynamic and the static part of a patch: per column by the majority of the contacts within about half a metre."""
     near = np.maximum(0.6 * camera.fx / contacts.depth, 2.0)
     gap = np.abs(np.arange(mask.shape[1])[:, None] - contacts.columns[None])
     weight = np.where(gap <= near[None], 1.0, 0.0) + 1e-3 / (1.0 + gap)
     moving = (weight * through[None]).sum(axis=1) > MOST * weight.sum(axis=1)
     parts = []
-    for state, columns in ((MOVING, moving), (STANDING, ~moving)):
+    for state, columns in ((MOVING, moving), (STATIC, ~moving)):
         part = mask & columns[None]
         if part.sum() >= SMALLEST_PX:
             parts.append(Patch(frame, label, part, state))
@@ -150,7 +156,7 @@ def _cut(frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, 
 
 
 def _alike(a: Patch, b: Patch) -> float:
-    """How much two patches of neighbouring frames look like one thing, 0 to 1."""
+    """Similarity of two patches of neighbouring frames, 0 to 1."""
     area = float(min(a.mask.sum(), b.mask.sum()) / max(a.mask.sum(), b.mask.sum()))
     size = max(float(np.hypot(*(p.box[2:] - p.box[:2]))) for p in (a, b))
     gap = float(np.hypot(*((a.box[:2] + a.box[2:]) / 2 - (b.box[:2] + b.box[2:]) / 2)))
@@ -158,10 +164,10 @@ def _alike(a: Patch, b: Patch) -> float:
 
 
 def link_patches(tracks: Sequence[Sequence[int]], patches: dict[int, list[Patch]]) -> int:
-    """Chain the patches that look like one thing along each track, and number the chains that move; returns how many do.
+    """Chain the patches that look like one object along each track, and number the dynamic chains; returns how many there are.
 
-    One frame may err: a chain moves if enough of its patches do and few of them stand. Then all of it does, also those patches
-    of which nothing is known.
+    One frame may err: a chain is dynamic if enough of its patches are and few are static. Then all its patches are, also those
+    about which nothing is known.
 
     Args:
         tracks: frame indices per camera in order of travel; patches: of each frame, numbered in place.
@@ -174,11 +180,11 @@ def link_patches(tracks: Sequence[Sequence[int]], patches: dict[int, list[Patch]
             now = patches.get(frame, [])
             pairs = [(_alike(p, q), i, j) for i, p in enumerate(now) for j, (q, _) in enumerate(before)]
             chain_of: dict[int, list[Patch]] = {}
-            taken: set[int] = set()
+            linked: set[int] = set()
             for likeness, i, j in sorted(pairs, reverse=True):
-                if likeness > LIKE and i not in chain_of and j not in taken:
+                if likeness > LIKE and i not in chain_of and j not in linked:
                     chain_of[i] = before[j][1]
-                    taken.add(j)
+                    linked.add(j)
             for i, patch in enumerate(now):
                 if i not in chain_of:
                     chain_of[i] = []
@@ -186,8 +192,8 @@ def link_patches(tracks: Sequence[Sequence[int]], patches: dict[int, list[Patch]
                 chain_of[i].append(patch)
             before = [(p, chain_of[i]) for i, p in enumerate(now)]
         for chain in chains:
-            moving, standing = (sum(p.state == s for p in chain) for s in (MOVING, STANDING))
-            if moving >= FRAMES_MOVING and moving > 2 * standing:
+            moving, static = (sum(p.state == s for p in chain) for s in (MOVING, STATIC))
+            if moving >= FRAMES_MOVING and moving > 2 * static:
                 used += 1
                 for patch in chain:
                     patch.number = used

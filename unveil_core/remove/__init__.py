@@ -1,1 +1,1 @@
-"""Which surfels and pixels go with the chosen objects, and what of the street behind them no frame shows."""
+"""Which surfels and pixels belong to the removed objects, and which part of the street behind them no frame shows."""

@@ -1,4 +1,4 @@
-"""Where the picture changes when the objects go, and what of it nobody ever saw.
+"""Where the picture changes when the objects are removed, and which part of that no frame ever showed.
 
 The ideal mask of *3D StreetUnveiler*, section 3.2: a pixel is unobserved where the alpha of the scene falls when the
 objects are taken out, because no view gave surfels for what lies behind.
@@ -17,7 +17,7 @@ NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED = 0, 1, 2, 3
 
 def unobserved_mask(
     alpha_full: NDArray[np.float32],
-    alpha_left: NDArray[np.float32],
+    alpha_empty: NDArray[np.float32],
     removed: NDArray[np.bool_],
     *,
     drop: float = 0.01,
@@ -27,12 +27,12 @@ def unobserved_mask(
     """Pixels (H, W) that must be invented.
 
     Args:
-        alpha_full, alpha_left: (H, W) with and without the objects.
+        alpha_full, alpha_empty: (H, W) with and without the objects.
         removed: (H, W) where this view shows a removed object, borders included.
         drop: alpha must fall by more than this (paper: 0.01), to below ``opaque``: sky and glass are no holes.
         smallest_px: smaller specks are no holes.
     """
-    hole = (alpha_full - alpha_left > drop) & (alpha_left < opaque) & removed
+    hole = (alpha_full - alpha_empty > drop) & (alpha_empty < opaque) & removed
     hole = cv2.morphologyEx(hole.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, component, stats, _ = cv2.connectedComponentsWithStats(hole, connectivity=8)
     large = np.zeros(count, dtype=bool)

@@ -1,4 +1,4 @@
-"""Which surfels go: those of the chosen classes and instances, and those too close to them."""
+"""Which surfels are removed: those of the chosen classes and instances, and those too close to them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["near_removed", "select_removed"]
 
 MARGIN_M = 0.15
-"""An object's box is so uncertain; what lies no higher over its floor is the ground."""
+"""Uncertainty of an object's box, metres; what lies no higher than this over its floor is the ground."""
 HANGING_M, REACH_M = 0.5, 3.0
-"""A floor hangs in the air if what lies under it, down to so far, is so much lower."""
+"""Metres. The floor of a box hangs in the air if what lies under it, at most ``REACH_M`` down, is more than ``HANGING_M`` lower."""
 
 
 def select_removed(
@@ -27,15 +27,15 @@ def select_removed(
     too_close: float,
     axes: NDArray[np.float64] | None = None,
 ) -> NDArray[np.bool_]:
-    """(N,) True where a surfel goes.
+    """(N,) True where a surfel is removed.
 
-    What lies within a removed object's box and off the ground goes with it, whatever its label: such surfels are the object's
+    Surfels within a removed object's box and off the ground are removed with it, whatever their label: they are the object's
     reflections and badly placed background.
 
     Args:
         surfels: the full scene; instance_of_surfel: (N,) ids, 0 = none.
         scene: with the chosen classes and instances.
-        too_close: surfels of other labels nearer than this to one that goes, go too (their colour is of its border);
+        too_close: surfels of other labels nearer than this to a removed one are removed too (their colour is that of its border);
             metres.
         axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
     """
@@ -48,10 +48,11 @@ def select_removed(
         removable = np.isin(labels, scene.removable_labels)
         margin = MARGIN_M
         for instance in np.unique(instance_of_surfel[chosen]):
-            own = chosen & (instance_of_surfel == instance)
-            box = fit_box(means[own], axes, gap=1.0)
+            if instance == 0:  # belongs to no object
+                continue
+            box = fit_box(means[chosen & (instance_of_surfel == instance)], axes, gap=1.0)
             # Larger than a bus: several objects that touch, whose common box would take the street with it.
-            if instance == 0 or max(box.size) > 12.0:
+            if max(box.size) > 12.0:
                 continue
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
             above = -margin if _hangs(box, means[~removable], axes) else margin
@@ -60,7 +61,7 @@ def select_removed(
 
 
 def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:
-    """Whether a box begins well above what lies under it: of an object that the images cut off, its foot was never seen.
+    """Whether a box begins well above what lies under it: the foot of an object that the images cut off was never seen.
 
     Args:
         kept: (M, 3) positions that belong to no object.

@@ -1,4 +1,4 @@
-"""Loose ends of what goes: surfels close to it that no frame shows beside it."""
+"""Loose ends of removed objects: surfels close to them that no frame shows beside them."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from unveil_core.geometry.camera import Camera
 __all__ = ["unsupported"]
 
 LEAST_FRAMES = 2
-"""So many frames must show the object where a loose end would be."""
+"""Least number of frames that must show the object where a loose end would be."""
 
 
 def unsupported(
     means: NDArray[np.float64], gone: Mask, cameras: Sequence[Camera], masks: Sequence[Mask], *, reach: float
 ) -> Mask:
-    """(N,) surfels that stay, though they lie close to one that goes and wherever that is masked they are masked, too.
+    """(N,) surfels not yet removed that lie close to a removed one and are masked wherever that one is.
 
-    Such a surfel is backed by no frame that tells of the object: it is a piece of it that bears another label, or was put
-    where the object hides everything.
+    No frame that shows the object supports such a surfel: it is a piece of the object with another label, or was placed where
+    the object occludes everything.
 
     Args:
-        means: (N, 3); gone: (N,).
-        cameras, masks: of the frames that say what they show; (H, W) True where that goes.
-        reach: how far from what goes is looked, metres.
+        means: (N, 3); gone: (N,) surfels that are removed.
+        cameras, masks: of the labelled frames; (H, W) True where a frame shows what is removed.
+        reach: largest distance from a removed surfel, metres.
     """
     found = np.zeros(len(means), dtype=bool)
     if not gone.any() or gone.all():
         return found
-    left = np.flatnonzero(~gone)
-    gap, nearest = cKDTree(means[gone]).query(means[left], distance_upper_bound=reach)
+    others = np.flatnonzero(~gone)
+    gap, nearest = cKDTree(means[gone]).query(means[others], distance_upper_bound=reach)
     close = np.isfinite(gap)
-    left, beside = left[close], means[gone][nearest[close]]
-    hidden, shown = np.zeros(len(left), dtype=int), np.zeros(len(left), dtype=bool)
+    others, beside = others[close], means[gone][nearest[close]]
+    hidden, shown = np.zeros(len(others), dtype=int), np.zeros(len(others), dtype=bool)
     for camera, mask in zip(cameras, masks, strict=True):
-        own_in, own_masked = camera.fall_in(means[left], mask)
+        in_view, masked = camera.fall_in(means[others], mask)
         _, object_masked = camera.fall_in(beside, mask)
-        hidden += object_masked & own_masked
-        shown |= object_masked & own_in & ~own_masked
-    found[left[(hidden >= LEAST_FRAMES) & ~shown]] = True
+        hidden += object_masked & masked
+        shown |= object_masked & in_view & ~masked
+    found[others[(hidden >= LEAST_FRAMES) & ~shown]] = True
     return found

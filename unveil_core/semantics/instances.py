@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.clusters import connected_points
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.semantics.votes import vote_labels
 
@@ -95,13 +94,9 @@ def cluster_points(positions: NDArray[np.float64], radius: float, *, minimum: in
     """Ids (P,) 1, 2, … of connected clusters by size, 0 for crumbs of fewer than ``minimum`` points.
 
     Args:
-        positions: (P, 3); radius: points nearer than this belong together, metres.
+        positions: (P, 3); radius: points no farther apart than this belong together, metres.
     """
-    if not len(positions):
-        return np.zeros(0, dtype=np.int64)
-    pairs = cKDTree(positions).query_pairs(radius, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(positions),) * 2)
-    component = connected_components(graph, directed=False)[1]
+    component = connected_points(positions, radius)
     counts = np.bincount(component)
     order = np.argsort(-counts, kind="stable")
     ids = np.zeros(len(counts), dtype=np.int64)

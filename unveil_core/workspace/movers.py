@@ -1,9 +1,9 @@
-"""Movers between the stages: the ``movers/`` folder of a workspace, and what the later stages leave out because of it.
+"""Dynamic objects between the stages: the ``movers/`` folder of a workspace, and what the later stages leave out because of it.
 
 movers/movers.json                         the list, empty where nothing moves
-movers/pixels/<camera>/<frame>.png         16-bit numbers of movers, 0 = none; only frames that show one
-movers/shadows/<camera>/<frame>.png        255 where ground lies in a mover's shadow; likewise
-movers/points.npy                          (P,) uint8, 1 for points of the drive that lie on movers
+movers/pixels/<camera>/<frame>.png         16-bit numbers of dynamic objects, 0 = none; only frames that show one
+movers/shadows/<camera>/<frame>.png        255 where ground lies in the shadow of one; likewise
+movers/points.npy                          (P,) uint8, 1 for points of the drive that lie on one
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ __all__ = ["Moving", "read_moving", "write_moving"]
 
 @dataclass(frozen=True)
 class Moving:
-    """What moves in a drive, read from its workspace.
+    """The dynamic objects of a drive, read from its workspace.
 
     Attributes:
         folder: ``movers/`` of the workspace.
-        count: of the movers; with 0 nothing is left out anywhere.
+        count: of dynamic objects; with 0 nothing is left out anywhere.
     """
 
     folder: Path
     count: int
 
     def pixels(self, frame: Frame) -> Mask:
-        """(H, W) pixels that show a mover."""
+        """(H, W) pixels that show a dynamic object."""
         path = frame_file(self.folder / "pixels", frame)
         if not self.count or not path.is_file():
             return np.zeros((frame.camera.height, frame.camera.width), dtype=bool)
@@ -48,47 +48,47 @@ class Moving:
         return shown
 
     def shadow(self, frame: Frame) -> Mask:
-        """(H, W) ground in the shadow of a mover."""
+        """(H, W) ground in the shadow of one."""
         path = frame_file(self.folder / "shadows", frame)
         if not self.count or not path.is_file():
             return np.zeros((frame.camera.height, frame.camera.width), dtype=bool)
         return load_mask(path)
 
     def shadows(self, drive: Drive, removed: Sequence[Mask], mode: str) -> list[Mask]:
-        """(H, W) per frame, what goes as a mover's shadow beside the ``removed`` pixels (H, W); nothing where ``mode``, the
-        setting of a run, leaves shadows alone."""
+        """(H, W) per frame, shadows of dynamic objects outside the ``removed`` pixels (H, W); none where ``mode``, the
+        setting ``shadows`` of the run, is "off"."""
         shadows = [self.shadow(f) & ~r for f, r in zip(drive.frames, removed, strict=True)]
         return [np.zeros_like(s) for s in shadows] if mode == "off" else shadows
 
     def hidden(self, drive: Drive) -> list[Mask] | None:
-        """(H, W) per frame, pixels that say nothing of what stands: movers with their borders, and their shadows."""
+        """(H, W) per frame, pixels that do not show the static scene: dynamic objects with their borders, and their shadows."""
         if not self.count:
             return None
         return [grow(self.pixels(f), border_px(f.camera.width)) | self.shadow(f) for f in drive.frames]
 
-    def standing(self, drive: Drive) -> Drive:
-        """The drive without the points that lie on movers."""
+    def static_part(self, drive: Drive) -> Drive:
+        """The drive without the points that lie on dynamic objects."""
         if not self.count:
             return drive
         keep = load_array(self.folder / "points.npy") == 0
-        # A drive of which all points lay on movers would have none to start from.
+        # If all points lay on dynamic objects, there would be none to start from.
         if not keep.any():
             return drive
         colors = drive.points.colors
         return replace(drive, points=PointCloud(drive.points.positions[keep], None if colors is None else colors[keep]))
 
-    def ids_of_standing(self, frame: Frame, instances: NDArray[np.int64] | None) -> NDArray[np.int64] | None:
-        """Instance ids (H, W) of a frame without those of movers; None where the frame has none."""
+    def ids_of_static(self, frame: Frame, instances: NDArray[np.int64] | None) -> NDArray[np.int64] | None:
+        """Instance ids (H, W) of a frame without those of dynamic objects; None where the frame has none."""
         if instances is None or not self.count:
             return instances
         return np.where(self.pixels(frame), 0, instances)
 
 
 def write_moving(drive: Drive, scene: SceneLabels, folder: Path, mode: str, progress: Progress) -> int:
-    """Look for movers and write ``folder``; returns how many there are.
+    """Find the dynamic objects and write ``folder``; returns how many there are.
 
     Args:
-        mode: "auto", or "keep" to take everything for standing.
+        mode: "auto", or "keep" to treat everything as static.
     Raises:
         DriveError: a tracked box of an unknown class.
     """

@@ -10,7 +10,9 @@ import pytest
 
 from tests.ground.test_street import UP, drive_on_circle, street_points, true_street
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import Ground, fit_ground, fit_path
+from unveil_core.ground.path import fit_path
+from unveil_core.ground.street import Ground
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels

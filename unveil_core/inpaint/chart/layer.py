@@ -7,10 +7,12 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px
 from unveil_core.inpaint.chart.street_chart import RELIT_GAIN, StreetChart, sample_chart
 from unveil_core.inpaint.light.sun import Sun
 
@@ -21,6 +23,10 @@ FOOT_DEPTH = 0.05
 two sample streets, where rendered depths of thin things are a few per cent off."""
 LEAST_SINE = 0.01
 """Sine of the angle between ray and ground that a footprint is computed with at least: flatter, it would be without end."""
+FOOT_GAP = 2 / 384
+"""Between the surfels of a foot, as a share of the picture's width: 2 pixels at 384."""
+SMALL_TEXEL_PX = 4
+"""Texels no larger than this in a picture are drawn as points: with what lies between points closed, all that they cover."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +78,8 @@ class GroundLayer:
             x, y = pixel[inside].astype(np.int64).T
             seen = np.abs(depth[y, x] - z[inside]) < FOOT_DEPTH * z[inside]
             mask[y[seen], x[seen]] = 1
-            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+            side = 2 * max(2, round(FOOT_GAP * camera.width)) + 1
+            mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
         return mask.astype(bool)
 
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
@@ -83,10 +90,30 @@ class GroundLayer:
             pixel, depth = camera.project(self.chart.world(rows, columns))
             inside = camera.in_picture(pixel, depth, nearest=0.3)
             mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
-            # Close to the camera texels lie some pixels apart.
+            large = (depth > 0) & (depth * SMALL_TEXEL_PX < max(camera.fx, camera.fy) * self.chart.texel)
+            self._draw_texels(camera, rows[large], columns[large], mask)
+            # Texels that are drawn as points lie some pixels apart.
             mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
-            mask = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+            side = 2 * border_px(camera.width, 1) + 1
+            mask = cv2.dilate(mask, np.ones((side, side), np.uint8))
         return mask.astype(bool)
+
+    def _draw_texels(
+        self, camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64], mask: NDArray[np.uint8]
+    ) -> None:
+        """Mark the pixels (H, W) to which texels reach: half of the next one too, for colours are read between centres."""
+        low, high = np.full((len(rows), 2), np.inf), np.full((len(rows), 2), -np.inf)
+        before = np.ones(len(rows), dtype=bool)
+        for down, right in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+            pixel, depth = camera.project(self.chart.world(rows + down, columns + right))
+            before &= depth > self.chart.texel
+            low, high = np.minimum(low, pixel), np.maximum(high, pixel)
+        size = np.array([camera.width, camera.height])
+        seen = before & (high > 0).all(axis=1) & (low < size).all(axis=1)
+        _fill_boxes(
+            np.floor(np.clip(low[seen], 0, size - 1)).astype(np.int64),
+            np.floor(np.clip(high[seen], 0, size - 1)).astype(np.int64), mask,
+        )  # fmt: skip
 
     def sample(self, camera: Camera, wanted: NDArray[np.bool_]) -> GroundPixels:
         """The ground that ``camera`` would see in the ``wanted`` (H, W) pixels if nothing stood on it."""
@@ -133,3 +160,10 @@ class GroundLayer:
             replaced=spread(replaced, False),
             extent=spread(extent, 0.0),
         )
+
+
+@njit(cache=True)
+def _fill_boxes(low, high, mask):  # type: ignore[no-untyped-def]
+    """Mark (H, W) the pixels of boxes (N, 2) as columns and rows, both ends included."""
+    for i in range(low.shape[0]):
+        mask[low[i, 1] : high[i, 1] + 1, low[i, 0] : high[i, 0] + 1] = 1

@@ -7,6 +7,7 @@ dynamic programming (Ohta and Kanade, *Stereo by intra- and inter-scanline searc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -14,10 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path
 from unveil_core.geometry.images import luminance
+from unveil_core.ground.path import StreetPath, shift_path
+from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.street_chart import OBSERVED, read_chart
 
-__all__ = ["Drift", "find_drift"]
+__all__ = ["Drift", "find_drift", "rectified_path"]
 
 BIN_M = 0.5
 """Length of street that is given one shift, metres: at a drift of a few per cent a line stays within a texel over it."""
@@ -118,6 +123,22 @@ def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
     at = (first + (size - 1) / 2).astype(np.float64)
     smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
     return Drift(np.interp(np.arange(rows), at, smooth).astype(np.float32))
+
+
+def rectified_path(
+    ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
+    usable: Sequence[Mask],
+) -> tuple[StreetPath, float]:  # fmt: skip
+    """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
+
+    Args:
+        images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
+    Returns:
+        the path, and how far it was moved at most, metres.
+    """
+    chart = read_chart(ground, cameras, images, labels, usable)
+    aside = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1 / chart.texel).texels * chart.texel
+    return shift_path(ground.path, chart.coordinates()[0], aside), float(np.abs(aside).max(initial=0.0))
 
 
 def _across(plane: Float32, usable: Mask, sigma: float) -> Float32:

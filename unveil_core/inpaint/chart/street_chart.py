@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32, Float64
+from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.street import Ground
+from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 
 __all__ = [
     "INVENTED",
@@ -29,6 +31,7 @@ __all__ = [
     "read_bilinear",
     "read_chart",
     "sample_chart",
+    "usable_pixels",
 ]
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
@@ -44,6 +47,10 @@ TAPS = 7
 """Samples along a pixel's footprint, as in anisotropic texture filtering."""
 LONGEST_TEXELS = 100.0
 """Longest footprint that is sampled, texels (4 m): the blur levels bridge the distance between its taps up to there."""
+
+
+ALIKE = 0.08
+"""Of its depth, by which the scene may lie before or behind the ground and be it all the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +97,28 @@ class StreetChart:
         rows, columns = self.source.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         return np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1), inside
+
+
+def usable_pixels(
+    ground: Ground, camera: Camera, label: NDArray[np.int64], labels: LabelSet, hidden: Mask,
+    depth: NDArray[np.floating] | None = None,
+) -> Mask:  # fmt: skip
+    """(H, W) pixels that show nothing but ground.
+
+    Args:
+        label: (H, W) compact labels; hidden: (H, W) pixels that show something that goes, with their borders.
+        depth: (H, W) of the full scene, with which the ground's must agree; only asked where ``labels`` know no ground.
+    """
+    met = ground.intersect(camera, camera.rays().reshape(-1, 3))[0].reshape(label.shape)
+    usable = ~hidden & np.isfinite(met)
+    wanted = labels.indices(GROUND_CLASSES)
+    if wanted:
+        # Labels say it; depth only has to be no contradiction. The border mixes two things.
+        side = 2 * border_px(camera.width, 1) + 1
+        return usable & cv2.erode(np.isin(label, wanted).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+    assert depth is not None
+    with np.errstate(invalid="ignore"):
+        return usable & (np.abs(depth - met) < ALIKE * met)
 
 
 def read_chart(

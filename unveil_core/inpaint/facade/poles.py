@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.clusters import connected_points
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.light.crowns import components
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["feet_of_uprights"]
@@ -50,7 +49,7 @@ def feet_of_uprights(
     if len(low) < LEAST:
         return None
     across = (means[low] @ path.axes.T)[:, :2]
-    group = components(len(low), cKDTree(across).query_pairs(LINK_M, output_type="ndarray"))
+    group = connected_points(across, LINK_M)
     parts = []
     for g in np.unique(group):
         own = np.flatnonzero(group == g)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
@@ -34,11 +34,11 @@ def new_ground(
         masks: (H, W) removed pixels, one a camera.
     """
     row, column, inside = chart.index_of(chart.ground.path.to_street(removed))
-    near = np.zeros(chart.source.shape, dtype=bool)
-    near[row[inside], column[inside]] = True
-    near = grow(near, max(1, int(2 * AROUND_M / chart.texel) // 2))
+    near = np.zeros(chart.source.shape, dtype=np.uint8)
+    near[row[inside], column[inside]] = 1
+    near = cv2.dilate(near, disc(max(1, int(2 * AROUND_M / chart.texel) // 2)))
     # An object that is seen from one side only hides ground far behind it; without surfels the sky would show there.
-    return (chart.source == INVENTED) & (near | texels_in_pixels(chart, cameras, masks))
+    return (chart.source == INVENTED) & ((near > 0) | texels_in_pixels(chart, cameras, masks))
 
 
 def displaced_by(chart: StreetChart, region: Mask, surfels: Surfels, ground_labels: Sequence[int]) -> Mask:

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.clusters import connected_points
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["complete_crowns", "components"]
+__all__ = ["complete_crowns"]
 
 FOOT_M = (0.4, 1.6)
 """Heights over the ground between which a tree is only its trunk, metres: of street trees, kept clear for traffic; not of
@@ -76,9 +74,8 @@ def _trunks(low: Float64, high: Float64) -> Float64:
         return np.zeros((0, 2))
     index = np.floor((low - low.min(axis=0)) / CELL_M).astype(np.int64)
     places, member = np.unique(index, axis=0, return_inverse=True)
-    # Cells that touch belong together; a list of them is smaller than the plane of a long drive.
-    pairs = cKDTree(places).query_pairs(1.5, output_type="ndarray")
-    group = components(len(places), pairs)[member.ravel()]
+    # Cells that touch, also at a corner, belong together.
+    group = connected_points(places.astype(np.float64), 1.5)[member.ravel()]
     above = cKDTree(high)
     middles = []
     for g in np.unique(group):
@@ -86,12 +83,6 @@ def _trunks(low: Float64, high: Float64) -> Float64:
         if len(foot) < LEAST or np.ptp(np.percentile(foot, [5, 95], axis=0), axis=0).max() > THICK_M:
             continue
         middle = np.median(foot, axis=0)
-        if len(above.query_ball_point(middle, CROWN_M / 2)) >= 5 * LEAST:
+        if above.query_ball_point(middle, CROWN_M / 2, return_length=True) >= 5 * LEAST:
             middles.append(middle)
     return np.array(middles).reshape(-1, 2)
-
-
-def components(count: int, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(count,) which connected component each node is in."""
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

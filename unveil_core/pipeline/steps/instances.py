@@ -41,7 +41,7 @@ def run(context: StageContext) -> None:
     removable = np.isin(labels, scene.removable_labels)
     of_surfel = np.zeros(len(surfels), dtype=np.int64)
     moving = read_moving(workspace.root)
-    images = [moving.ids_of_standing(f, frame_instances(f)) for f in drive.frames]
+    images = [moving.ids_of_static(f, frame_instances(f)) for f in drive.frames]
     if any(image is not None for image in images):
         of_surfel[removable] = vote_instances(
             positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v],
@@ -56,17 +56,17 @@ def run(context: StageContext) -> None:
     listed: Any = read_json(workspace.objects_json)
     entries: list[dict[str, object]] = []
     for done, known in enumerate(listed["objects"]):
-        number, own = int(known["id"]), of_surfel == int(known["id"])
+        number, members = int(known["id"]), of_surfel == int(known["id"])
         context.progress(done + 1, len(listed["objects"]), "naming objects")
-        if not own.any():
+        if not members.any():
             continue
-        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=1.0).to_json()
+        box = known["box"] if known["source"] == "box" else fit_box(positions[members], axes, gap=1.0).to_json()
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
             shutil.copyfile(workspace.root / known["thumbnail"], context.output(picture))
         entries.append({
-            **known, "box": box, "surfels": int(own.sum()), "thumbnail": picture,
+            **known, "box": box, "surfels": int(members.sum()), "thumbnail": picture,
             "removed": known["class"] in scene.removed or number in scene.instances,
         })  # fmt: skip
     context.output("instances").mkdir(parents=True, exist_ok=True)
