@@ -21,7 +21,7 @@ from unveil_core.inpaint.light.shadow_map import cast_shadows
 from unveil_core.inpaint.light.sun import Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["light_of_scene"]
+__all__ = ["light_of_scene", "lit_at_sunny_walls"]
 
 COARSE_M = 0.2
 """Texels of the grid that the sun is looked for on, metres."""
@@ -109,11 +109,11 @@ def light_of_scene(
         # No light comes through chinks, nor between a wall and the ground at its foot.
         chinks = disc(CHINK_M / chart.texel)
         plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-        planes.append(_lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel)))
+        planes.append(lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel)))
     return Light(sun, planes[0], planes[1])
 
 
-def _lit_at_sunny_walls(
+def lit_at_sunny_walls(
     chart: StreetChart, plane: NDArray[np.bool_], inside: NDArray[np.bool_], towards: NDArray[np.float64], width: int
 ) -> NDArray[np.bool_]:
     """The shadows (A, B) without those that lie only along the ground's border on the side away from the sun: a wall there, which
