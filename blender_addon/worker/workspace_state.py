@@ -21,6 +21,7 @@ STAGES = {
     "segment": "Labels, movers",
     "choose": "Choose",
     "reconstruct": "Reconstruct",
+    "ground": "Ground",
     "instances": "Objects in 3D",
     "remove": "Remove",
     "inpaint": "Inpaint",

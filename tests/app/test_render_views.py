@@ -17,6 +17,9 @@ from unveil_core.base.files import read_image, read_instance_image, read_label_i
 from unveil_core.drives.camera_path import drive_path, read_camera_path, shifted
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import psnr
+from unveil_core.ground.files import write_ground
+from unveil_core.ground.fit import DriveGround
+from unveil_core.ground.path import StreetPath
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +90,20 @@ def test_normals_are_those_of_normal_maps(everything: Path, workspace: Path) -> 
         near = cv2.erode((where & (depth < 15)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         assert near.sum() > 150, name
         assert np.median(normal[near] @ (axes @ world)) > 0.98, name
+
+
+def test_beside_the_street_not_beside_what_the_poses_jitter_to(workspace: Path, tmp_path: Path) -> None:
+    """Where the workspace knows the street's path, it tells where right is: here a path at 45 degrees."""
+    slanting = tmp_path / "ws"
+    shutil.copytree(workspace, slanting)
+    heading = np.full(200, np.pi / 4)
+    axes = np.eye(3)
+    nodes = np.column_stack([np.arange(200.0), np.arange(200.0)]) * np.sqrt(0.5) - 70
+    write_ground(DriveGround(StreetPath(axes, nodes, heading, -99.0, 1.0), None, None), slanting / "ground/ground.npz")
+    assert main(["render", str(slanting), "--beside", "2", "-o", str(tmp_path / "out")]) == 0
+    drive = read_imported(slanting / "drive")
+    for before, after in zip(drive.frames, read_camera_path(tmp_path / "out/transforms.json", drive), strict=True):
+        np.testing.assert_allclose(after.camera.centre - before.camera.centre, (2**0.5, -(2**0.5), 0), atol=1e-6)
 
 
 def test_full_has_the_car_and_empty_has_not(workspace: Path, tmp_path: Path) -> None:

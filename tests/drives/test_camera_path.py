@@ -136,6 +136,19 @@ def test_on_a_bend_every_view_goes_its_own_way() -> None:
     np.testing.assert_allclose(moved[:, 2], 0.3 * angle, atol=1e-12)
 
 
+def test_a_known_direction_of_travel_counts_more_than_jitter(drive: Drive) -> None:
+    """A standing car's odometry jitters; where the street leads is known from elsewhere."""
+    rng = np.random.default_rng(0)
+    views = []
+    for v in drive_path(drive):
+        pose = v.camera.world_to_camera.copy()
+        pose[:3, 3] = -pose[:3, :3] @ (drive.frames[0].camera.centre + rng.normal(0, 0.01, 3) * (1, 1, 0))
+        views.append(replace(v, camera=replace(v.camera, world_to_camera=pose)))
+    along = np.tile([1.0, 0.0, 0.2], (len(views), 1))
+    for before, after in zip(views, shifted(views, drive.up, beside=2.0, along=along), strict=True):
+        np.testing.assert_allclose(after.camera.centre - before.camera.centre, (0, -2.0, 0), atol=1e-9)
+
+
 @pytest.mark.parametrize(("look", "right"), [((0, 1, 0), (1, 0, 0)), ((0, 0, -1), (1, 0, 0))])
 def test_a_camera_that_stands_still(look: tuple[int, ...], right: tuple[int, ...]) -> None:
     """Right of where it looks, level; straight down, of the top of its picture, which is y here."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from unveil_core.base.parallel import threads
 from unveil_core.ground.height_field import HeightField
 
 CELL = 0.5
@@ -61,3 +64,27 @@ def test_unknown_ground_is_never_met() -> None:
     assert np.isinf(found[1:]).all()
     nowhere = HeightField(np.eye(3), np.zeros(2), CELL, np.full((5, 5), np.nan))
     assert np.isinf(nowhere.first_met(centre, rays, near=0.1, far=9.0)).all()
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    field = hills(5)
+    rng = np.random.default_rng(0)
+    rays = np.column_stack([rng.normal(size=(30_000, 2)), rng.uniform(-0.4, 0.2, 30_000)])
+    centre = np.array([0.0, 0.0, 5.0])
+
+    def found(count: int) -> np.ndarray:
+        with threads(count):
+            return field.first_met(centre, rays, near=0.2, far=60.0)
+
+    one = found(1)
+    assert np.isfinite(one).sum() > 5000 and np.array_equal(found(4), one)
+    # Two Python threads may ask at the same time.
+    with ThreadPoolExecutor(2) as pool:
+        assert all(np.array_equal(other, one) for other in pool.map(found, (2, 2)))
+
+
+def test_heights_over_a_slope() -> None:
+    x, _ = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
+    field = HeightField(np.eye(3), np.zeros(2), 1.0, 0.1 * x)
+    over = field.over(np.array([[5.5, 3.2, 2.0], [19.0, 19.0, 1.9], [25.0, 3.0, 2.0]]))
+    assert over[:2] == pytest.approx([1.45, 0.0]) and np.isnan(over[2])

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import fit_ground, fit_path, straighten_path
+from unveil_core.ground.path import fit_path, shift_path
+from unveil_core.ground.street_fit import fit_ground
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -126,7 +127,7 @@ def test_a_path_is_moved_onto_a_line_beside_it(radius: float) -> None:
     s = np.arange(0.0, 25.0, 0.04)
     middle = np.concatenate([true_street(radius, s, 0.3 * np.sin(s / 3.5) - 0.5), np.zeros((len(s), 1))], axis=1)
     aside = path.to_street(middle)
-    moved = straighten_path(path, aside[:, 0], aside[:, 1])
+    moved = shift_path(path, aside[:, 0], aside[:, 1])
     amid = (s > 3) & (s < 22)
     assert np.abs(path.to_street(middle)[amid, 1]).max() > 0.5
     assert np.abs(moved.to_street(middle)[amid, 1]).max() < 0.05

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tests.ground.test_street import UP, drive_on_circle
-from unveil_core.ground.street import fit_ground, fit_path
+from unveil_core.ground.path import fit_path
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -37,7 +38,7 @@ def box_surfels(box: np.ndarray, *, open_below: float = 0.0, spacing: float = 0.
     )  # fmt: skip
 
 
-def in_shadow(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> np.ndarray:
+def blocked(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> np.ndarray:
     """(P,) whether the ray from a point to the sun meets the box: the slab test."""
     with np.errstate(divide="ignore"):
         first, second = (box[0] - points) / towards_sun, (box[1] - points) / towards_sun
@@ -74,7 +75,7 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     def shaded(*boxes: np.ndarray) -> np.ndarray:
         if towards_sun is None:
             return np.zeros((rows, columns), bool)
-        return np.any([in_shadow(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
+        return np.any([blocked(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
 
     truth = np.where(shaded(CROWN, HOUSE)[..., None], color * SHADE, color)
     seen = np.where(shaded(CROWN, HOUSE, CAR)[..., None], color * SHADE, color)

@@ -12,21 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
-from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars, sight_of
+from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
-from unveil_core.evaluate.pictures import own_mask
-from unveil_core.ground.fit import fit_drive_ground
+from unveil_core.evaluate.pictures import workspace_mask
+from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -39,7 +38,7 @@ __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
 CARS, MOST_CARS = 2, 9
 NEEDED = (
-    "drive/cameras.json", "labels.json", "surfels/full.ply", "surfels/removed.npy", "masks/removed", "masks/shadows",
+    "drive/cameras.json", "labels.json", "surfels/full.ply", "ground/ground.npz", "masks/removed", "masks/shadows",
 )  # fmt: skip
 COLUMNS = {"removed": "behind the cars", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
 
@@ -50,7 +49,7 @@ class _Scene:
 
     drive: Drive
     labels: SceneLabels
-    sights: list[Sight]
+    sights: list[SceneView]
     removed: list[np.ndarray]
     cars: list[VirtualCar]
 
@@ -126,12 +125,8 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
     drive = read_imported(workspace.drive_dir)
     labels = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    gone = np.load(workspace.root / "surfels/removed.npy", allow_pickle=False).astype(bool)
-    track = max(tracks(drive), key=len)
-    ground = fit_drive_ground(
-        surfels.select(torch.from_numpy(~gone)), labels.labels, [drive.frames[i].camera for i in track], drive.up,
-    )  # fmt: skip
-    if ground is None:
+    street = read_ground(workspace.ground_npz).street
+    if street is None:
         raise WorkspaceError(
             "there is no room for a virtual car: no ground was found", path=workspace.root,
             mend="give a drive that shows the street",
@@ -139,12 +134,12 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
     sights, removed = [], []
     for done, frame in enumerate(drive.frames):
         shape = (frame.camera.height, frame.camera.width)
-        own, shadow = (own_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
+        own, shadow = (workspace_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
         removed.append(np.zeros(shape, dtype=bool) if own is None else own)
         barred = removed[-1] if shadow is None else removed[-1] | shadow
-        sights.append(sight_of(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
+        sights.append(scene_view(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
         progress(done + 1, len(drive.frames), "looking at the street")
-    cars = find_places(ground, surfels, drive.points.positions, sights, count=count, progress=progress)
+    cars = find_places(street, surfels, drive.points.positions, sights, count=count, progress=progress)
     return _Scene(drive, labels, sights, removed, cars)
 
 

@@ -18,6 +18,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.ground.files import read_ground
 from unveil_core.raster import render
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -71,7 +72,8 @@ def render_views(
         output: a folder, made if need be; files of the same names are written over.
         state: one of :data:`STATES`.
         path: cameras, see :func:`read_camera_path`; the drive's own by default.
-        beside: metres to the right of the direction of travel, negative to the left; above: metres up.
+        beside: metres to the right of the direction of travel, negative to the left; of the drive's own cameras it is the
+            street's direction, where the workspace knows it; above: metres up.
         planes: of :data:`PLANES`.
         progress: called once per view.
     Returns:
@@ -85,7 +87,11 @@ def render_views(
     _check_output(workspace, output)
     drive = read_imported(workspace.drive_dir)
     views = drive_path(drive) if path is None else read_camera_path(path, drive)
-    views = shifted(views, drive.up, beside=beside, above=above)
+    along = None
+    if path is None and beside and workspace.ground_npz.is_file():
+        # Along the street, not from frame to frame: where a car stands or creeps, that would be its jitter.
+        along = read_ground(workspace.ground_npz).path.direction_at(np.stack([v.camera.centre for v in views]))
+    views = shifted(views, drive.up, beside=beside, above=above, along=along)
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     several = len({v.track for v in views}) > 1
@@ -120,7 +126,19 @@ def _check_output(workspace: Workspace, output: Path) -> None:
     if output.exists() and not output.is_dir():
         raise SettingsError("is a file", path=output, mend="name a folder")
     root, target = workspace.root.resolve(), output.resolve()
-    taken = ("drive", "surfels", "instances", "masks", "regions", "inpainted", "renders", "frames", "meshes", "report")
+    taken = (
+        "drive",
+        "surfels",
+        "ground",
+        "instances",
+        "masks",
+        "regions",
+        "inpainted",
+        "renders",
+        "frames",
+        "meshes",
+        "report",
+    )
     if target == root or any(target.is_relative_to(root / name) for name in taken):
         raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
 

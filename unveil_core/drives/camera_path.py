@@ -90,7 +90,9 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
     return tuple(views)
 
 
-def shifted(views: Sequence[View], up: Float64, *, beside: float = 0.0, above: float = 0.0) -> tuple[View, ...]:
+def shifted(
+    views: Sequence[View], up: Float64, *, beside: float = 0.0, above: float = 0.0, along: Float64 | None = None
+) -> tuple[View, ...]:
     """The same views from beside and above their path, looking in the same directions.
 
     Args:
@@ -98,6 +100,7 @@ def shifted(views: Sequence[View], up: Float64, *, beside: float = 0.0, above: f
         up: (3,) of the world.
         beside: metres to the right of the direction of travel, negative to the left.
         above: metres up.
+        along: (V, 3) directions of travel, where more is known of them than the views themselves tell.
     """
     if not beside and not above:
         return tuple(views)
@@ -108,7 +111,8 @@ def shifted(views: Sequence[View], up: Float64, *, beside: float = 0.0, above: f
         own = [i for i, v in enumerate(views) if v.track == track]
         for k, i in enumerate(own):
             behind, ahead = own[max(k - 1, 0)], own[min(k + 1, len(own) - 1)]
-            travel = (centres[ahead] - centres[behind], centres[own[-1]] - centres[own[0]])
+            known = () if along is None else (along[i],)
+            travel = (*known, centres[ahead] - centres[behind], centres[own[-1]] - centres[own[0]])
             right = np.cross(_heading(views[i].camera, travel, up), up)
             moved[i] = replace(views[i], camera=_moved(views[i].camera, beside * right + above * up))
     return tuple(moved[i] for i in range(len(views)))

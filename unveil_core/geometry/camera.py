@@ -103,6 +103,11 @@ class Camera:
         local = np.stack(np.broadcast_arrays(xs[None, :], ys[:, None], np.ones((1, 1))), axis=-1)
         return local @ self.world_to_camera[:3, :3]
 
+    def rays_at(self, pixels: Float64) -> Float64:
+        """(N, 3) world directions through image positions (N, 2), as :meth:`rays` has them for the pixel centres."""
+        x, y = (pixels[:, 0] - self.cx) / self.fx, (pixels[:, 1] - self.cy) / self.fy
+        return np.stack([x, y, np.ones(len(pixels))], axis=1) @ self.world_to_camera[:3, :3]
+
     def unproject(self, depth: NDArray[np.floating]) -> Float64:
         """World points (H, W, 3) at ``depth`` (H, W) along the optical axis."""
         return self.centre + self.rays() * np.asarray(depth, dtype=np.float64)[..., None]

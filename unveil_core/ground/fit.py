@@ -1,55 +1,114 @@
-"""The ground of a drive, fitted to the surfels that lie on it."""
+"""The ground of a drive: fitted once, to the scene with everything in it, and read by everything that asks where the ground is."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import Ground, StreetPath, fit_ground, fit_path
-from unveil_core.semantics.classes import GROUND_CLASSES, SIDE_CLASSES, LabelSet
+from unveil_core.ground.height_field import HeightField
+from unveil_core.ground.path import StreetPath, way_of
+from unveil_core.ground.street import Ground
+from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.terrain import fit_terrain, ground_points
+from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["fit_drive_ground"]
+__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "longest_track"]
+
+OPAQUE_LOGIT = -1.0
+"""Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
+FEWEST = 50
+"""So many surfels make a street's ground."""
+ALIKE_WAYS = 0.05
+"""Tracks whose ways differ by a smaller share are of one rig: the first of them is the path's."""
+LEVEL = 0.8
+"""Cosine of the slope up to which a surfel is level."""
+UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
+"""Without classes the ground is what is level, no farther aside of the path than the first and lower than the cameras by the
+second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
+aside as the fourth."""
 
 
-def fit_drive_ground(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], up: NDArray[np.float64], *,
-    path: StreetPath | None = None,
-) -> Ground | None:  # fmt: skip
-    """The ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
+@dataclass(frozen=True, eq=False)
+class DriveGround:
+    """What lies under a drive.
+
+    Attributes:
+        path: the street's, the way of the cameras moved so that lines and kerbs keep their distance from it.
+        street: the ground in street coordinates, None where too few surfels lie on any.
+        terrain: the ground by the drive's points, on the street and around it, None where no labels or points tell.
+    """
+
+    path: StreetPath
+    street: Ground | None
+    terrain: HeightField | None
+
+
+def longest_track(drive: Drive) -> list[int]:
+    """Frame indices, in order of travel, of the camera that has gone the longest way; of a rig, of its first camera."""
+    found = tracks(drive)
+    ways = [way_of(np.stack([drive.frames[i].camera.centre for i in track])) for track in found]
+    return next(track for track, way in zip(found, ways, strict=True) if way >= (1 - ALIKE_WAYS) * max(ways))
+
+
+def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath) -> Ground | None:
+    """The street's ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
 
     Args:
-        surfels: the full scene.
-        cameras: of the first track, in order of travel.
-        path: the street's, where more is known of it than the way that the cameras took.
+        surfels: the full scene: labels leave out what could be removed, whatever is chosen.
+        cameras: of the path's track.
+        path: the street's.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
-    path = fit_path(list(cameras), up) if path is None else path
     means = surfels.means.double().numpy()
-    opaque = surfels.opacity_logits.numpy() > -1.0
+    of_surfel = surfels.labels.numpy()
+    opaque = surfels.opacity_logits.numpy() > OPAQUE_LOGIT
     wanted = labels.indices(GROUND_CLASSES)
     if wanted:
-        chosen = np.isin(surfels.labels.numpy(), wanted) & opaque
+        chosen = np.isin(of_surfel, wanted) & opaque
     else:
-        level = np.abs(surfels.normals().double().numpy() @ (up / np.linalg.norm(up))) > 0.8
-        street = path.to_street(means)
-        centres = np.stack([c.centre for c in cameras])
-        track = path.to_street(centres)
-        order = np.argsort(track[:, 0])
-        eye = np.interp(street[:, 0], track[order, 0], track[order, 2])
-        drop = eye - street[:, 2]
-        near = np.abs(street[:, 1]) < 3.0
-        keep = near & level & opaque & (drop > 0.5) & (drop < 3.0)
-        if keep.sum() < 50:
-            return None
-        typical = float(np.median(drop[keep]))
-        chosen = level & opaque & (np.abs(drop - typical) < 0.35) & (np.abs(street[:, 1]) < 8.0)
-    if chosen.sum() < 50:
+        stays = opaque & ~np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
+        level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
+        chosen = _underfoot(path, means, level, cameras)
+    if chosen.sum() < FEWEST:
         return None
     sides = labels.indices(SIDE_CLASSES)
-    walls = means[np.isin(surfels.labels.numpy(), sides) & opaque] if sides else None
+    walls = means[np.isin(of_surfel, sides) & opaque] if sides else None
     return fit_ground(path, means[chosen], walls=walls)
+
+
+def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:
+    """Which of the ``level`` places (N, 3) are as far below the cameras as most of them are close to the path."""
+    street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
+    order = np.argsort(track[:, 0])
+    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
+    near = level & (np.abs(street[:, 1]) < UNDERFOOT_M) & (drop > DROP_M[0]) & (drop < DROP_M[1])
+    if near.sum() < FEWEST:
+        return near
+    return level & (np.abs(drop - np.median(drop[near])) < ABOUT_M) & (np.abs(street[:, 1]) < ASIDE_M)
+
+
+def fit_drive_terrain(
+    drive: Drive, surfels: Surfels, labels: LabelSet, axes: Float64, street: Ground | None
+) -> HeightField | None:
+    """The ground by the drive's points, where the full scene's labels say which of them lie on it.
+
+    Args:
+        axes: (3, 3) rows east, north, up.
+        street: carries kerbs through where no point lies.
+    """
+    on_ground = np.isin(surfels.labels.numpy(), labels.indices(GROUND_CLASSES))
+    points = ground_points(drive.points.positions, surfels.means.double().numpy(), on_ground)
+
+    def guess(places: Float64) -> Float64:
+        assert street is not None
+        at = street.path.to_street(places)
+        return street.height_at(at[:, 0], at[:, 1])
+
+    return fit_terrain(points, axes, guess=None if street is None else guess)

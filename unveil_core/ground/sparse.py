@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -12,60 +12,18 @@ from scipy.spatial import cKDTree
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import up_frame
-from unveil_core.geometry.camera import Camera
+from unveil_core.ground.height_field import HeightField
 
-__all__ = ["GroundPoints", "find_ground"]
+__all__ = ["find_ground"]
 
-CELL_M, LOW_PERCENT = 0.5, 20
-"""Of each cell of the plan the low points count: what floats over the ground is no ground."""
+CELL_M, LOW_PERCENT, MOST_CELLS = 0.5, 20, 8_000_000
+"""Of each cell of the plan the low points count: what floats over the ground is no ground. Drives over more ground than so many
+cells cover get a height field of larger ones."""
 NEIGHBOURS = 7
+"""A cell is as high as so many places around it in the median."""
 REACH_M = 3.0
 """Farther from any ground point than this nothing is known of the ground."""
-ROUNDS = 8
 FEWEST = 20
-
-
-@dataclass(frozen=True, eq=False)
-class GroundPoints:
-    """Some places on the ground.
-
-    Attributes:
-        axes: (3, 3) rows: two horizontal axes and up.
-        plan: (G, 2) horizontal coordinates of the places, in their tree; height: (G,) along up.
-    """
-
-    axes: Float64
-    plan: cKDTree
-    height: Float64
-
-    def height_at(self, horizontal: Float64) -> Float64:
-        """(N,) height at horizontal coordinates (N, 2), the median of the nearest places."""
-        _, index = self.plan.query(horizontal, k=min(NEIGHBOURS, len(self.height)))
-        height: Float64 = np.median(self.height[index.reshape(len(horizontal), -1)], axis=1)
-        return height
-
-    def above(self, points: Float64) -> Float64:
-        """(N,) height of points (N, 3) over the ground below them."""
-        local = points @ self.axes.T
-        above: Float64 = local[:, 2] - self.height_at(local[:, :2])
-        return above
-
-    def intersect(self, camera: Camera, pixels: Float64) -> Float64:
-        """Depth (N,) along the optical axis at which the rays through pixels (N, 2) meet the ground, inf where they do not."""
-        x, y = (pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy
-        rays = np.stack([x, y, np.ones_like(x)], axis=1) @ camera.world_to_camera[:3, :3] @ self.axes.T
-        centre = self.axes @ camera.centre
-        down = rays[:, 2] < -1e-3
-        fall = np.where(down, -rays[:, 2], 1.0)
-        depth = (centre[2] - self.height_at(centre[None, :2])) / fall
-        for _ in range(ROUNDS):
-            depth = np.clip(depth, 0.0, 1e3)
-            place = centre[:2] + depth[:, None] * rays[:, :2]
-            depth = 0.5 * depth + 0.5 * (centre[2] - self.height_at(place)) / fall
-        place = centre[:2] + depth[:, None] * rays[:, :2]
-        miss = np.abs(centre[2] - depth * fall - self.height_at(place))
-        near = self.plan.query(place)[0] < REACH_M
-        return np.where(down & near & (depth > 0) & (miss < 0.1), depth, np.inf)
 
 
 def _one_per_cell(local: Float64, cell: float) -> Float64:
@@ -80,9 +38,27 @@ def _one_per_cell(local: Float64, cell: float) -> Float64:
     return low
 
 
+def _field(axes: Float64, low: Float64) -> HeightField:
+    """The height field through places (G, 3) in the coordinates of ``axes``."""
+    size = low[:, :2].max(axis=0) - low[:, :2].min(axis=0) + 2 * REACH_M
+    cell = max(CELL_M, float(np.sqrt(np.prod(size) / MOST_CELLS)))
+    corner = low[:, :2].min(axis=0) - REACH_M - 2 * cell
+    shape = np.ceil((size + 4 * cell) / cell).astype(int) + 1
+    there = np.zeros(shape, dtype=np.uint8)
+    there[tuple(np.round((low[:, :2] - corner) / cell).astype(int).T)] = 1
+    # A cell beyond the reach, so that the height goes on to it between the cells' centres.
+    away = cv2.distanceTransform(1 - there, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    row, column = np.nonzero(away <= REACH_M / cell + 1)
+    centres = corner + cell * np.stack([row, column], axis=1)
+    index = cKDTree(low[:, :2]).query(centres, k=min(NEIGHBOURS, len(low)))[1]
+    height = np.full(shape, np.nan)
+    height[row, column] = np.median(low[index.reshape(len(centres), -1), 2], axis=1)
+    return HeightField(axes, corner, cell, height)
+
+
 def find_ground(
     drive: Drive, labels: Sequence[NDArray[np.int8]], ground: Sequence[int], removable: Sequence[int]
-) -> GroundPoints | None:
+) -> HeightField | None:
     """The ground of a drive; None where too few points lie on any.
 
     Args:
@@ -93,7 +69,7 @@ def find_ground(
     centres = np.stack([f.camera.centre for f in drive.frames])
     nearest = cKDTree(centres).query(points)[1]
     drop = (centres[nearest] - points) @ axes[2]
-    points = points[(drop > 0.4) & (drop < 6.0)]
+    points = points[(drop > 0.4) & (drop < 6)]
     if len(points) < FEWEST:
         return None
     _, thin = np.unique(np.floor(points / 0.15).astype(np.int64), axis=0, return_index=True)
@@ -117,4 +93,4 @@ def find_ground(
     around = cKDTree(low[:, :2]).query(low[:, :2], k=min(15, len(low)))[1]
     flat = np.abs(low[:, 2] - np.median(low[around, 2], axis=1)) < 0.25
     low = low[flat]
-    return GroundPoints(axes, cKDTree(low[:, :2]), low[:, 2]) if len(low) >= FEWEST else None
+    return _field(axes, low) if len(low) >= FEWEST else None

@@ -9,7 +9,6 @@ are in it as well as the street.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,10 +16,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
-from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 
-__all__ = ["Terrain", "fit_terrain", "ground_points"]
+__all__ = ["fit_terrain", "ground_points"]
 
 CELL_M, MOST_CELLS = 0.25, 8_000_000
 """Side of a cell, metres; drives over more ground than this many cells cover get larger ones."""
@@ -32,24 +30,6 @@ HUMP_M, OPENED_M = 0.15, 1.5
 REACH_M = 4.0
 """A hole in the ground is bridged if no circle of this radius, twice a car's width, lies in it; nothing is added around it."""
 LABELLED_M, MOST_POINTS = 0.4, 2_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class Terrain(HeightField):
-    """The ground around a drive."""
-
-    def depth(self, camera: Camera, pixels: NDArray[np.bool_], *, near: float, far: float) -> Float64:
-        """Where rays first meet the ground from above.
-
-        Args:
-            pixels: (H, W), whose rays are asked.
-            near, far: depths between which they are, metres.
-        Returns:
-            (H, W) depth along the optical axis, inf where there is none or was not asked.
-        """
-        out = np.full(pixels.shape, np.inf)
-        out[pixels] = self.first_met(camera.centre, camera.rays()[pixels], near=near, far=far)
-        return out
 
 
 def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_]) -> Float64:
@@ -65,7 +45,9 @@ def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_])
     return points[on_ground[nearest].all(axis=1) & (gap[:, 0] < LABELLED_M)]
 
 
-def fit_terrain(points: Float64, axes: Float64, *, guess: Callable[[Float64], Float64] | None = None) -> Terrain | None:
+def fit_terrain(
+    points: Float64, axes: Float64, *, guess: Callable[[Float64], Float64] | None = None
+) -> HeightField | None:
     """The ground through points on it.
 
     Args:
@@ -94,7 +76,7 @@ def fit_terrain(points: Float64, axes: Float64, *, guess: Callable[[Float64], Fl
     base = guessed(np.stack([east.ravel(), north.ravel()], axis=1) + corner).reshape(departure.shape)
     height = base + _spread(departure, [width / cell for width in SMOOTHED_M])
     height[~_surrounded(np.isfinite(departure), REACH_M / cell)] = np.nan
-    return Terrain(axes, corner, cell, height)
+    return HeightField(axes, corner, cell, height)
 
 
 def _cell_medians(

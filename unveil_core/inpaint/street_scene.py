@@ -12,21 +12,19 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
-from unveil_core.ground.fit import fit_drive_ground
-from unveil_core.ground.street import Ground, StreetPath, straighten_path
+from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.rectify import find_drift
-from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart, blur_levels, read_chart
+from unveil_core.inpaint.chart.street_chart import StreetChart, blur_levels, read_chart, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import invented_fronts, read_facade
 from unveil_core.inpaint.facade.poles import feet_of_uprights
-from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
+from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.scene_light import light_of_scene
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES, LabelSet
+from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.surfels import Surfels
 
@@ -34,23 +32,9 @@ __all__ = [
     "Views",
     "build_ground_layer",
     "drive_continued",
-    "drive_ground",
     "drive_ground_layer",
     "drive_views",
-    "ground_usable",
-    "path_by_lines",
 ]
-
-
-def drive_ground(drive: Drive, scene: SceneLabels, left: Surfels, path: StreetPath | None = None) -> Ground | None:
-    """The ground under the drive's longest track, from the scene without what is removed; None where it has none.
-
-    Args:
-        path: of the street; by default the way that the cameras took.
-    """
-    track = max(tracks(drive), key=len)
-    cameras = [drive.frames[i].camera for i in track]
-    return fit_drive_ground(left, scene.labels, cameras, drive.up, path=path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,42 +62,29 @@ def drive_views(
 
 
 def drive_ground_layer(
-    drive: Drive, scene: SceneLabels, surfels: Surfels, gone: Mask, of_surfel: Labels, views: Views, *,
+    drive: Drive, scene: SceneLabels, ground: Ground, surfels: Surfels, gone: Mask, of_surfel: Labels, views: Views, *,
     shadows: bool = True, sun: tuple[float, float] | None = None, progress: Progress = no_progress,
-) -> GroundLayer | None:  # fmt: skip
-    """The ground of the empty street, or None where the scene has none.
+) -> GroundLayer:  # fmt: skip
+    """The ground of the empty street.
 
     Args:
+        ground: the street's.
         surfels: the full scene; gone: (N,) those that are removed; of_surfel: (N,) the object that each belongs to.
         shadows: whether the removed objects' shadows are removed too.
         sun: its azimuth and elevation, degrees; None = looked for.
     """
-    left = surfels.select(torch.from_numpy(~gone))
-    ground = drive_ground(drive, scene, left)
-    if ground is None:
-        return None
-    images, labels, depths, removed = views.images, views.labels, views.depths, views.removed
     cameras = [f.camera for f in drive.frames]
-
-    def usable_for(ground: Ground) -> list[NDArray[np.bool_]]:
-        usable = []
-        for i, camera in enumerate(cameras):
-            depth, _ = ground.intersect(camera, camera.rays().reshape(-1, 3))
-            shape = (camera.height, camera.width)
-            gone = grow(removed[i], border_px(camera.width, 1))
-            usable.append(ground_usable(labels[i], scene.labels, gone, depth.reshape(shape), depths[i]))
-        return usable
-
-    path = path_by_lines(ground, cameras, images, labels, usable_for(ground))
-    ground = drive_ground(drive, scene, left, path) or ground
-    usable = usable_for(ground)
+    usable = [
+        usable_pixels(ground, camera, label, scene.labels, grow(removed, border_px(camera.width, 1)), depth)
+        for camera, label, removed, depth in zip(cameras, views.labels, views.removed, views.depths, strict=True)
+    ]
     means = surfels.means.double().numpy()
     of_surfel = np.where(gone, of_surfel, -1)
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
-    fill = FillSettings() if shadows else FillSettings(shadow_reach_m=0.0)
+    reach = SHADOW_REACH_M if shadows else 0.0
     keep = torch.from_numpy(~gone)
     layer = build_ground_layer(
-        ground, [f.camera for f in drive.frames], images, labels, usable, removed_objects, fill,
+        ground, cameras, views.images, views.labels, usable, removed_objects, reach,
         scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
         plants=scene.labels.indices(("vegetation",)), sun=sun,
         progress=progress,
@@ -150,45 +121,6 @@ def drive_continued(
     return [*found, feet], replace(layer, feet=feet.means.double().numpy())
 
 
-def path_by_lines(
-    ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
-    usable: Sequence[NDArray[np.bool_]],
-) -> StreetPath:  # fmt: skip
-    """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
-
-    Args:
-        images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
-    """
-    chart = read_chart(ground, cameras, images, labels, usable)
-    drift = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1.0 / chart.texel)
-    return straighten_path(ground.path, chart.coordinates()[0], drift.texels * chart.texel)
-
-
-def ground_usable(
-    label: NDArray[np.int64],
-    labels: LabelSet,
-    removed: NDArray[np.bool_],
-    ground_depth: NDArray[np.float64],
-    scene_depth: NDArray[np.floating],
-) -> NDArray[np.bool_]:
-    """(H, W) pixels that show nothing but ground.
-
-    Args:
-        label: (H, W) compact labels; removed: (H, W) with its borders.
-        ground_depth, scene_depth: (H, W) depth of the fitted ground and of the full scene; they must agree.
-    """
-    agree = np.abs(scene_depth - ground_depth) < 0.08 * ground_depth
-    wanted = labels.indices(GROUND_CLASSES)
-    usable = ~removed & np.isfinite(ground_depth)
-    if wanted:
-        on_ground = np.isin(label, wanted)
-        # Labels say it; depth only has to be no contradiction. The border mixes two things.
-        side = 2 * border_px(label.shape[1], 1) + 1
-        inner = cv2.erode(on_ground.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
-        return usable & inner
-    return usable & agree
-
-
 def build_ground_layer(
     ground: Ground,
     cameras: Sequence[Camera],
@@ -196,7 +128,7 @@ def build_ground_layer(
     label_images: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
     removed: Sequence[NDArray[np.float64]],
-    settings: FillSettings,
+    shadow_reach_m: float,
     *,
     scene: tuple[Surfels, Surfels] | None = None,
     solid: Sequence[int] = (),
@@ -221,7 +153,7 @@ def build_ground_layer(
         chart, *scene, footprint=footprint, cameras=cameras,
         solid=solid, plants=plants, given=sun,
     )  # fmt: skip
-    filled = fill_chart(chart, footprint, settings, light=light, progress=progress)
+    filled = fill_chart(chart, footprint, light=light, shadow_reach_m=shadow_reach_m, progress=progress)
     return GroundLayer(
         filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
     )

@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 
 __all__ = ["Contacts", "find_contacts"]
 
+FAR_M = 300.0
+"""Farther along a ray no contact is looked for; one pixel there is tens of metres of ground."""
 WHEELBASE_M = 3.0
 """Metres. Between two wheels the lower edge shows a car's floor, not its contact with the ground."""
 MOST_COLUMNS = 160
@@ -47,7 +50,7 @@ class Contacts:
         return Contacts(self.columns[keep], self.points[keep], self.depth[keep], self.error[keep], self.height[keep])
 
 
-def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints) -> Contacts:
+def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: HeightField) -> Contacts:
     """Contacts of the pixels of one object, or of several that touch in the image.
 
     A column counts where ground is seen right under it: not at the image's edge, nor where another object occludes it.
@@ -67,7 +70,8 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     if not usable.any():
         return Contacts(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
     pixels = np.stack([columns + 0.5, lowest + 1.0], axis=1)[usable]
-    depth = ground.intersect(camera, pixels)
+    rays = camera.rays_at(pixels)
+    depth = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
     known = np.isfinite(depth)
     # Only what reaches as far down as its surroundings within a wheelbase stands on the ground.
     typical = float(np.median(depth[known])) if known.any() else 1.0
@@ -76,10 +80,8 @@ def find_contacts(mask: Mask, below: Mask, camera: Camera, ground: GroundPoints)
     row[columns] = lowest
     closed = cv2.morphologyEx(row[None], cv2.MORPH_CLOSE, np.ones((1, span), np.uint8))[0]
     known &= closed[columns[usable]] - lowest[usable] <= 1
-    pixels, depth = pixels[known], depth[known]
-    ray = np.stack([(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy], axis=1)
-    rays = np.concatenate([ray, np.ones((len(ray), 1))], axis=1) @ camera.world_to_camera[:3, :3]
-    points = camera.centre + depth[:, None] * rays
+    depth = depth[known]
+    points = camera.centre + depth[:, None] * rays[known]
     eye = np.maximum((camera.centre - points) @ ground.axes[2], 0.2)
     size = tall[usable][known] * depth / camera.fy
     found = Contacts(columns[usable][known], points, depth, depth**2 / (eye * camera.fy), size)

@@ -17,7 +17,8 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.images import border_px
-from unveil_core.ground.sparse import GroundPoints, find_ground
+from unveil_core.ground.height_field import HeightField
+from unveil_core.ground.sparse import find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
 from unveil_core.movers.points import points_along_track, points_behind_contacts
@@ -78,7 +79,7 @@ class _Search:
         # Without classes all that is not to be removed may be ground.
         self.below_labels = ground or tuple(k for k, n in enumerate(self.names) if n == "keep")
         self.behind_labels = (*self.below_labels, *(k for k, n in enumerate(self.names) if n == "sky"))
-        self.ground: GroundPoints | None = None
+        self.ground: HeightField | None = None
         if any(np.isin(label, self.removable).any() for label in self.labels):
             self.ground = find_ground(drive, self.labels, ground, self.removable)
         self.numbers = [np.zeros(label.shape, np.uint16) for label in self.labels]

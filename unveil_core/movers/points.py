@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 from unveil_core.movers.seen_through import Body, FrameVisibility
 
@@ -32,7 +32,7 @@ def points_behind_contacts(
     contacts: Contacts,
     camera: Camera,
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
     """(P,) points on a dynamic object as one frame shows it: in its pixels, and no farther behind its contacts than it may reach.
 
@@ -54,7 +54,7 @@ def points_behind_contacts(
     behind = depth[index] - contacts.depth[nearest]
     hit = (behind > -0.4 - error) & (behind < reach + error)
     index = index[hit]
-    inside[index] = ground.above(points[index]) > OVER_GROUND_M
+    inside[index] = ground.over(points[index]) > OVER_GROUND_M
     return inside
 
 
@@ -64,7 +64,7 @@ def points_along_track(
     height: float,
     visibility: Sequence[FrameVisibility],
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> NDArray[np.bool_]:
     """(P,) points on the path of a dynamic object.
 
@@ -95,7 +95,7 @@ def points_along_track(
     near = cKDTree(np.concatenate(dense)).query(local[:, :2], distance_upper_bound=reach)[0]
     amid = cKDTree(np.concatenate(dense[1:-1])).query(local[:, :2], distance_upper_bound=reach / 2)[0]
     index = np.flatnonzero(np.isfinite(near))
-    above = ground.above(points[index])
+    above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, occupied, seen = (np.zeros(len(index), np.int64) for _ in range(3))
     for view in visibility:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
 __all__ = [
@@ -105,7 +105,7 @@ def frame_visibility(camera: Camera, behind: Mask, removable: Mask) -> FrameVisi
     return FrameVisibility(camera, clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
 
 
-def probe_points(contacts: Contacts, camera: Camera, body: Body, ground: GroundPoints) -> Float64:
+def probe_points(contacts: Contacts, camera: Camera, body: Body, ground: HeightField) -> Float64:
     """(M, S, 3) points that would lie inside an object of the kind ``body`` at the contacts that ``camera`` sees."""
     up = ground.axes[2]
     away = contacts.points - camera.centre

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
+from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
+from unveil_core.movers.contacts import FAR_M
 
 __all__ = ["mover_shadow"]
 
@@ -39,7 +41,7 @@ def mover_shadow(
     cameras: Sequence[Camera],
     gray: Callable[[int], NDArray[np.float32]],
     plain: Callable[[int], Mask],
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> Mask:
     """(H, W) pixels of a frame in the shadow of its dynamic objects.
 
@@ -67,13 +69,10 @@ def mover_shadow(
     if not near.any():
         return none
     row, column = np.unravel_index(asked, mask.shape)
-    pixels = np.stack([column + 0.5, row + 0.5], axis=1)
-    depth = ground.intersect(camera, pixels)
-    local = np.stack(
-        [(pixels[:, 0] - camera.cx) / camera.fx, (pixels[:, 1] - camera.cy) / camera.fy, np.ones(len(pixels))], 1
-    )
+    rays = camera.rays_at(np.stack([column + 0.5, row + 0.5], axis=1))
+    depth = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
     known = np.isfinite(depth)
-    places = camera.centre + np.where(known, depth, 0.0)[:, None] * (local @ camera.world_to_camera[:3, :3])
+    places = camera.centre + np.where(known, depth, 0.0)[:, None] * rays
     order = sorted((v for v in range(len(cameras)) if v != frame), key=lambda v: (abs(v - frame), v))
     if len(order) > OTHERS:  # near and far ones: near ones show it best, in far ones the mover has gone
         order = order[:: max(1, len(order) // OTHERS)][:OTHERS]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.sparse import GroundPoints
+from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts, find_contacts
 from unveil_core.movers.seen_through import Body, FrameVisibility, count_evidence, probe_points
 
@@ -60,7 +60,7 @@ def _certain(contacts: Contacts, body: Body) -> Contacts:
 
 
 def _seen_through(
-    contacts: Contacts, frame: int, visibility: Sequence[FrameVisibility], body: Body, ground: GroundPoints
+    contacts: Contacts, frame: int, visibility: Sequence[FrameVisibility], body: Body, ground: HeightField
 ) -> tuple[Mask, Mask]:
     """(M,) contacts that other frames see through, and (M,) those about which they say anything."""
     evidence = count_evidence(
@@ -75,7 +75,7 @@ def instance_moves(
     below: Sequence[Mask],
     visibility: Sequence[FrameVisibility],
     body: Body,
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> str | None:
     """How it is known that an object moves: "seen through", "drift", or None where nothing proves it.
 
@@ -112,7 +112,7 @@ def find_patches(
     wanted: dict[int, Body],
     below: Mask,
     visibility: Sequence[FrameVisibility],
-    ground: GroundPoints,
+    ground: HeightField,
 ) -> list[Patch]:
     """The connected pixels of each wanted label in a frame, with what the other frames say about them.
 

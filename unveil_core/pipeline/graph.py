@@ -5,6 +5,7 @@ from __future__ import annotations
 from unveil_core.pipeline.stage import Stage
 from unveil_core.pipeline.steps import (
     choose,
+    ground,
     import_,
     inpaint,
     instances,
@@ -22,7 +23,7 @@ __all__ = ["STAGES"]
 STAGES: tuple[Stage, ...] = tuple(
     step.STAGE
     for step in (
-        import_, objects, segment, choose, reconstruct, instances, remove, inpaint, reoptimize, mesh, report,
+        import_, objects, segment, choose, reconstruct, ground, instances, remove, inpaint, reoptimize, mesh, report,
     )
 )  # fmt: skip
 """All stages in the order of their dependence."""

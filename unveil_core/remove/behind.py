@@ -9,12 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.drives.drive import Drive
 from unveil_core.drives.scale import FAR_M, NEAR_M
-from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import Ground
-from unveil_core.ground.terrain import Terrain, fit_terrain, ground_points
+from unveil_core.ground.fit import DriveGround
 from unveil_core.raster import render
 from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
@@ -29,24 +26,22 @@ class EmptyStreet:
 
     Attributes:
         left: surfels that stay; standing: of them those that do not lie on the ground.
-        ground: the street's, None without a street; terrain: the ground by the drive's points, on the street and around it,
-            None where no labels or points tell.
+        ground: of the drive.
     """
 
     left: Surfels
     standing: Surfels
-    ground: Ground | None
-    terrain: Terrain | None
+    ground: DriveGround
 
     def depth(self, camera: Camera, pixels: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(H, W) depth of what lies behind the ``pixels`` (H, W), see :func:`depth_behind`; inf elsewhere, and for the sky."""
         if not pixels.any():
             return np.full(pixels.shape, np.inf)
         street = np.full(pixels.shape, np.inf)
-        if self.ground is not None:
-            street[pixels] = self.ground.intersect(camera, camera.rays()[pixels])[0]
+        if self.ground.street is not None:
+            street[pixels] = self.ground.street.intersect(camera, camera.rays()[pixels])[0]
         left = render_numpy(self.left, camera, near=NEAR_M, far=FAR_M)
-        if self.terrain is None:
+        if self.ground.terrain is None:
             behind = depth_behind((left["alpha"], left["depth"]), street)
         else:
             with torch.no_grad():
@@ -55,29 +50,21 @@ class EmptyStreet:
             assert upright.alpha is not None and upright.median_depth is not None
             behind = depth_behind(
                 (left["alpha"], left["depth"]), street, (upright.alpha.numpy(), upright.median_depth.numpy()),
-                self.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
+                self.ground.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
             )  # fmt: skip
         return np.where(pixels, behind, np.inf)
 
 
 def empty_street(
-    drive: Drive, surfels: Surfels, gone: NDArray[np.bool_], ground: Ground | None, on_ground: Sequence[int]
+    surfels: Surfels, gone: NDArray[np.bool_], ground: DriveGround, on_ground: Sequence[int]
 ) -> EmptyStreet:
     """What is left of a drive.
 
     Args:
         surfels: the full scene; gone: (N,) those that go.
-        ground: the street's ground, or None.
+        ground: of the drive.
         on_ground: labels of the ground; empty where the scene has no classes.
     """
     labelled = np.isin(surfels.labels.numpy(), on_ground)
-    points = ground_points(drive.points.positions, surfels.means.double().numpy(), labelled)
-
-    def guess(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        assert ground is not None
-        street = ground.path.to_street(places)
-        return ground.height_at(street[:, 0], street[:, 1])
-
-    terrain = fit_terrain(points, up_frame(drive.up), guess=None if ground is None else guess)
     left, standing = torch.from_numpy(~gone), torch.from_numpy(~gone & ~labelled)
-    return EmptyStreet(surfels.select(left), surfels.select(standing), ground, terrain)
+    return EmptyStreet(surfels.select(left), surfels.select(standing), ground)

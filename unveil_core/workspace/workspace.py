@@ -85,12 +85,12 @@ class Workspace:
 
     @property
     def selection_json(self) -> Path:
-        """The classes and objects that go."""
+        """The classes and objects that are removed."""
         return self.root / "selection.json"
 
     @property
     def objects_json(self) -> Path:
-        """The single objects that can go, as they are known before there is a scene."""
+        """The single objects that can be removed, found before a scene is reconstructed."""
         return self.root / "objects.json"
 
     @property
@@ -102,6 +102,11 @@ class Workspace:
     def exposure_json(self) -> Path:
         """Exposure and white balance of the photographs; absent in workspaces of before, which have none."""
         return self.root / "surfels" / "exposure.json"
+
+    @property
+    def ground_npz(self) -> Path:
+        """Path, street and terrain, see :mod:`unveil_core.ground.files`."""
+        return self.root / "ground" / "ground.npz"
 
     @property
     def surfels_empty(self) -> Path:

@@ -8,7 +8,9 @@ import pytest
 from tests.ground.test_street import UP, drive_on_circle, true_street
 from tests.inpaint.sunny_street import box_surfels
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.street import Ground, fit_ground, fit_path
+from unveil_core.ground.path import fit_path
+from unveil_core.ground.street import Ground
+from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.facade.facade_chart import find_fronts, invented_fronts, read_facade

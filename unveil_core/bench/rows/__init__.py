@@ -18,7 +18,7 @@ from unveil_core.bench.rows.footage import Footage
 __all__ = ["ROWS", "Row", "chosen_rows"]
 
 FRAMES = ("import", "segment", "choose")
-SCENE = ("import", "objects", "segment", "choose", "reconstruct", "instances", "remove")
+SCENE = ("import", "objects", "segment", "choose", "reconstruct", "ground", "instances", "remove")
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,13 @@ def ellipsoids(*, charts: bool) -> Callable[[Footage, Progress], list[Picture]]:
     def run(footage: Footage, progress: Progress) -> list[Picture]:
         # Another version of the stage: the workspace's own reconstruction is not its result.
         other = replace(stage_named("reconstruct"), run=_reconstruct_ellipsoids, variant="ellipsoids")
-        after = [stage_named("instances"), stage_named("remove"), _inpaint(charts), stage_named("reoptimize")]
+        after = [
+            *(stage_named(n) for n in ("ground", "instances", "remove")),
+            _inpaint(charts),
+            stage_named("reoptimize"),
+        ]
         wanted = replace(footage, settings=replace(footage.settings, reference_inpainter=None))
-        without = ("surfels", "masks", "regions", "instances", "instances.json")
+        without = ("surfels", "ground", "masks", "regions", "instances", "instances.json")
         return _frames_of(wanted, without, [other, *after], progress)
 
     return run

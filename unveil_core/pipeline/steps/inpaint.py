@@ -12,6 +12,7 @@ from unveil_core.base.onnx_files import files_of
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
@@ -59,12 +60,13 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
     removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
     views = drive_views(drive, scene, surfels, images, removed)
+    street = read_ground(workspace.ground_npz).street
     layer = (
         drive_ground_layer(
-            drive, scene, surfels, gone, load_array(workspace.root / "surfels/instances.npy"), views,
+            drive, scene, street, surfels, gone, load_array(workspace.root / "surfels/instances.npy"), views,
             shadows=context.settings.shadows != "off", sun=context.settings.sun, progress=context.progress,
         )
-        if charts
+        if charts and street is not None
         else None
     )  # fmt: skip
     cameras = [f.camera for f in drive.frames]
@@ -144,6 +146,7 @@ STAGE = Stage(
         "surfels/exposure.json",
         "surfels/removed.npy",
         "surfels/instances.npy",
+        "ground",
         "masks/removed",
         "masks/unobserved",
     ),

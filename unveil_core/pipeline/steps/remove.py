@@ -15,7 +15,7 @@ from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.images import border_px, grow
-from unveil_core.inpaint.street_scene import drive_ground
+from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
@@ -88,13 +88,11 @@ def run(context: StageContext) -> None:
         gone |= _loose_ends(drive, scene, surfels, gone)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
-    left = surfels.select(keep)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
     # No label or instance image tells where these are: they are drawn apart.
     kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
     told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
-    ground = drive_ground(drive, scene, left)
-    empty = empty_street(drive, surfels, gone, ground, on_ground)
+    empty = empty_street(surfels, gone, read_ground(workspace.ground_npz), on_ground)
     moving = read_moving(workspace.root)
     views = []
     for done, frame in enumerate(drive.frames):
@@ -129,6 +127,7 @@ STAGE = Stage(
         "objects.json",
         "surfels/full.ply",
         "surfels/instances.npy",
+        "ground",
     ),
     outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
     settings=("marked",),

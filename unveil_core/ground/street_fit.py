@@ -1,0 +1,135 @@
+"""The ground of a street, fitted to points on it: a base along the path, one cross profile, and a smooth remainder."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
+
+from unveil_core.base.types import Float64
+from unveil_core.ground.path import StreetPath
+from unveil_core.ground.street import Ground
+
+__all__ = ["fit_ground"]
+
+S_CELL_M, T_CELL_M = 1.0, 0.1
+"""Cells along the street, where little changes, and across it, where a kerb is a step."""
+WIDEST_M = 25.0
+"""Farther aside nothing is ground of this street."""
+BASE_M = 2.5
+"""Points so near the path tell its height: the lane that the car itself drove on."""
+COARSE = 5
+"""Cells across of the remainder, in cells of the cross profile: half a metre."""
+STEADY_M = 0.4
+"""What departs from base and profile by more is no ground."""
+WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
+"""Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
+FEWEST_OF_WALLS = 50
+
+
+def fit_ground(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
+    """Height field and lateral limits from ground points.
+
+    The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
+    cars), plus a smooth remainder where points say so.
+
+    Args:
+        points: (P, 3) world points on the ground.
+        walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
+            nobody saw any.
+    """
+    street = path.to_street(points)
+    reach = min(WIDEST_M, float(np.percentile(np.abs(street[:, 1]), 99.5)) + T_CELL_M)
+    street = street[np.abs(street[:, 1]) <= reach]
+    s_low, s_high = _supported(street[:, 0], S_CELL_M)
+    rows = max(2, int(np.ceil((s_high - s_low) / S_CELL_M)) + 1)
+    columns = max(3, int(np.ceil(2 * reach / T_CELL_M)) + 1)
+    a = np.clip(np.round((street[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)
+    b = np.clip(np.round((street[:, 1] + reach) / T_CELL_M).astype(int), 0, columns - 1)
+
+    middle = np.abs(street[:, 1]) < BASE_M
+    base = _running_median(a[middle], street[middle, 2], rows)
+    base = gaussian_filter1d(base, 1.5, mode="nearest")
+    rest = street[:, 2] - base[a]
+    profile = median_filter(_running_median(b, rest, columns), 3, mode="nearest")
+    rest = rest - profile[b]
+    # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
+    cells = -(-columns // COARSE)
+    steady = np.abs(rest) < STEADY_M
+    total, weight = np.zeros((rows, cells)), np.zeros((rows, cells))
+    np.add.at(total, (a[steady], b[steady] // COARSE), rest[steady])
+    np.add.at(weight, (a[steady], b[steady] // COARSE), 1.0)
+    smooth = gaussian_filter(total, 1.2) / (gaussian_filter(weight, 1.2) + 0.3)
+    centres = (np.arange(columns) - (COARSE - 1) / 2) / COARSE
+    remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
+    height = base[:, None] + profile[None, :] + remainder
+
+    left, right = _limits(street, a, rows, reach)
+    if walls is not None and len(walls) > FEWEST_OF_WALLS:
+        side = path.to_street(walls)
+        over = side[:, 2] - base[np.clip(np.round((side[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)]
+        upright = (over > WALL_FOOT_M) & (over < WALL_TOP_M) & (np.abs(side[:, 1]) < WIDEST_M)
+        left = _wall_limit(side[upright & (side[:, 1] > 0)], s_low, left)
+        right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
+    return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
+
+
+def _supported(s: Float64, cell: float) -> tuple[float, float]:
+    """First and last arc length with at least three points in a cell."""
+    low = float(s.min())
+    counts = np.bincount(((s - low) / cell).astype(int))
+    full = np.flatnonzero(counts >= 3)
+    if not len(full):
+        return low, float(s.max())
+    return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
+
+
+def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float) -> tuple[Float64, Float64]:
+    """Largest and smallest lateral offset with ground, per row; as wide behind parked rows as before and after them."""
+    left, right = np.full(rows, np.nan), np.full(rows, np.nan)
+    order = np.argsort(a, kind="stable")
+    for row, part in zip(*_groups(a[order], street[order, 1]), strict=True):
+        if len(part) >= 12:
+            right[row], left[row] = np.percentile(part, [1, 99])
+    known = np.isfinite(left)
+    if not known.any():
+        return np.full(rows, reach), np.full(rows, -reach)
+    index = np.arange(rows)
+    left, right = np.interp(index, index[known], left[known]), np.interp(index, index[known], right[known])
+    left = gaussian_filter1d(minimum_filter1d(maximum_filter1d(left, 13), 7), 1.0)
+    right = gaussian_filter1d(maximum_filter1d(minimum_filter1d(right, 13), 7), 1.0)
+    return left, right
+
+
+def _wall_limit(side: Float64, s_low: float, fallback: Float64) -> Float64:
+    """Lateral offset (positive) of the walls' foot per row, from a sliding stretch; the fallback where there is none."""
+    rows = len(fallback)
+    limit = np.full(rows, np.nan)
+    row = np.round((side[:, 0] - s_low) / S_CELL_M).astype(int)
+    for r in range(rows):
+        near = np.abs(row - r) <= 3
+        if near.sum() >= 15:
+            limit[r] = max(fallback[r], float(np.percentile(side[near, 1], 15)))
+    known = np.flatnonzero(np.isfinite(limit))
+    if not len(known):
+        return fallback
+    # Where no wall was seen the street is as wide as at the nearest place where one was.
+    limit = limit[known[np.abs(np.arange(rows)[:, None] - known[None]).argmin(axis=1)]]
+    return median_filter(np.maximum(limit, fallback), 5, mode="nearest")
+
+
+def _groups(keys: NDArray[np.int64], values: Float64) -> tuple[NDArray[np.int64], list[Float64]]:
+    """Split sorted keys into runs."""
+    if not len(keys):
+        return keys, []
+    unique, first = np.unique(keys, return_index=True)
+    return unique, np.split(values, first[1:])
+
+
+def _running_median(index: NDArray[np.int64], values: Float64, count: int) -> Float64:
+    """Median per bin (count,), gaps interpolated."""
+    order = np.argsort(index, kind="stable")
+    bins, parts = _groups(index[order], values[order])
+    if not len(bins):
+        return np.zeros(count)
+    return np.interp(np.arange(count), bins, [float(np.median(p)) for p in parts])

@@ -1,0 +1,100 @@
+"""Stage ``ground``: the street's path, its ground and the terrain around it, once for a scene, whatever is chosen to go."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.types import Mask
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.exposure import read_exposures
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.ground.files import write_ground
+from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track
+from unveil_core.ground.path import fit_path, way_of
+from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.rectify import rectified_path
+from unveil_core.inpaint.chart.street_chart import usable_pixels
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.labels import SceneLabels, frame_labels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import load_labels
+from unveil_core.workspace.movers import Moving, read_moving
+
+__all__ = ["STAGE"]
+
+
+def _usable(
+    drive: Drive, scene: SceneLabels, surfels: Surfels, moving: Moving, ground: Ground, labels: list[NDArray[np.int64]]
+) -> list[Mask]:
+    """(H, W) per frame, pixels that show ground: what could be removed hides it, whether it is chosen or not."""
+    hidden = moving.hidden(drive)
+    by_classes = bool(scene.labels.indices(GROUND_CLASSES))
+    usable = []
+    for i, frame in enumerate(drive.frames):
+        barred, depth = np.isin(labels[i], scene.removable_labels), None
+        if not by_classes:
+            shown = render_numpy(surfels, frame.camera, near=NEAR_M, far=FAR_M, apart=scene.removable_labels)
+            depth = shown["depth"]
+            # Masks on some frames are carried to the others through the scene.
+            barred |= (labels[i] < 0) & (shown["kinds"][..., 1] > 0.5)
+        # As far as inpaint keeps away from what it removes: the border that goes with it, and a pixel more.
+        width = frame.camera.width
+        barred = grow(barred, border_px(width) + border_px(width, 1))
+        if hidden is not None:
+            barred |= hidden[i]
+        usable.append(usable_pixels(ground, frame.camera, labels[i], scene.labels, barred, depth))
+    return usable
+
+
+def run(context: StageContext) -> None:
+    """ground/ground.npz, and ground/ground.json on how it was fitted."""
+    workspace = context.workspace
+    drive = read_imported(workspace.drive_dir)
+    scene = load_labels(workspace)
+    surfels = read_surfels(workspace.surfels_full)
+    track = longest_track(drive)
+    of_track = [drive.frames[i].camera for i in track]
+    path, moved = fit_path(of_track, drive.up), 0.0
+    street = fit_street(surfels, scene.labels, of_track, path)
+    context.progress(1, 4, "fitting the ground")
+    if street is not None:
+        exposures = read_exposures(workspace.exposure_json)
+        labels = [frame_labels(f, scene) for f in drive.frames]
+        usable = _usable(drive, scene, surfels, read_moving(workspace.root), street, labels)
+        context.progress(2, 4, "following lines and kerbs")
+        images = [exposures.read(f) for f in drive.frames]
+        rectified, moved = rectified_path(street, [f.camera for f in drive.frames], images, labels, usable)
+        street = fit_street(surfels, scene.labels, of_track, rectified) or street
+        path = street.path
+    context.progress(3, 4, "fitting the ground")
+    ground = DriveGround(path, street, fit_drive_terrain(drive, surfels, scene.labels, path.axes, street))
+    write_ground(ground, context.output("ground/ground.npz"))
+    way = way_of(np.stack([c.centre for c in of_track]))
+    write_json_atomic(context.output("ground/ground.json"), {
+        "track": drive.frames[track[0]].camera_name, "frames": len(track), "way_m": round(way, 2),
+        "street_from": _street_from(scene, street), "path_moved_by_m": round(moved, 3),
+        "terrain": ground.terrain is not None,
+    })  # fmt: skip
+    context.progress(4, 4, "fitting the ground")
+
+
+def _street_from(scene: SceneLabels, street: Ground | None) -> str | None:
+    """What told the street's ground from everything else; None where there is none."""
+    if street is None:
+        return None
+    return "labels" if scene.labels.indices(GROUND_CLASSES) else "level surfels"
+
+
+STAGE = Stage(
+    "ground",
+    run,
+    inputs=("drive", "labels.json", "movers", "surfels/full.ply", "surfels/exposure.json"),
+    outputs=("ground",),
+)
