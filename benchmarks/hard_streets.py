@@ -133,8 +133,8 @@ def cases() -> dict[str, Case]:
             "lorries along the whole right side: the hole reaches the border and no view shows what lies beyond it",
             range(8, 16),
             tuple(Staged(box(8 + 6 * k, -3.0, -3.6, (6.7, 2.4, 3.3)), "truck", k + 1) for k in range(4)), 10,
-        ),
-    }  # fmt: skip
+        )
+    }
 
 
 def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
@@ -160,8 +160,8 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
         differs = (clean != photograph).any(axis=2)
         for region, mask in (
             ("gone", gone), ("beside", ~gone), ("beside, changed", differs & ~gone),
-            ("kept, behind what goes", kept & gone), ("kept, seen", kept & ~gone),
-        ):  # fmt: skip
+            ("kept, behind what goes", kept & gone), ("kept, seen", kept & ~gone)
+        ):
             sums.setdefault(region, []).append((error[mask].sum(), similar[mask].sum(), int(mask.sum())))
         changed += int((differs & ~gone).sum())
         black += int(((clean < BLACK).all(axis=2) & ~(true < BLACK).all(axis=2) & gone).sum())

@@ -110,8 +110,8 @@ def measure(row: dict) -> dict:
     return {
         **told, "seconds": round(seconds, 1), "peak_memory_mb": peak, "blocks": int(blocks),
         "triangles": len(mesh.faces), "error_median_mm": round(1000 * float(np.median(error)), 3),
-        "error_95_percent_mm": round(1000 * float(np.quantile(error, 0.95)), 3),
-    }  # fmt: skip
+        "error_95_percent_mm": round(1000 * float(np.quantile(error, 0.95)), 3)
+    }
 
 
 def main() -> None:

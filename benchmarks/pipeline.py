@@ -30,8 +30,8 @@ def measure(scene: str, row: str, quality: str, folder: Path) -> dict:
     target = folder / "told.json"
     command = [
         sys.executable, "-m", "unveil_core", "bench", "pipeline", str(HERE.parent / "sample_scenes" / scene),
-        "--quality", quality, "--rows", row, "--scene", str(folder / f"{scene}_{quality}"), "-o", str(target),
-    ]  # fmt: skip
+        "--quality", quality, "--rows", row, "--scene", str(folder / f"{scene}_{quality}"), "-o", str(target)
+    ]
     if os.environ.get("UNVEIL_KEEP"):
         command += ["--keep", str(Path(os.environ["UNVEIL_KEEP"]) / scene / quality)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

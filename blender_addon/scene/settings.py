@@ -60,7 +60,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
         name="Moving things",
         items=(
             ("auto", "Remove", "What moves during the drive goes from every frame"),
-            ("keep", "As standing", "Everything is taken for standing"),
+            ("keep", "As static", "Everything is treated as static"),
         ),
         default="auto",
     )

@@ -46,12 +46,31 @@ def run_check(python: str, check: Path, *, shared: Path, timeout_s: float = 300)
         folder = Path(name)
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("BLENDER_", "PYTHON"))}
         return subprocess.run(
-            [python, "-m", "pytest", "-c", str(HERE / "in_blender/pytest.ini"), "--rootdir", str(HERE / "in_blender"),
-             "--confcutdir", str(HERE / "in_blender"), str(check)],
-            cwd=ROOT, capture_output=True, text=True, timeout=timeout_s,
-            env={**kept, "BLENDER_USER_RESOURCES": str(folder / "user"), "UNVEIL_PYTHON": str(unveil_python(folder)),
-                 "UNVEIL_ROOT": str(ROOT), "UNVEIL_SHARED": str(shared), "PYTHONDONTWRITEBYTECODE": "1"},
-        )  # fmt: skip
+            [
+                python,
+                "-m",
+                "pytest",
+                "-c",
+                str(HERE / "in_blender/pytest.ini"),
+                "--rootdir",
+                str(HERE / "in_blender"),
+                "--confcutdir",
+                str(HERE / "in_blender"),
+                str(check),
+            ],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            env={
+                **kept,
+                "BLENDER_USER_RESOURCES": str(folder / "user"),
+                "UNVEIL_PYTHON": str(unveil_python(folder)),
+                "UNVEIL_ROOT": str(ROOT),
+                "UNVEIL_SHARED": str(shared),
+                "PYTHONDONTWRITEBYTECODE": "1",
+            },
+        )
 
 
 def main(arguments: list[str]) -> int:

@@ -143,7 +143,7 @@ def test_flicker_by_the_true_depth(workspace: Path) -> None:
 
 
 def test_long_drives_fill_some_frames_only(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("unveil_core.evaluate.evaluation.BASELINE_FRAMES", 2)
+    monkeypatch.setattr("unveil_core.evaluate.baselines.BASELINE_FRAMES", 2)
     methods = run_evaluation(finished)["truth"]["regions"]["removed"]["methods"]
     assert {name: m["frames"] for name, m in methods.items()} == {
         "ours": 3, "render": 3, "input": 3, "telea": 2, "shift_map": 2

@@ -78,9 +78,13 @@ def test_a_scene_that_holds_from_its_cameras_only(workspace: Path) -> None:
     surfels = read_surfels(path)
     eye = torch.from_numpy(drive.frames[4].camera.centre).float()
     larger = Surfels(
-        eye + 2 * (surfels.means - eye), surfels.quats, surfels.log_scales + np.log(2), surfels.opacity_logits, surfels.sh,
+        eye + 2 * (surfels.means - eye),
+        surfels.quats,
+        surfels.log_scales + np.log(2),
+        surfels.opacity_logits,
+        surfels.sh,
         surfels.labels,
-    )  # fmt: skip
+    )
     write_surfels(larger, path)
     after = measured(workspace)["regions"]
     assert before["free_removed"]["psnr"] > 25 and after["free_removed"]["psnr"] < before["free_removed"]["psnr"] - 5

@@ -37,9 +37,13 @@ def test_an_empty_scene_shows_the_sky_and_is_judged_by_it(tmp_path: Path) -> Non
     drive = open_drive(make_small_street(tmp_path))
     scene = choose_labels(drive)
     nothing = Surfels(
-        torch.zeros(0, 3), torch.zeros(0, 4), torch.zeros(0, 2), torch.zeros(0), torch.zeros(0, 1, 3),
+        torch.zeros(0, 3),
+        torch.zeros(0, 4),
+        torch.zeros(0, 2),
+        torch.zeros(0),
+        torch.zeros(0, 1, 3),
         torch.zeros(0, dtype=torch.int64),
-    )  # fmt: skip
+    )
     sky = Sky(torch.full((3, 8, 16), 0.5), np.eye(3))
     told = evaluate_views(nothing, sky, list(drive.frames[:2]), scene, near=0.2, far=100.0)
     assert 5 < told["psnr"] < 25 and told["iou"]["road"] == 0.0 and 0 < told["iou"]["sky"] < 1

@@ -53,10 +53,12 @@ class Pair(torch.nn.Module):
 
 def save_onnx(path: Path, inputs: tuple[str, ...], nodes: list, shape: tuple = (None, 3, None, None)) -> Path:
     graph = helper.make_graph(
-        nodes, "model", [helper.make_tensor_value_info(n, TensorProto.FLOAT, shape) for n in inputs],
+        nodes,
+        "model",
+        [helper.make_tensor_value_info(n, TensorProto.FLOAT, shape) for n in inputs],
         [helper.make_tensor_value_info("out", TensorProto.FLOAT, None)],
         [helper.make_tensor("axes", TensorProto.INT64, (2,), (2, 3))],
-    )  # fmt: skip
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     onnx.save(model, str(path))
     return path
@@ -68,10 +70,14 @@ def difference_model(folder: Path, kind: str) -> Path:
         torch.jit.script(MeanDifference()).save(str(path))
         return path
     return save_onnx(
-        path, ("a", "b"),
-        [helper.make_node("Sub", ["a", "b"], ["d"]), helper.make_node("Abs", ["d"], ["e"]),
-         helper.make_node("ReduceMean", ["e"], ["out"], keepdims=1)],
-    )  # fmt: skip
+        path,
+        ("a", "b"),
+        [
+            helper.make_node("Sub", ["a", "b"], ["d"]),
+            helper.make_node("Abs", ["d"], ["e"]),
+            helper.make_node("ReduceMean", ["e"], ["out"], keepdims=1),
+        ],
+    )
 
 
 def color_model(folder: Path, kind: str) -> Path:
@@ -80,9 +86,11 @@ def color_model(folder: Path, kind: str) -> Path:
         torch.jit.script(MeanColor()).save(str(path))
         return path
     return save_onnx(
-        path, ("images",), [helper.make_node("ReduceMean", ["images", "axes"], ["out"], keepdims=0)],
+        path,
+        ("images",),
+        [helper.make_node("ReduceMean", ["images", "axes"], ["out"], keepdims=0)],
         shape=(None, 3, 299, 299),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +125,9 @@ def test_features_are_of_the_whole_image_from_zero_to_one(kind: str, tmp_path: P
 
 
 def test_channels_come_in_the_order_red_green_blue(tmp_path: Path) -> None:
-    path = save_onnx(tmp_path / "red.onnx", ("a", "b"), [
-        helper.make_node("Split", ["a"], ["out", "g", "bl"], axis=1, num_outputs=3),
-    ])  # fmt: skip
+    path = save_onnx(
+        tmp_path / "red.onnx", ("a", "b"), [helper.make_node("Split", ["a"], ["out", "g", "bl"], axis=1, num_outputs=3)]
+    )
     assert LpipsModel(path)(np.array([[[255, 0, 51]]], np.uint8), np.zeros((1, 1, 3), np.uint8)) == pytest.approx(1)
 
 
@@ -182,9 +190,10 @@ def test_a_workspace_is_measured(finished: Path, tmp_path: Path) -> None:
     truth = finished.parent / "drive_on_disk/truth"
     street = stacked(truth / "images")
     folders = {
-        "ours": finished / "frames/front", "render": finished / "renders/front",
+        "ours": finished / "frames/front",
+        "render": finished / "renders/front",
         "input": finished.parent / "drive_on_disk/images",
-    }  # fmt: skip
+    }
     whole = metrics["truth"]["regions"]["whole"]["methods"]
     features = FeatureModel(fid)
     for method, folder in folders.items():

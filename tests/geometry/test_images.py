@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.images import area_px, border_px, grow
 from unveil_core.inpaint.frames.holes import Behind, FrameTask, hole_in_frame
 
 WIDTHS = (384, 512, 768, 1000, 1200, 1400, 1600, 1920, 2560, 3840)
@@ -17,6 +17,21 @@ def test_borders_grow_with_the_image() -> None:
         assert border_px(384, least) == border_px(120, least) == least
         assert border_px(3840, least) == pytest.approx(least * 3840 / 800, abs=0.5)
         assert all(border_px(a, least) <= border_px(b, least) for a, b in zip(WIDTHS, WIDTHS[1:], strict=False))
+
+
+def test_areas_grow_with_the_image() -> None:
+    assert area_px((256, 384), 40) == area_px((80, 128), 40) == 40
+    assert area_px((1280, 1920, 3), 40) == 1000
+
+
+@pytest.mark.parametrize("radius", [3, 16, 17, 70])
+def test_masks_grow_by_a_disc(radius: int) -> None:
+    mask = np.zeros((201, 201), bool)
+    assert not grow(mask, radius).any()
+    mask[100, 100] = True
+    away = np.hypot(*(np.indices(mask.shape) - 100))
+    grown = grow(mask, radius)
+    assert grown[away <= radius - 1].all() and not grown[away > radius + 1].any()
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -16,15 +16,22 @@ Input = tuple[str, int, Sequence[int | None]]
 
 
 def save(
-    path: Path, inputs: Sequence[Input], nodes: Sequence[onnx.NodeProto], *, constants: dict[str, np.ndarray] | None = None,
-    kind: int = FLOAT, outputs: Sequence[str] = ("out",),
-) -> Path:  # fmt: skip
+    path: Path,
+    inputs: Sequence[Input],
+    nodes: Sequence[onnx.NodeProto],
+    *,
+    constants: dict[str, np.ndarray] | None = None,
+    kind: int = FLOAT,
+    outputs: Sequence[str] = ("out",),
+) -> Path:
     """A graph as a file; its outputs are of the type ``kind`` and of any shape."""
     graph = helper.make_graph(
-        list(nodes), "network", [helper.make_tensor_value_info(*i) for i in inputs],
+        list(nodes),
+        "network",
+        [helper.make_tensor_value_info(*i) for i in inputs],
         [helper.make_tensor_value_info(o, kind, None) for o in outputs],
         [numpy_helper.from_array(v, n) for n, v in (constants or {}).items()],
-    )  # fmt: skip
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     onnx.save(model, str(path))
     return path
@@ -94,8 +101,10 @@ def blur(path: Path, radius: int, height: int | None = None, width: int | None =
     """A normalized convolution of what is known: each pixel the mean of the known ones around it."""
     side = 2 * radius + 1
     constants = {
-        **AXES, "kernel3": np.ones((3, 1, side, side), np.float32), "kernel1": np.ones((1, 1, side, side), np.float32),
-    }  # fmt: skip
+        **AXES,
+        "kernel3": np.ones((3, 1, side, side), np.float32),
+        "kernel1": np.ones((1, 1, side, side), np.float32),
+    }
     nodes = [
         helper.make_node("Sub", ["one", "mask"], ["known"]),
         helper.make_node("Mul", ["image", "known"], ["lit"]),

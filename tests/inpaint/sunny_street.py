@@ -38,7 +38,7 @@ def box_surfels(box: np.ndarray, *, open_below: float = 0.0, spacing: float = 0.
     )  # fmt: skip
 
 
-def in_shadow(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> np.ndarray:
+def blocked(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> np.ndarray:
     """(P,) whether the ray from a point to the sun meets the box: the slab test."""
     with np.errstate(divide="ignore"):
         first, second = (box[0] - points) / towards_sun, (box[1] - points) / towards_sun
@@ -75,7 +75,7 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     def shaded(*boxes: np.ndarray) -> np.ndarray:
         if towards_sun is None:
             return np.zeros((rows, columns), bool)
-        return np.any([in_shadow(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
+        return np.any([blocked(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
 
     truth = np.where(shaded(CROWN, HOUSE)[..., None], color * SHADE, color)
     seen = np.where(shaded(CROWN, HOUSE, CAR)[..., None], color * SHADE, color)

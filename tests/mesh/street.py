@@ -91,6 +91,8 @@ def cast(camera: Camera, cars: tuple[Car, ...] = (), *, facades: bool = True) ->
             rgb[hit] = (np.array(car.color) * glass[..., None])[hit]
             index[hit], shadow[hit] = number, False
     return {
-        "depth": np.where(np.isfinite(depth), depth, 0).astype(np.float32), "rgb": rgb.astype(np.float32),
-        "car": index, "shadow": shadow,
-    }  # fmt: skip
+        "depth": np.where(np.isfinite(depth), depth, 0).astype(np.float32),
+        "rgb": rgb.astype(np.float32),
+        "car": index,
+        "shadow": shadow,
+    }

@@ -38,9 +38,12 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
     cache, lines = tmp_path_factory.mktemp("kernels"), []
     for _ in range(2):
         done = subprocess.run(
-            [sys.executable, "-c", RENDER + SWEEP], capture_output=True, text=True, timeout=240,
+            [sys.executable, "-c", RENDER + SWEEP],
+            capture_output=True,
+            text=True,
+            timeout=240,
             env={**os.environ, "NUMBA_CACHE_DIR": str(cache)},
-        )  # fmt: skip
+        )
         assert done.returncode == 0, done.stderr
         lines.append(done.stdout.splitlines())
     assert list(cache.rglob("*.nbc")) and all(len(said) == 2 for said in lines)

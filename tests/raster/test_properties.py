@@ -23,9 +23,13 @@ scenes = st.builds(
     lambda count, seed, spread, grazing, size, opacity: _varied(
         random_surfels(count, seed, labels=K, spread=spread, grazing=grazing), size, opacity
     ),
-    st.integers(0, 300), st.integers(0, 10**6), st.floats(0.1, 3.0), st.booleans(), st.floats(-5.0, 2.0),
+    st.integers(0, 300),
+    st.integers(0, 10**6),
+    st.floats(0.1, 3.0),
+    st.booleans(),
+    st.floats(-5.0, 2.0),
     st.floats(-6.0, 6.0),
-)  # fmt: skip
+)
 
 
 def _varied(surfels: Surfels, size: float, opacity: float) -> Surfels:

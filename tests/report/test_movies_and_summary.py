@@ -153,8 +153,8 @@ def test_summary_of_nothing(tmp_path: Path) -> None:
 def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_path: Path) -> None:
     for count, told in (
         (0, ""),
-        (1, "1 thing moved, gone from every frame"),
-        (3, "3 things moved, gone from every frame"),
+        (1, "1 dynamic object, removed from every frame"),
+        (3, "3 dynamic objects, removed from every frame"),
     ):
         (tmp_path / "workspace.json").write_text(json.dumps({"stages": {"segment": {"movers": count}}}))
         out = io.StringIO()
@@ -162,14 +162,21 @@ def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_p
         assert out.getvalue().strip() == told
     assert movers({}) == (0, "")
     shown = replace(gather(finished, None, no_progress), state={"stages": {"segment": {"movers": 3}}})
-    assert "things moved, gone from every frame" in build_page(shown)
-    assert "things moved" not in build_page(replace(shown, state={}))
+    assert "dynamic objects, removed from every frame" in build_page(shown)
+    assert "dynamic objects" not in build_page(replace(shown, state={}))
 
 
 def test_wording() -> None:
     assert [seconds(s) for s in (0.034, 0.999, 8.24, 9.99, 59.4, 59.9, 185.0, 4321.0)] == [
-        "0.03 s", "1.0 s", "8.2 s", "10 s", "59 s", "1 min 00 s", "3 min 05 s", "1 h 12 min"
-    ]  # fmt: skip
+        "0.03 s",
+        "1.0 s",
+        "8.2 s",
+        "10 s",
+        "59 s",
+        "1 min 00 s",
+        "3 min 05 s",
+        "1 h 12 min",
+    ]
     assert [memory(m) for m in (640.4, 2355.0)] == ["640 MB", "2.3 GB"]
     assert [percent(p) for p in (0.0, 0.034, 0.5, 1.0)] == ["0 %", "3.4 %", "50 %", "100 %"]
     assert (decibels(None), decibels(31.44), similarity(None), similarity(0.91)) == ("exact", "31.4 dB", "–", "0.910")

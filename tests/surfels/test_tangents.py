@@ -49,9 +49,14 @@ def test_axes_and_sizes_reach_the_surfels() -> None:
     up = np.repeat([[0.0, 0.0, 1.0]], len(points), axis=0)
     quats, factors = tangent_frames(points, up)
     made = surfels_from_points(
-        points, np.zeros((len(points), 3), np.uint8), np.zeros(len(points), np.int64), up, 0.1 * factors,
-        quats=quats, scale_factor=1.0,
-    )  # fmt: skip
+        points,
+        np.zeros((len(points), 3), np.uint8),
+        np.zeros(len(points), np.int64),
+        up,
+        0.1 * factors,
+        quats=quats,
+        scale_factor=1.0,
+    )
     assert torch.allclose(made.normals(), torch.from_numpy(up).float(), atol=1e-6)
     assert torch.allclose(made.log_scales.exp(), torch.from_numpy(0.1 * factors).float())
 

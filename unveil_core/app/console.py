@@ -1,4 +1,4 @@
-"""How a run speaks: a progress bar on a terminal, plain lines in a log, JSON lines for programs."""
+"""How a run reports: a progress bar on a terminal, plain lines in a log, JSON lines for programs."""
 
 from __future__ import annotations
 

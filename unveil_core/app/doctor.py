@@ -18,7 +18,7 @@ _PACKAGES = (
 
 
 def examine() -> dict[str, object]:
-    """A JSON-able account; ``ok`` tells whether Unveil can run."""
+    """A JSON-able report; ``ok``: whether Unveil can run."""
     from unveil_core import __version__
 
     found: dict[str, object] = {

@@ -30,7 +30,7 @@ def export_mesh(
 
     Args:
         workspace: whose ``unveil mesh`` has run.
-        to: one of :data:`FORMATS`; by default what the suffix of ``output`` says.
+        to: one of :data:`FORMATS`; by default that of the suffix of ``output``.
         state: one of :data:`STATES`.
         triangles: the most that the file may have; None for all.
         output: where to; ``meshes/<state>_<triangles or all>.<to>`` by default.

@@ -21,10 +21,10 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
-from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars, sight_of
+from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
-from unveil_core.evaluate.pictures import own_mask
+from unveil_core.evaluate.pictures import workspace_mask
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
@@ -49,7 +49,7 @@ class _Scene:
 
     drive: Drive
     labels: SceneLabels
-    sights: list[Sight]
+    sights: list[SceneView]
     removed: list[np.ndarray]
     cars: list[VirtualCar]
 
@@ -134,10 +134,10 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
     sights, removed = [], []
     for done, frame in enumerate(drive.frames):
         shape = (frame.camera.height, frame.camera.width)
-        own, shadow = (own_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
+        own, shadow = (workspace_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
         removed.append(np.zeros(shape, dtype=bool) if own is None else own)
         barred = removed[-1] if shadow is None else removed[-1] | shadow
-        sights.append(sight_of(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
+        sights.append(scene_view(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
         progress(done + 1, len(drive.frames), "looking at the street")
     cars = find_places(street, surfels, drive.points.positions, sights, count=count, progress=progress)
     return _Scene(drive, labels, sights, removed, cars)

@@ -13,16 +13,16 @@ from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES
 __all__ = ["STAGE_VERBS", "command_parser"]
 
 STAGE_VERBS = {
-    "objects": "list the single objects that can be removed, before there is a scene",
-    "segment": "find the labels that occur, and what moves",
-    "choose": "say which classes and objects go",
+    "objects": "list the classes and single objects that can be removed",
+    "segment": "find the labels that occur and the dynamic objects",
+    "choose": "choose the classes and objects to remove",
     "reconstruct": "fit the semantic surfel scene with everything in it",
     "ground": "fit the street's path, the ground and the terrain, once for a scene",
-    "instances": "find the listed objects among the scene's surfels",
-    "remove": "take the chosen objects out and find what nobody ever saw",
-    "inpaint": "fill frames in reversed time, the ground in street coordinates",
-    "reoptimize": "teach the scene its empty state, write renders/ and frames/",
-    "mesh": "fuse meshes before and after",
+    "instances": "assign the listed objects to the scene's surfels",
+    "remove": "select the surfels and pixels to remove, find what no frame shows",
+    "inpaint": "fill what the removed objects hid, in every frame and as new surfels",
+    "reoptimize": "optimize the empty scene near the removed objects, write renders/ and frames/",
+    "mesh": "fuse meshes of the full and the empty street",
     "report": "measure and write the report page",
 }
 """The stages that have a verb of their own, each with its line of help, in the order of ``pipeline.graph.STAGES``. They are
@@ -66,7 +66,7 @@ def _add_whole_runs(verbs: _Verbs) -> None:
     _add_common(p)
     for name, text in (
         ("run", "from a drive to clean frames, meshes and a report"),
-        ("import", "bring a drive into a workspace and list what could go"),
+        ("import", "import a drive into a workspace and list what can be removed"),
     ):
         p = verbs.add_parser(name, help=text)
         p.add_argument("drive", type=Path)
@@ -92,7 +92,7 @@ def _add_evaluate(verbs: _Verbs) -> None:
     p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
     p.add_argument(
         "--holdout-masks", action="store_true",
-        help="lay virtual cars over street that is seen, remove them, compare; takes a drive, too",
+        help="put virtual cars in front of visible street, remove them, compare; takes a drive, too",
     )  # fmt: skip
     p.add_argument("--cars", type=int, default=None, metavar="N", help="virtual cars (2)")
     p.add_argument(
@@ -130,7 +130,7 @@ def _add_export(verbs: _Verbs) -> None:
     p.add_argument("workspace", type=Path)
     p.add_argument("--to", default=None, choices=("ply", "obj", "glb"), help="by default what FILE's suffix says")
     p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
-    p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most so many; all by default")
+    p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most N; all by default")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
     _add_common(p)
 
@@ -194,7 +194,7 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--instances", type=_ids, metavar="IDS", help="single objects, as 3,7")
     add(
         "--marked", metavar="FILE.json|none", type=_file_or_none,
-        help="objects nobody labelled: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
+        help="objects without labels: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
     )  # fmt: skip
     add("--quality", choices=QUALITIES)
     add("--device", choices=("auto", "cpu", "cuda"))
@@ -202,27 +202,27 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--max-side", type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
     add(
         "--shadows", metavar="auto|off|AZIMUTH,ELEVATION",
-        help="take shadows of what goes along, leave them, or say where the sun stands, in degrees",
+        help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
     )  # fmt: skip
     add(
         "--movers", choices=MOVERS,
-        help="take what moves during the drive out of every frame, or treat it as if it stood",
+        help="remove dynamic objects from every frame, or treat them as static",
     )  # fmt: skip
     add("--iterations", type=int, metavar="N", help="steps of the reconstruction")
     add("--sh-degree", type=int, metavar="L", help="degree of colour by direction, 0 to 3")
     add("--splats", type=int, metavar="N", help="surfels at most")
     add(
         "--no-adaptation", dest="adapt", action="store_false",
-        help="take all that the quality allows, not only what the scene needs",
+        help="use the limits of the quality instead of choosing by held-out error",
     )  # fmt: skip
     _add_inpainters(
         p,
-        "for what is neither ground nor seen from anywhere: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
+        "for holes that no frame shows and that are not ground: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
     )
-    add("--order", choices=ORDERS, help="of the frames when holes are filled; for comparison")
+    add("--order", choices=ORDERS, help="of the frames in which holes are filled; for comparison")
     add(
         "--keyframes", type=_keyframes, metavar="auto|N,N,...",
-        help="frames that invent what nobody saw, by number or stem",
+        help="frames in which unobserved content is invented, by number or stem",
     )  # fmt: skip
 
 
@@ -230,7 +230,7 @@ def _add_inpainters(p: argparse.ArgumentParser, text: str) -> None:
     p.add_argument("--inpainter", default=argparse.SUPPRESS, metavar="NAME|FILE.onnx", help=text)
     p.add_argument(
         "--reference-inpainter", default=argparse.SUPPRESS, metavar="FILE.onnx|none", type=_file_or_none,
-        help="carries what was invented: image, mask and the frame that shows the place to image",
+        help="propagates invented content: from image, mask and a frame that shows the place to an image",
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ def _watch(exit_code: int) -> None:
         while os.read(sys.stdin.fileno(), 4096):
             pass
     except (OSError, ValueError, AttributeError):
-        pass  # there is none: nobody is at the other end
+        pass  # there is none to watch
     if sys.platform == "win32":
         _thread.interrupt_main(signal.SIGINT)
     else:

@@ -1,1 +1,1 @@
-"""What everything stands on: files, errors, progress, threads. Knows nothing of drives or scenes."""
+"""The base of all packages: files, errors, progress, threads. Independent of drives and scenes."""

@@ -1,4 +1,4 @@
-"""Errors that a user can mend: each is one clear line, and the command line exits with 2 on them."""
+"""Errors that a user can fix: each is one clear line, and the command exits with 2 on them."""
 
 from __future__ import annotations
 

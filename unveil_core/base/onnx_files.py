@@ -12,7 +12,7 @@ __all__ = ["check_readable", "files_of", "open_onnx", "short"]
 
 
 def check_readable(path: Path, mend: str) -> None:
-    """Raise a SettingsError that names ``path`` and tells ``mend`` unless it is a file that can be read."""
+    """Raise a SettingsError that names ``path`` and the remedy ``mend`` unless it is a file that can be read."""
     try:
         with path.open("rb"):
             pass

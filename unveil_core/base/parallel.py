@@ -66,7 +66,7 @@ def thread_count() -> int:
 
 @contextmanager
 def threads(count: int) -> Iterator[None]:
-    """Use so many threads within the block."""
+    """Use this number of threads within the block."""
     before, _pool.count = _pool.count, max(1, count)
     try:
         yield

@@ -1,4 +1,4 @@
-"""How much memory this process has held, where the system tells."""
+"""Peak memory of this process, where the system reports it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The progress callback: the one way in which long work speaks, and is stopped."""
+"""The progress callback, by which long work reports and is cancelled."""
 
 from __future__ import annotations
 

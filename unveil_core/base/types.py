@@ -1,4 +1,4 @@
-"""Names for the array types that signatures use. Shapes stand in the docstrings."""
+"""Names for the array types in signatures. Shapes are given in docstrings."""
 
 from __future__ import annotations
 

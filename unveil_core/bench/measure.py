@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -14,7 +13,7 @@ from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
-from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
+from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, rounded, squared_error, ssim_map
 from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_file
 
 __all__ = ["FILM_FIGURES", "FilmFigure", "measure_frames"]
@@ -51,7 +50,7 @@ def measure_frames(
 
     Args:
         drive: with a truth; frames: (H, W, 3) uint8, one per frame of the drive.
-        removed: (H, W) own masks of what was removed, for where the truth has none.
+        removed: (H, W) masks of what the run removed, for where the truth has none.
         film: further figures; ``FILM_FIGURES`` by default.
     Returns:
         ``regions``: by name (see ``evaluate.pictures``) PSNR in dB, SSIM, and their pixels; ``changed_outside``: the largest
@@ -62,16 +61,16 @@ def measure_frames(
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0])
     compared: list[Mask] = []
     outside = 0
-    for frame, picture, own in zip(drive.frames, frames, removed, strict=True):
+    for frame, picture, mask_of_run in zip(drive.frames, frames, removed, strict=True):
         photograph = read_image(frame.image_path)
-        change = np.abs(picture[~own].astype(np.int16) - photograph[~own])
+        change = np.abs(picture[~mask_of_run].astype(np.int16) - photograph[~mask_of_run])
         outside = max(outside, int(change.max(initial=0)))
         path = None if drive.truth_root is None else truth_file(drive.truth_root / "images", frame)
         if path is None or drive.truth_root is None:
-            compared.append(own)
+            compared.append(mask_of_run)
             continue
         street = fitted(read_image(path), picture.shape)
-        regions = regions_of(drive.truth_root, frame, picture.shape, removed=own, unobserved=None)
+        regions = regions_of(drive.truth_root, frame, picture.shape, removed=mask_of_run, unobserved=None)
         compared.append(regions["removed"])
         error = squared_error(picture, street)
         similar = ssim_map(picture, street) if min(picture.shape[:2]) >= SSIM_WINDOW else np.full(error.shape, np.nan)
@@ -85,18 +84,13 @@ def measure_frames(
             "has no true images of the empty street to compare with", path=drive.truth_root or drive.root,
             mend="put them into truth/images beside the drive",
         )  # fmt: skip
-    told: dict[str, Any] = {"regions": {}, "changed_outside": outside}
+    figures: dict[str, Any] = {"regions": {}, "changed_outside": outside}
     for name in REGIONS:
         squared, similarity, pixels = sums.get(name, (0.0, 0.0, 0))
         if pixels:
-            told["regions"][name] = {
-                "psnr": _rounded(psnr_of_mse(squared / pixels)), "ssim": _rounded(similarity / pixels), "pixels": pixels,
+            figures["regions"][name] = {
+                "psnr": rounded(psnr_of_mse(squared / pixels)), "ssim": rounded(similarity / pixels), "pixels": pixels,
             }  # fmt: skip
     for figure in FILM_FIGURES if film is None else film:
-        told.update({name: _rounded(value) for name, value in figure(drive, frames, compared).items()})
-    return told
-
-
-def _rounded(value: float) -> float | None:
-    """JSON has no infinity: frames that agree exactly have none."""
-    return round(value, 4) if math.isfinite(value) else None
+        figures.update({name: rounded(value) for name, value in figure(drive, frames, compared).items()})
+    return figures

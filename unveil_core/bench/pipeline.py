@@ -1,4 +1,4 @@
-"""Whole ways to an empty street, side by side on the same scene: quality inside the removed region against seconds."""
+"""Whole methods side by side on the same scene: quality inside the removed region against seconds."""
 
 from __future__ import annotations
 
@@ -73,17 +73,17 @@ def bench_pipeline(
         )
         stages = workspace.state()["stages"]
         footage = open_footage(workspace, drive, settings, single_image, reference)
-        told = []
+        measured = []
         for name, row in chosen.items():
             missing = _missing_weights(row, settings, reference)
             if missing:
-                told.append({"row": name, "title": row.title, "status": NEEDS_WEIGHTS, "mend": missing})
+                measured.append({"row": name, "title": row.title, "status": NEEDS_WEIGHTS, "mend": missing})
                 reporter(_event(name, f"{NEEDS_WEIGHTS}: {missing}"))
                 continue
             reporter(_event(name, "started"))
             frames, figures = _run_row(row, footage, stages, _speaking(name, reporter))
             reporter(_event(name, "done", 1, 1, seconds=figures["seconds"]))
-            told.append({"row": name, "title": row.title, "status": DONE, **figures})
+            measured.append({"row": name, "title": row.title, "status": DONE, **figures})
             if keep is not None:
                 _keep_frames(footage, frames, keep / name)
     return {
@@ -91,7 +91,7 @@ def bench_pipeline(
         "size": [footage.drive.frames[0].camera.width, footage.drive.frames[0].camera.height],
         "quality": settings.quality, "seed": settings.seed, "inpainter": _named(settings.inpainter),
         "reference_inpainter": settings.reference_inpainter and _named(settings.reference_inpainter),
-        "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()}, "rows": told,
+        "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()}, "rows": measured,
     }  # fmt: skip
 
 
@@ -129,10 +129,10 @@ def _run_row(
     forget_peak_memory()
     begun = time.perf_counter()
     frames = row.make(footage, progress)
-    own = time.perf_counter() - begun
+    elapsed = time.perf_counter() - begun
     peaks = [peak_memory_mb() or 0.0, *(float(stages[n].get("peak_memory_mb") or 0.0) for n in row.needs)]
     before = sum(float(stages[n].get("seconds", 0.0)) for n in row.needs)
-    figures = {"seconds": round(before + own, 2), "own_seconds": round(own, 2), "peak_memory_mb": max(peaks)}
+    figures = {"seconds": round(before + elapsed, 2), "own_seconds": round(elapsed, 2), "peak_memory_mb": max(peaks)}
     return frames, figures | measure_frames(footage.drive, frames, footage.removed)
 
 
@@ -141,19 +141,19 @@ def _keep_frames(footage: Footage, frames: Sequence[Picture], folder: Path) -> N
         write_image_atomic(frame_file(folder, frame), picture)
 
 
-def plot_points(told: Sequence[Mapping[str, Any]]) -> list[Point]:
+def plot_points(measured: Sequence[Mapping[str, Any]]) -> list[Point]:
     """The rows of some runs as (name, seconds, decibels inside the removed region)."""
     points = []
-    for one in told:
+    for one in measured:
         for row in one["rows"]:
             psnr = row.get("regions", {}).get("removed", {}).get("psnr")
             if psnr is not None and row["row"] != "input":
-                own = ROWS[row["row"]].title if row["row"] in ROWS else row["title"]
-                name = own if row["row"] != "ours" else f"{own}, {one['quality']}"
+                title = ROWS[row["row"]].title if row["row"] in ROWS else row["title"]
+                name = title if row["row"] != "ours" else f"{title}, {one['quality']}"
                 points.append((name, float(row["seconds"]), float(psnr)))
     return points
 
 
-def write_pipeline_plot(told: Mapping[str, Any], path: Path) -> None:
+def write_pipeline_plot(measured: Mapping[str, Any], path: Path) -> None:
     """Draw seconds against PSNR inside the removed region."""
-    quality_plot(plot_points([told]), path, title=f"{told['drive'].replace('_', ' ')}, {told['quality']}")
+    quality_plot(plot_points([measured]), path, title=f"{measured['drive'].replace('_', ' ')}, {measured['quality']}")

@@ -26,18 +26,28 @@ def pareto_front(points: Sequence[Point]) -> list[Point]:
 def pareto_plot(points: Sequence[Point], path: Path, *, title: str) -> None:
     """Draw (name, milliseconds, relative error) and their Pareto front to a PNG or SVG file."""
     _draw(
-        points, pareto_front(points), path, xlabel="milliseconds", yscale="log", title=title,
+        points,
+        pareto_front(points),
+        path,
+        xlabel="milliseconds",
+        yscale="log",
+        title=title,
         ylabel="worst relative gradient error against float64",
-    )  # fmt: skip
+    )
 
 
 def quality_plot(points: Sequence[Point], path: Path, *, title: str) -> None:
     """Draw (name, seconds, decibels) and their Pareto front to a PNG or SVG file."""
     front = [(name, cost, -error) for name, cost, error in pareto_front([(n, c, -q) for n, c, q in points])]
     _draw(
-        points, front, path, xlabel="seconds", xscale="log", title=title,
+        points,
+        front,
+        path,
+        xlabel="seconds",
+        xscale="log",
+        title=title,
         ylabel="PSNR inside the removed region against the true street, dB",
-    )  # fmt: skip
+    )
 
 
 def spread(places: Sequence[float], least: float) -> list[float]:

@@ -135,13 +135,13 @@ class _Truth:
             truth = self.values[name] * self._mask(self.values[name])
             value = made.detach().double() * self._mask(made)
             errors[name] = float((value - truth).norm() / truth.norm())
-        told = {"rgb_error": errors["rgb"], "plane_error": max(errors.values())}
+        measured = {"rgb_error": errors["rgb"], "plane_error": max(errors.values())}
         if set(masked.planes) == set(self.gradients):
-            told["gradient_error"] = max(
+            measured["gradient_error"] = max(
                 float((getattr(masked.leaves, n).grad.double() - self.sums[n]).norm() / self.sums[n].norm())
                 for n in LEAVES
             )
-        return {name: float(f"{value:.3g}") for name, value in told.items()}
+        return {name: float(f"{value:.3g}") for name, value in measured.items()}
 
     def errors_of_yardstick(self, yard: rivals.Yardstick, surfels: Surfels, camera: Camera) -> dict[str, float]:
         """The same, of the yardstick; its gradients are by activated opacity and scale."""
@@ -149,15 +149,17 @@ class _Truth:
         planes, found = yard.run(scene, view, yard.gradient_of(self.gradients))
         rgb = planes[:3].permute(1, 2, 0).double() * self._mask(self.values["rgb"])
         truth = self.values["rgb"] * self._mask(self.values["rgb"])
-        told = {"rgb_error": float((rgb - truth).norm() / truth.norm())}
+        measured = {"rgb_error": float((rgb - truth).norm() / truth.norm())}
         pairs = {
-            "means": found["means"], "quats": found["quats"], "log_scales": found["scales"] * scene["scales"],
+            "means": found["means"],
+            "quats": found["quats"],
+            "log_scales": found["scales"] * scene["scales"],
             "opacity_logits": found["opac"] * scene["opac"] * (1 - scene["opac"]),
-        }  # fmt: skip
-        told["gradient_error"] = max(
+        }
+        measured["gradient_error"] = max(
             float((g.double() - self.sums[n]).norm() / self.sums[n].norm()) for n, g in pairs.items()
         )
-        return {name: float(f"{value:.3g}") for name, value in told.items()}
+        return {name: float(f"{value:.3g}") for name, value in measured.items()}
 
 
 def _knobs(plan: Plan) -> dict[str, Any]:
@@ -184,9 +186,13 @@ def _knobs(plan: Plan) -> dict[str, Any]:
         elif "SH degree" not in str(row["name"]):
             row.update(truth.errors(ours[str(row["name"])]))
     return {
-        "size": plan.size, "surfels": plan.count, "scene": "the yardstick's" if yard else "corridor",
-        "forward_and_backward": rows, "undecided_pixels": round(truth.undecided, 4), "tiles_compared": len(truth.tiles),
-    }  # fmt: skip
+        "size": plan.size,
+        "surfels": plan.count,
+        "scene": "the yardstick's" if yard else "corridor",
+        "forward_and_backward": rows,
+        "undecided_pixels": round(truth.undecided, 4),
+        "tiles_compared": len(truth.tiles),
+    }
 
 
 def _sweep(plan: Plan, progress: Progress) -> list[dict[str, Any]]:
@@ -227,26 +233,26 @@ def _slow_rivals(plan: Plan) -> list[dict[str, Any]]:
 
 def bench_raster(plan: Plan, *, progress: Progress = no_progress) -> dict[str, Any]:
     """All tables as one JSON-able document."""
-    told: dict[str, Any] = {
+    measured: dict[str, Any] = {
         "machine": machine(),
         "specified": {"alpha_min": ALPHA_MIN, "transmittance_min": TRANSMITTANCE_MIN},
     }
-    told["knobs"] = _knobs(plan)
-    told["rivals"] = _slow_rivals(plan)
-    told["sweep"] = _sweep(plan, progress)
-    told["peak_memory_mb"] = peak_memory_mb()
-    return told
+    measured["knobs"] = _knobs(plan)
+    measured["rivals"] = _slow_rivals(plan)
+    measured["sweep"] = _sweep(plan, progress)
+    measured["peak_memory_mb"] = peak_memory_mb()
+    return measured
 
 
-def write_plot(told: Mapping[str, Any], path: Path) -> None:
+def write_plot(measured: Mapping[str, Any], path: Path) -> None:
     """Cost against error, with the Pareto front drawn: nothing on it is beaten in both."""
     from unveil_core.bench.plot import pareto_plot
 
-    rows = [r for r in told["knobs"]["forward_and_backward"] if "gradient_error" in r]
+    rows = [r for r in measured["knobs"]["forward_and_backward"] if "gradient_error" in r]
     pareto_plot(
         [(str(r["name"]), float(r["ms"]), float(r["gradient_error"])) for r in rows],
         path,
         title="Forward and backward, all planes: {}x{}, {:,} surfels".format(
-            *told["knobs"]["size"], told["knobs"]["surfels"]
+            *measured["knobs"]["size"], measured["knobs"]["surfels"]
         ),
     )

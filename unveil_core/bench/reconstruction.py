@@ -139,16 +139,16 @@ def _geometry(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[
 
 
 def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: tuple[Frame, ...]) -> dict[str, Any]:
-    """What the alpha maps call never seen when the removable classes go, against what truly was; empty without a truth."""
+    """The unobserved pixels by the alpha maps, without the removable classes, against the true ones; empty without truth."""
     gone = select_removed(surfels, np.zeros(len(surfels), np.int64), scene, too_close=TOO_CLOSE_M)
-    left = surfels.select(torch.from_numpy(~gone))
+    remaining = surfels.select(torch.from_numpy(~gone))
     both = either = 0
     for frame in frames:
         path = None if drive.truth_root is None else drive.truth_root / "unseen" / f"{frame.name}.png"
         if path is None or not path.is_file():
             continue
         alpha = []
-        for part in (surfels, left):
+        for part in (surfels, remaining):
             with torch.no_grad():
                 plane = render(part, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
             assert plane is not None
@@ -160,7 +160,7 @@ def _unobserved_iou(drive: Drive, scene: SceneLabels, surfels: Surfels, frames: 
 
 
 def _salted(drive: Drive, scene: SceneLabels, share: float, folder: Path, seed: int) -> Drive:
-    """The drive with so many of its labels' pixels replaced by another of its labels each, written to a folder."""
+    """The drive with this share of its label pixels replaced by another of its labels each, written to a folder."""
     generator = np.random.default_rng(seed)
     ids, count = np.array(scene.labels.disk_ids), len(scene.labels)
     frames = []
@@ -207,11 +207,11 @@ def bench_reconstruction(
     weights: LossWeights = replace(preset.weights, **dict.fromkeys(without, 0.0))
     before = machine()
     with tempfile.TemporaryDirectory() as folder:
-        told = _salted(training, scene, salt, Path(folder), seed) if salt else training
+        labelled = _salted(training, scene, salt, Path(folder), seed) if salt else training
         begun, begun_cpu = time.perf_counter(), time.process_time()
-        exposures = fit_exposures(told, progress=progress)
+        exposures = fit_exposures(labelled, progress=progress)
         done = reconstruct(
-            told, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
+            labelled, scene, replace(preset, weights=weights), exposures=exposures, seed=seed, progress=progress
         )
     seconds, cpu_seconds = time.perf_counter() - begun, time.process_time() - begun_cpu
     surfels, sky = done.surfels, done.sky

@@ -79,17 +79,24 @@ class Yardstick:
         sh = torch.zeros(count, (degree + 1) ** 2, 3)
         sh[:, 0] = (scene["rgb"] - 0.5) / SH0
         return Surfels(
-            scene["means"], scene["quats"], scene["scales"].log(), torch.logit(scene["opac"].clamp(1e-4, 0.9999)), sh,
+            scene["means"],
+            scene["quats"],
+            scene["scales"].log(),
+            torch.logit(scene["opac"].clamp(1e-4, 0.9999)),
+            sh,
             scene["labels"].long(),
-        )  # fmt: skip
+        )
 
     def prepare(self, surfels: Surfels, camera: Camera) -> tuple[dict[str, Tensor], Any]:
         """The scene in the yardstick's form: activated parameters, plain colours."""
         scene = {
-            "means": surfels.means, "quats": surfels.quats, "scales": surfels.log_scales.exp(),
-            "opac": torch.sigmoid(surfels.opacity_logits), "rgb": (0.5 + SH0 * surfels.sh[:, 0]).clamp_min(0.0),
+            "means": surfels.means,
+            "quats": surfels.quats,
+            "scales": surfels.log_scales.exp(),
+            "opac": torch.sigmoid(surfels.opacity_logits),
+            "rgb": (0.5 + SH0 * surfels.sh[:, 0]).clamp_min(0.0),
             "labels": surfels.labels.to(torch.int32),
-        }  # fmt: skip
+        }
         intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
         pose = np.asarray(camera.world_to_camera, np.float32)
         contiguous = {name: t.contiguous() for name, t in scene.items()}
@@ -179,9 +186,17 @@ class GsplatReference:
         )
         with _nerfacc():
             colours, _, _ = self._torch_impl.accumulate_2dgs(
-                means2d, transforms, torch.sigmoid(logits)[None], rgb[None], normals, self.owners, self.pixels,
-                torch.zeros_like(self.pixels), c.width, c.height,
-            )  # fmt: skip
+                means2d,
+                transforms,
+                torch.sigmoid(logits)[None],
+                rgb[None],
+                normals,
+                self.owners,
+                self.pixels,
+                torch.zeros_like(self.pixels),
+                c.width,
+                c.height,
+            )
         (colours[0] * gradient).sum().backward()
         made: Tensor = colours[0].detach()
         return made

@@ -26,9 +26,13 @@ WARM_UP = 3
 
 
 def bench_step(
-    *, size: tuple[int, int] = (480, 320), count: int = 100_000, degree: int = 3, iterations: int = 15,
+    *,
+    size: tuple[int, int] = (480, 320),
+    count: int = 100_000,
+    degree: int = 3,
+    iterations: int = 15,
     yardstick: rivals.Yardstick | None = None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Milliseconds of a step with all losses of the second stage, against another street seen from the same place.
 
     With a yardstick, its forward and backward runs after each step, and the ratio is the median over these pairs.
@@ -59,12 +63,17 @@ def bench_step(
             yardstick.run(*prepared, whole)
             others.append((time.perf_counter() - begun) * 1e3)
     steps, others = steps[WARM_UP:], others[WARM_UP:]
-    told: dict[str, Any] = {
-        "machine": before, "size": size, "surfels": count, "sh_degree": degree,
-        "step_ms": round(statistics.median(steps), 2), "least_ms": round(min(steps), 2),
-        "peak_memory_mb": peak_memory_mb(), "second_process_s": second_process_seconds(),
-    }  # fmt: skip
+    figures: dict[str, Any] = {
+        "machine": before,
+        "size": size,
+        "surfels": count,
+        "sh_degree": degree,
+        "step_ms": round(statistics.median(steps), 2),
+        "least_ms": round(min(steps), 2),
+        "peak_memory_mb": peak_memory_mb(),
+        "second_process_s": second_process_seconds(),
+    }
     if others:
-        told["yardstick_ms"] = round(statistics.median(others), 2)
-        told["ratio"] = round(statistics.median(a / b for a, b in zip(steps, others, strict=True)), 3)
-    return told
+        figures["yardstick_ms"] = round(statistics.median(others), 2)
+        figures["ratio"] = round(statistics.median(a / b for a, b in zip(steps, others, strict=True)), 3)
+    return figures

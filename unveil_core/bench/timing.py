@@ -42,11 +42,11 @@ def alternate(
                     times[name].append((time.perf_counter() - begun) * 1e3)
     finally:
         gc.unfreeze()
-    told = {name: {"ms": statistics.median(t), "least_ms": min(t)} for name, t in times.items()}
+    figures = {name: {"ms": statistics.median(t), "least_ms": min(t)} for name, t in times.items()}
     if base in times:
         for name, t in times.items():
-            told[name]["ratio"] = statistics.median(a / b for a, b in zip(t, times[base], strict=True))
-    return {name: {k: round(v, 4) for k, v in row.items()} for name, row in told.items()}
+            figures[name]["ratio"] = statistics.median(a / b for a, b in zip(t, times[base], strict=True))
+    return {name: {k: round(v, 4) for k, v in row.items()} for name, row in figures.items()}
 
 
 def machine() -> dict[str, Any]:
@@ -66,9 +66,12 @@ def machine() -> dict[str, Any]:
             versions[package] = None
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
-        "processor": processor, "cores": os.cpu_count(), "system": platform.platform(), "load_before": load,
+        "processor": processor,
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "load_before": load,
         "versions": versions,
-    }  # fmt: skip
+    }
 
 
 def forget_peak_memory() -> None:

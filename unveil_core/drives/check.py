@@ -33,9 +33,10 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         key = (frame.camera_name, frame.name)
         if key in seen:
             raise DriveError(
-                f"frame {frame.name} of camera {frame.camera_name} occurs twice", path=drive.root,
+                f"frame {frame.name} of camera {frame.camera_name} occurs twice",
+                path=drive.root,
                 mend="file stems must be unique within a camera",
-            )  # fmt: skip
+            )
         seen.add(key)
         pose = frame.camera.world_to_camera
         if not np.isfinite(pose).all():
@@ -52,7 +53,8 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             found = read(path).shape[:2]
             if found != wanted:
                 raise DriveError(
-                    f"is {found[1]}x{found[0]} pixels, its camera says {wanted[1]}x{wanted[0]}", path=path,
+                    f"is {found[1]}x{found[0]} pixels, its camera says {wanted[1]}x{wanted[0]}",
+                    path=path,
                     mend="resize the image or correct w and h",
-                )  # fmt: skip
+                )
         progress(done + 1, len(drive.frames), "checking files")

@@ -1,6 +1,6 @@
-"""The empty scene from where the drive never was, against true pictures from there.
+"""The empty scene from new viewpoints, against true pictures from there.
 
-A scene that was taught by its own cameras may look right from them alone. Where a truth folder has ``free/`` (cameras in
+A scene that was optimized for its own cameras may look right from them alone. Where a truth folder has ``free/`` (cameras in
 ``transforms.json``, ``images/`` of the empty street, and, optional, ``removed/`` and ``unseen/`` masks), ``surfels/empty.ply``
 is rendered from those cameras and measured as the recorded frames' renders are.
 """
@@ -90,7 +90,7 @@ def measure_free_views(
         beside = recorded.get(FREE_REGIONS[region], {}).get("methods", {}).get("render", {}).get("psnr")
         if beside is not None and math.isfinite(beside):
             below[region] = beside - values["psnr"]
-    tracks = {name: _pooled([own]) for name, own in sums.items()}
+    tracks = {name: _pooled([of_track]) for name, of_track in sums.items()}
     return {"views": len(views), "regions": regions, "below_recorded": below, "tracks": tracks, "per_view": per_view}
 
 

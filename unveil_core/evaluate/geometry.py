@@ -1,4 +1,4 @@
-"""How near a reconstructed surface is to the true one: Chamfer distance and F-score of points.
+"""Distance between a reconstructed and the true surface: Chamfer distance and F-score of points.
 
 *3D StreetUnveiler*, section 4, holds points of the mesh against LiDAR: the Chamfer distance and the F-score at 0.25 m.
 """
@@ -57,7 +57,7 @@ def surface_distances(
     Args:
         found: (P, 3) points of the reconstruction; true: (Q, 3) points of the true surface that should be found.
         reference: (R, 3) true points that found ones may lie on, where these reach farther than ``true``.
-        crop: found points farther than this from every true point are left out: the truth says nothing there.
+        crop: found points farther than this from every true point do not count: the truth does not cover them.
     """
     reference = true if reference is None else reference
     if not len(found) or not len(true):

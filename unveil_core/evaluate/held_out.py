@@ -1,4 +1,4 @@
-"""Views that the reconstruction has not seen: how like the photographs, and how right the labels."""
+"""Scores of held-out views: their renders against the photographs, and their labels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["class_iou", "evaluate_views", "rendered_view", "split_drive"]
 
 SMALLEST_SHARE = 1e-4
-"""A class with less than this share of the pixels is reported, and left out of the mean."""
+"""A class with less than this share of the pixels is reported but not part of the mean."""
 
 
 def split_drive(drive: Drive, every: int) -> tuple[Drive, list[Frame]]:
@@ -70,14 +70,20 @@ def class_iou(confusion: NDArray[np.int64], names: tuple[str, ...]) -> dict[str,
 
 
 def evaluate_views(
-    surfels: Surfels, sky: Sky, frames: list[Frame], scene: SceneLabels, *, near: float, far: float,
+    surfels: Surfels,
+    sky: Sky,
+    frames: list[Frame],
+    scene: SceneLabels,
+    *,
+    near: float,
+    far: float,
     align_exposure: bool = False,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """PSNR, SSIM and mIoU over some frames; PSNR is that of the mean squared error over all of them.
 
     Args:
-        align_exposure: for scenes in canonical colours (see ``drives.exposure``): nobody knows the exposure of a frame that was
-            held out, so gain and bias that bring its render nearest to its photograph are applied first.
+        align_exposure: for scenes in canonical colours (see ``drives.exposure``): the exposure of a held-out frame
+            is unknown, so gain and bias that bring its render nearest to its photograph are applied first.
     """
     count = len(scene.labels)
     confusion = np.zeros((count, count), np.int64)
@@ -93,11 +99,11 @@ def evaluate_views(
         true = frame_labels(frame, scene)
         known = true >= 0
         confusion += np.bincount(true[known] * count + labels[known], minlength=count * count).reshape(count, count)
-    told: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "frames": [f.name for f in frames],
         "psnr": round(psnr_of_mse(float(np.mean(errors))), 3),
         "psnr_by_frame": [round(psnr_of_mse(e), 3) for e in errors],
         "ssim": round(float(np.mean(similarities)), 4),
         "label_error": round(1 - float(np.trace(confusion)) / max(1, int(confusion.sum())), 5),
     }
-    return told | class_iou(confusion, scene.labels.names)
+    return figures | class_iou(confusion, scene.labels.names)

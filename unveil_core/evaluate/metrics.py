@@ -6,13 +6,16 @@ mean squared error over all its pixels, not the mean of per-frame decibels.
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
 from unveil_core.base.types import Mask
 
-__all__ = ["as_unit_float", "mask_iou", "psnr", "psnr_of_mse", "squared_error", "ssim", "ssim_map"]
+__all__ = ["as_unit_float", "mask_iou", "psnr", "psnr_of_mse", "rounded", "squared_error", "ssim", "ssim_map"]
 
 Image = NDArray[np.uint8] | NDArray[np.floating]
 
@@ -98,3 +101,14 @@ def _masked_mean(values: NDArray[np.float64], mask: Mask | None) -> float:
     if mask.shape != values.shape:
         raise ValueError(f"a mask of {mask.shape} does not fit images of {values.shape}")
     return float(values[mask].mean()) if mask.any() else float("nan")
+
+
+def rounded(value: Any) -> Any:
+    """Figures for JSON: floats, also inside lists and dicts, to 4 digits, and None for those that are infinite or undefined."""
+    if isinstance(value, dict):
+        return {k: rounded(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [rounded(v) for v in value]
+    if isinstance(value, float):
+        return round(value, 4) if math.isfinite(value) else None
+    return value

@@ -1,4 +1,4 @@
-"""The per-frame pictures that an evaluation compares: where they lie, brought to one size, and the regions it looks at."""
+"""The per-frame pictures that an evaluation compares: their files, resized to one size, and the regions that are measured."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["REGIONS", "fitted", "fitted_mask", "own_mask", "regions_of", "truth_file", "truth_mask"]
+__all__ = ["REGIONS", "fitted", "fitted_mask", "regions_of", "truth_file", "truth_mask", "workspace_mask"]
 
 
 REGIONS = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "whole")
-"""Names of the regions, in the order in which they are told."""
+"""Names of the regions, in the order of tables."""
 
 
-def own_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
-    """(H, W) a frame's mask of the workspace, None where it is not there."""
+def workspace_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | None:
+    """(H, W) a frame's mask in a folder of the workspace, None where it is not there."""
     path = frame_file(folder, frame)
     return fitted_mask(read_label_image(path), shape) if path.is_file() else None
 

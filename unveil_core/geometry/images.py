@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
 
-__all__ = ["border_px", "grow", "luminance", "masked_blur"]
+__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur"]
 
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
+LARGEST_KERNEL_PX = 16
+"""Radius of a disc up to which masks grow by its pixels; beyond, distances are cheaper."""
 
 
 def border_px(width: int, least: int = 2) -> int:
@@ -27,13 +29,28 @@ def border_px(width: int, least: int = 2) -> int:
     return max(least, round(least * width / BORDER_WIDTH))
 
 
-def grow(mask: NDArray[np.bool_], radius_px: int) -> NDArray[np.bool_]:
-    """A mask (H, W) grown by a disc."""
-    if radius_px <= 0:
+def area_px(shape: tuple[int, ...], least: int) -> int:
+    """How many pixels of an image (H, W…) cover what ``least`` pixels cover of one of 384x256; not fewer in smaller ones."""
+    return max(least, round(least * shape[0] * shape[1] / (384 * 256)))
+
+
+def disc(radius: float) -> NDArray[np.uint8]:
+    """A round structuring element (2 r + 1, 2 r + 1), its radius rounded down to whole pixels."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * int(radius) + 1,) * 2).astype(np.uint8)
+
+
+def grow(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+    """A mask (H, W) dilated by a disc; the mask itself where the radius is less than a pixel."""
+    if radius < 1:
         return mask
-    size = 2 * radius_px + 1
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    return cv2.dilate(mask.astype(np.uint8), kernel).astype(bool)
+    if radius > LARGEST_KERNEL_PX:
+        if not mask.any():
+            return mask
+        near: NDArray[np.bool_] = (
+            cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= radius
+        )
+        return near
+    return cv2.dilate(mask.astype(np.uint8), disc(radius)).astype(bool)
 
 
 def luminance(color: Float32) -> Float32:

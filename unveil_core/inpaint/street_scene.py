@@ -21,7 +21,7 @@ from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart, blur_levels, read_chart, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import invented_fronts, read_facade
 from unveil_core.inpaint.facade.poles import feet_of_uprights
-from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
+from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.scene_light import light_of_scene
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES
@@ -81,10 +81,10 @@ def drive_ground_layer(
     means = surfels.means.double().numpy()
     of_surfel = np.where(gone, of_surfel, -1)
     removed_objects = [means[of_surfel == i] for i in np.unique(of_surfel) if i >= 0]
-    fill = FillSettings() if shadows else FillSettings(shadow_reach_m=0.0)
+    reach = SHADOW_REACH_M if shadows else 0.0
     keep = torch.from_numpy(~gone)
     layer = build_ground_layer(
-        ground, cameras, views.images, views.labels, usable, removed_objects, fill,
+        ground, cameras, views.images, views.labels, usable, removed_objects, reach,
         scene=(surfels.select(keep), surfels.select(~keep)), solid=scene.labels.indices(SOLID_CLASSES),
         plants=scene.labels.indices(("vegetation",)), sun=sun,
         progress=progress,
@@ -128,7 +128,7 @@ def build_ground_layer(
     label_images: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
     removed: Sequence[NDArray[np.float64]],
-    settings: FillSettings,
+    shadow_reach_m: float,
     *,
     scene: tuple[Surfels, Surfels] | None = None,
     solid: Sequence[int] = (),
@@ -153,7 +153,7 @@ def build_ground_layer(
         chart, *scene, footprint=footprint, cameras=cameras,
         solid=solid, plants=plants, given=sun,
     )  # fmt: skip
-    filled = fill_chart(chart, footprint, settings, light=light, progress=progress)
+    filled = fill_chart(chart, footprint, light=light, shadow_reach_m=shadow_reach_m, progress=progress)
     return GroundLayer(
         filled, blur_levels(filled.color), blur_levels(filled.gain), None if light is None else light.sun
     )

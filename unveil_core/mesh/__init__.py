@@ -7,6 +7,14 @@ from unveil_core.mesh.picture import render_mesh_picture
 from unveil_core.mesh.tsdf import DepthView, fuse
 
 __all__ = [
-    "DepthView", "Mesh", "decimate", "drop_small_components", "fuse", "read_ply", "render_mesh_picture", "write_glb",
-    "write_obj", "write_ply",
-]  # fmt: skip
+    "DepthView",
+    "Mesh",
+    "decimate",
+    "drop_small_components",
+    "fuse",
+    "read_ply",
+    "render_mesh_picture",
+    "write_glb",
+    "write_obj",
+    "write_ply",
+]

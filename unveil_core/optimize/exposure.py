@@ -28,11 +28,11 @@ from unveil_core.surfels.initialize import estimate_normals, thin_points
 __all__ = ["affine_between", "fit_exposures"]
 
 HIDING_POINTS = 40_000
-"""At most so many points hide one another."""
+"""Number of points at most that are tested for occluding each other."""
 SAMPLES, SAMPLES_PER_VIEW = 60_000, 250
-"""About so many samples are enough for a drive, and for each view of a long one."""
+"""About how many samples are used for a drive, and for each view of a long one."""
 DARKEST, BRIGHTEST = 3, 250
-"""Samples at or beyond these levels of 255 may be clipped and tell nothing of a gain."""
+"""Samples at or beyond these levels of 255 may be clipped and are not used for the gain."""
 FEWEST_SAMPLES = 30
 """A frame with fewer gets its exposure from its neighbours in time."""
 GAIN_PRIOR, BIAS_PRIOR = 1.0, 20.0
@@ -190,18 +190,18 @@ def fit_exposures(
     """
     views = len(drive.frames)
     samples = _sampled(drive, hidden, progress)
-    told: dict[str, object] = {"used": False, "points": len(np.unique(samples.point)), "samples": len(samples.point)}
+    facts: dict[str, object] = {"used": False, "points": len(np.unique(samples.point)), "samples": len(samples.point)}
     first = samples.point % 2 == 0
     gain, bias, enough = _fitted(samples.where(first), views)
     judges = samples.where(~first & enough[samples.view])
     if not len(judges.point):
-        return Exposures({}, told)
+        return Exposures({}, facts)
     without, with_model = _error(judges, np.ones_like(gain), np.zeros_like(bias)), _error(judges, gain, bias)
     grey = np.maximum(0.5 * gain + bias, 1e-3)[enough]
     spread = float((grey.max(axis=0) / grey.min(axis=0)).max() - 1)
-    told |= {"rms_without": round(without, 5), "rms_with": round(with_model, 5), "spread": round(spread, 4)}
+    facts |= {"rms_without": round(without, 5), "rms_with": round(with_model, 5), "spread": round(spread, 4)}
     if with_model > (1 - LEAST_GAIN) * without or spread < LEAST_SPREAD:
-        return Exposures({}, told)
+        return Exposures({}, facts)
     gain, bias, enough = _fitted(samples, views)
     known = {}
     for name in dict.fromkeys(f.camera_name for f in drive.frames):
@@ -213,7 +213,7 @@ def fit_exposures(
             else:
                 g, b = np.ones(3), np.zeros(3)
             known[name, drive.frames[v].name] = Exposure(g, b)
-    return Exposures(known, told | {"used": True})
+    return Exposures(known, facts | {"used": True})
 
 
 def affine_between(canonical: Float64, photograph: NDArray[np.uint8]) -> tuple[Float64, Float64]:

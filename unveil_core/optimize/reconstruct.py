@@ -52,7 +52,7 @@ class ReconstructSettings:
         adapt: when more is worth it.
         given: choices (see ``CHOICES``) that the limit itself decides: the user's, or all of them for a fixed recipe.
         weights: of the losses, the paper's by default.
-        prune_opacity: surfels fainter than this go in the second stage (paper: 0.3).
+        prune_opacity: surfels fainter than this are removed in the second stage (paper: 0.3).
         ellipsoids: 3D Gaussians instead of discs; soft_labels: trainable probabilities instead of hard labels; random_start:
             surfels thrown into the points' box; all three for comparison only.
         spared: class names that opacity pruning leaves alone (the paper: sky and vegetation).
@@ -75,7 +75,7 @@ class ReconstructSettings:
     spared: tuple[str, ...] = ("vegetation",)
 
     def scaled(self, frames: int) -> ReconstructSettings:
-        """These limits for so many frames."""
+        """These limits for a number of frames."""
         factor = max(1.0, frames / MANY_FRAMES)
         more = {
             name: round(factor * getattr(self, name)) for name in ("iterations", "budget") if name not in self.given

@@ -1,4 +1,4 @@
-"""Re-optimization near what was removed: the empty scene learns the inpainted frames.
+"""Re-optimization near removed objects: the empty scene is fitted to the inpainted frames.
 
 *3D StreetUnveiler*, section 3.4: only surfels near the removed ones move, and the new ones seeded in the holes; the target is
 the inpainted frame inside the removed region and the photograph outside.

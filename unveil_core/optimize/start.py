@@ -52,7 +52,7 @@ class StartSettings:
 
 
 MEASURED_SHARE, MEASURED_POINTS = 0.02, 5
-"""A pixel is measured where so many points lie within this share of the image's width."""
+"""A pixel counts as measured if this many points lie within this share of the image's width."""
 
 
 DETAIL_WINDOW = (7, 7)

@@ -1,4 +1,4 @@
-"""run(): a drive in, an empty street out."""
+"""The pipeline as functions: from a drive to the empty street, or one stage of a workspace."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def run(
 
     Args:
         drive: a transforms.json, a COLMAP folder, or a folder that holds one.
-        workspace: folder of the results; made if need be, gone on with if it is there.
+        workspace: folder of the results; made if need be, continued if it exists.
         settings: what to remove and how; defaults remove everything removable.
         until: name of the last stage to run.
         reporter: receives each event as a dict.
     Raises:
-        UnveilError: bad input; a workspace that this call made is gone again.
-        Cancelled: SIGINT or SIGTERM; calling again goes on.
+        UnveilError: bad input; a workspace that this call made is deleted again.
+        Cancelled: SIGINT or SIGTERM; calling again continues.
     """
     settings = settings or RunSettings()
     names = [s.name for s in STAGES]
@@ -51,9 +51,9 @@ def run(
         check_drive(opened)
         if until not in ("import", "objects"):  # before the choice is made
             marked = {m.id for m in marked_objects(settings.marked)}
-            own = [i for i in settings.instances if i not in marked]
-            if own or settings.remove or not settings.instances:
-                choose_labels(opened, settings.remove, own)
+            listed = [i for i in settings.instances if i not in marked]
+            if listed or settings.remove or not settings.instances:
+                choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(open_drive(drive).frames, settings.keyframes)
     space = Workspace.create(workspace)

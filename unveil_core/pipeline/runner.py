@@ -52,7 +52,7 @@ def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool
 
 
 def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
-    """The input hashes of the stages whose outputs a stage reads: with them one can tell at a glance what is stale."""
+    """The input hashes of the stages whose outputs a stage reads: they show at a glance what is stale."""
     return {
         name: entry["input_hash"]
         for name, entry in recorded.items()
@@ -62,7 +62,7 @@ def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
 
 @contextmanager
 def _room_on(root: Path) -> Iterator[None]:
-    """Errors for want of space become the one line that says so."""
+    """Errors for lack of disk space become one line that says so."""
     try:
         yield
     except OSError as error:

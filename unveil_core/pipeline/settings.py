@@ -1,4 +1,4 @@
-"""What the user decides about a run. Numeric presets per quality live with the modules they drive."""
+"""Settings of a run that the user decides. Numeric presets per quality are beside the code that they control."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ class RunSettings:
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
         max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
-        shadows: "auto" takes the shadows of what was removed along, "off" leaves them; "AZIMUTH,ELEVATION" in degrees tells
-            where the sun stands instead of looking for it by its shadows (see ``inpaint.sun.sun_towards``).
-        iterations, splats: steps and most surfels of the reconstruction; None = chosen while it runs, by held-out error against
-            cost.
-        sh_degree: of colour by direction, 0 to 3; None = 0, which leaves no ghosts of what is removed.
-        adapt: False takes all that the quality's limits allow instead of choosing.
-        movers: "auto" looks for things that move during the drive, which then go from all frames and never become part of the
-            scene; "keep" takes everything for standing.
-        inpainter: single-image inpainter for what is neither ground nor seen from anywhere: a name in ``INPAINTERS``, or the
-            path of an ONNX file, which is made absolute.
+        shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
+            direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
+        iterations, splats: steps and largest number of surfels of the reconstruction; None = chosen while it runs, by held-out
+            error against cost.
+        sh_degree: of the spherical harmonics, 0 to 3; None = 0, which leaves no ghosts of removed objects.
+        adapt: False uses the limits of the quality instead of choosing.
+        movers: "auto" finds dynamic objects, which are removed from all frames and never become part of the scene; "keep" treats
+            everything as static.
+        inpainter: single-image inpainter for holes that no frame shows and that are not ground: a name in ``INPAINTERS``, or
+            the path of an ONNX file, which is made absolute.
         reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
-        order: of the frames when holes are filled, "reverse", "forward" or "independent".
-        keyframes: frames that invent what nobody saw for all others, by stem or number (see ``inpaint.drive_plan.named_frames``);
-            none = chosen by how much each newly shows.
+        order: of the frames in which holes are filled, "reverse", "forward" or "independent".
+        keyframes: frames in which unobserved content is invented for all others, by stem or number (see
+            ``inpaint.frames.keyframe_plan.named_frames``); none = chosen by how much each newly shows.
     """
 
     remove: tuple[str, ...] = ()

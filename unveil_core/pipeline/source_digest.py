@@ -1,4 +1,4 @@
-"""Digest of the code that a stage runs: after an upgrade no result of other code passes for current.
+"""Digest of the code that a stage runs: after an upgrade, results of older code are stale.
 
 The source of the module that holds the stage's function counts, and of every module of this package that it imports, directly
 or through others. Other packages (torch, OpenCV) are recorded in workspace.json by version and do not count: their updates
@@ -26,7 +26,7 @@ _BY_NAME = re.compile(rf"""import_module\(\s*f?["']({PACKAGE}\.[\w.]*)""")
 
 
 def code_digest(function: Callable[..., Any]) -> str:
-    """Digest of the source that stands behind a function, 32 hexadecimal digits.
+    """Digest of the source code that a function depends on, 32 hexadecimal digits.
 
     A function from outside this package (a test, a script) counts with its own module's source alone.
     """

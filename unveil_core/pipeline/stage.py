@@ -60,7 +60,7 @@ class Stage:
         outside: from workspace, settings and the drive's path the files outside the workspace that are read, each with the name
             under which it counts; the content decides beside that name.
         check: raises an UnveilError, before any stage runs, where the settings name something unusable.
-        variant: tells two results apart that one function makes in two ways (for comparisons).
+        variant: distinguishes two results that one function makes in two ways (for comparisons).
     """
 
     name: str

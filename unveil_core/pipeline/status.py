@@ -1,4 +1,4 @@
-"""How the stages of a workspace stand: what a run would do, without doing it."""
+"""The status of a workspace's stages: what a run would do, without doing it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def stage_states(workspace: Workspace, settings: RunSettings | None = None) -> d
     Returns:
         by name of the stage: "done" (up to date), "stale" (there, but something that it depends on has changed, or will),
         "running", "failed", or "to do" (also after a cancelled or killed run). What depends on a drive that is gone
-        cannot be told and counts as done.
+        cannot be determined and counts as done.
     """
     recorded = workspace.state()
     settings = settings or RunSettings.from_json(recorded.get("settings", {}))
@@ -70,5 +70,5 @@ def _in_use(workspace: Workspace) -> bool:
             return False
     except WorkspaceError:
         return True
-    except OSError:  # where nothing can be written nobody works
+    except OSError:  # where nothing can be written no run is active
         return False

@@ -1,4 +1,4 @@
-"""What a workspace has to show: gathered once, every absent piece simply absent."""
+"""The contents of the report, gathered from a workspace; missing files are left out."""
 
 from __future__ import annotations
 

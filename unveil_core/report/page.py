@@ -26,9 +26,11 @@ __all__ = ["build_page", "write_report"]
 
 MODES = {"after": "Empty street", "rendered": "Rendered", "inpainted": "Pseudo label"}
 REGION_TITLES = {
-    "removed": "Whole removed region", "seen_elsewhere": "Seen from other frames", "unseen": "Never seen",
+    "removed": "Whole removed region",
+    "seen_elsewhere": "Seen from other frames",
+    "unseen": "Never seen",
     "cast_shadow": "Cast shadows",
-}  # fmt: skip
+}
 REGION_STYLE = {1: "observed", 2: "elsewhere", 3: "unseen"}
 
 
@@ -52,9 +54,16 @@ def write_report(
 def build_page(shown: Shown) -> str:
     """The page as text."""
     parts = [
-        _header(shown), _viewer(shown), _numbers(shown), _truth(shown), _free_views(shown), _meshes(shown.meshes), _objects(shown),
-        _stages(shown), _settings(shown),
-    ]  # fmt: skip
+        _header(shown),
+        _viewer(shown),
+        _numbers(shown),
+        _truth(shown),
+        _free_views(shown),
+        _meshes(shown.meshes),
+        _objects(shown),
+        _stages(shown),
+        _settings(shown),
+    ]
     style, script = (files("unveil_core.report").joinpath(name).read_text() for name in ("page.css", "page.js"))
     body = "\n".join(p for p in parts if p)
     return (

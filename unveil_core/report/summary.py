@@ -12,10 +12,13 @@ from unveil_core.report.wording import decibels, memory, movers, percent, second
 __all__ = ["print_summary"]
 
 RESULTS = (
-    ("clean frames", "frames"), ("empty street, mesh", "meshes/empty.ply"), ("empty street, glTF", "meshes/empty.glb"),
-    ("empty street, surfels", "surfels/empty.ply"), ("report", "report/index.html"),
+    ("clean frames", "frames"),
+    ("empty street, mesh", "meshes/empty.ply"),
+    ("empty street, glTF", "meshes/empty.glb"),
+    ("empty street, surfels", "surfels/empty.ply"),
+    ("report", "report/index.html"),
     ("before and after", "report/before_after.mp4"),
-)  # fmt: skip
+)
 COLUMNS = {"removed": "removed", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
 
 FLICKERING = {name: METHODS.get(name, "the true street") for name in ("truth", "ours", "render", "telea", "shift_map")}
@@ -81,9 +84,10 @@ def _movers(state: dict[str, Any]) -> list[str]:
 
 def _cost(state: dict[str, Any]) -> list[str]:
     stages = [
-        (name, stage) for name, stage in state.get("stages", {}).items()
+        (name, stage)
+        for name, stage in state.get("stages", {}).items()
         if isinstance(stage, dict) and isinstance(stage.get("seconds"), int | float)
-    ]  # fmt: skip
+    ]
     if not stages:
         return []
     lines = [f"  {'stage':<22}{'time':>14}{'peak memory':>14}"]

@@ -8,7 +8,7 @@ __all__ = ["decibels", "memory", "movers", "percent", "seconds", "similarity"]
 
 
 def decibels(value: float | None) -> str:
-    """``31.4 dB``; None stands for images that agree exactly."""
+    """``31.4 dB``; None for images that agree exactly."""
     return "exact" if value is None else f"{value:.1f} dB"
 
 
@@ -43,8 +43,11 @@ def memory(megabytes: float) -> str:
 
 
 def movers(state: dict[str, Any]) -> tuple[int, str]:
-    """How many movers workspace.json tells of, and what became of them, as the end of a sentence that begins with the number."""
+    """Number of dynamic objects in workspace.json, and the rest of a sentence that begins with it."""
     count = state.get("stages", {}).get("segment", {}).get("movers", 0)
     if not isinstance(count, int) or count < 1:
         return 0, ""
-    return count, "thing moved, gone from every frame" if count == 1 else "things moved, gone from every frame"
+    return (
+        count,
+        "dynamic object, removed from every frame" if count == 1 else "dynamic objects, removed from every frame",
+    )

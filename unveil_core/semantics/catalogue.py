@@ -1,4 +1,4 @@
-"""What the list of objects shows of each: the frames that see it, and a picture."""
+"""The frames that show an object, and its thumbnail."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def sightings_of_points(ids: NDArray[np.int64], views: Sequence[PointsInView]) -
     """Where views see points of objects: ``ids`` (P,) of all points, 0 = none."""
     found: Sightings = {}
     for v, seen in enumerate(views):
-        own = ids[seen.index]
-        for number in np.unique(own[own > 0]):
-            rows, columns = seen.rows[own == number], seen.columns[own == number]
+        seen_ids = ids[seen.index]
+        for number in np.unique(seen_ids[seen_ids > 0]):
+            rows, columns = seen.rows[seen_ids == number], seen.columns[seen_ids == number]
             if len(rows) >= LEAST_POINTS:
                 rectangle = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
                 found.setdefault(int(number), []).append(Sighting(v, rectangle))

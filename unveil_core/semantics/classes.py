@@ -48,15 +48,15 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 
 GROUND_CLASSES = ("road", "sidewalk", "terrain")
-"""What a removed object stands on."""
+"""The ground: what objects stand on."""
 SIDE_CLASSES = ("building", "wall", "fence")
-"""What bounds the ground beside the street."""
+"""Surfaces that bound the ground beside the street."""
 SOLID_CLASSES = ("building", "wall")
-"""What reaches down to the ground and lets no light through, though cars may hide its foot."""
+"""Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")
-"""What stands on a foot that removed objects hide; it is continued down to the ground."""
+"""Upright objects whose foot a removed object may hide; they are continued down to the ground."""
 THIN_CLASSES = ("pole", "traffic light", "traffic sign")
-"""What is so thin that labels and depth miss each other there: no evidence for or against motion."""
+"""Objects so thin that labels and depth do not register there: no evidence for or against motion."""
 SLIM_CLASSES = ("person", "rider", "motorcycle", "bicycle")
 """Objects about half a metre wide, in contrast to vehicles."""
 

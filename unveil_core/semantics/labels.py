@@ -1,7 +1,7 @@
 """The labels of one drive: which classes occur, what is to be removed, and the label image of each frame.
 
 A drive brings Cityscapes semantics, or nothing but masks of what to remove; the second kind of scene has the two labels
-*keep* and *remove*. A drive that brings nothing at all is all *keep*; what goes is marked by hand, see ``drives.marked``.
+*keep* and *remove*. A drive that brings neither is all *keep*; what is removed is marked by hand, see ``drives.marked``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "fr
 
 @dataclass(frozen=True)
 class SceneLabels:
-    """What the labels of a scene are and which go.
+    """The labels of a scene, and which of them are removed.
 
     Attributes:
         labels: the compact label set.
@@ -126,9 +126,10 @@ def choose_labels(
     scene = find_labels(drive)
     if scene.source == "nothing" and not instances:
         raise DriveError(
-            "the drive has neither semantics nor masks", path=drive.root,
+            "the drive has neither semantics nor masks",
+            path=drive.root,
             mend="add semantic_path or mask_path to its frames, or mark objects and choose them",
-        )  # fmt: skip
+        )
     wanted = expand_names(remove, scene.labels.names) if remove else (() if instances else scene.removed)
     if scene.source == "masks" and (remove or not instances):
         wanted = ("remove",)  # masks carry no class: whatever name was typed, the masked pixels are meant
@@ -156,7 +157,7 @@ def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[i
 
 
 def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
-    """(H, W) compact labels of a frame, -1 where it says nothing (void, or a frame without a mask)."""
+    """(H, W) compact labels of a frame, -1 where unknown (void, or a frame without a mask)."""
     if scene.source == "semantics":
         return scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
     if scene.source == "nothing":

@@ -1,6 +1,6 @@
-"""The single objects of a drive before there is a scene: from its points, its labels and its instance images.
+"""The single objects of a drive, from its points, labels and instance images, before a scene is reconstructed.
 
-Their ids stay: the scene's surfels are given to these objects later, so that what was chosen early is chosen for good.
+Their ids are final: surfels are assigned to these objects later, so a choice made early stays valid.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from unveil_core.surfels.initialize import estimate_normals, thin_points
 __all__ = ["ABOVE_GROUND_M", "FoundObjects", "SceneObject", "find_objects", "marked_box", "vote_mattes"]
 
 MOST_POINTS = 300_000
-"""More points are labelled by their neighbours among so many."""
+"""Number of points that are labelled by votes; if there are more, the others take the label of their nearest labelled one."""
 CLUSTER_M = 0.4
-"""Points of removable classes nearer than this are one object, where no image tells objects apart."""
+"""Points of removable classes nearer than this, metres, are one object where there are no instance images."""
 ABOVE_GROUND_M = 0.1
-"""What lies lower over the floor of a marked box is the ground under the object."""
+"""Points lower than this over the floor of a marked box, metres, are the ground under the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class SceneObject:
         class_name: of the scene's labels, or as marked.
         source: "images", "clusters", "box" or "mattes": where it comes from.
         box: around its points, None where it has none; in axes of ``surfels.sky.up_frame``.
-        points: how many of the drive's points are its own.
+        points: number of the drive's points on it.
         sightings: frames that show it, in the drive's order.
     """
 
@@ -59,7 +59,7 @@ class SceneObject:
 
 @dataclass(frozen=True, eq=False)
 class FoundObjects:
-    """All objects of a drive, and what its points are.
+    """All objects of a drive, and class and object of its points.
 
     Attributes:
         objects: by id.
@@ -120,11 +120,13 @@ def find_objects(
     ids = np.zeros(len(some), dtype=np.int64)
     by_image = any(image is not None for image in images)
     if by_image:
-        own = vote_instances(positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=NEAR_M)
+        found_ids = vote_instances(
+            positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=NEAR_M
+        )
         sightings = sightings_in_images(images)
     else:
-        own = cluster_points(positions[some][removable], CLUSTER_M, minimum=20)
-    ids[removable] = own
+        found_ids = cluster_points(positions[some][removable], CLUSTER_M, minimum=20)
+    ids[removable] = found_ids
     if not by_image:
         sightings = sightings_of_points(ids, views)
     all_labels, all_ids = labels, ids
@@ -169,11 +171,11 @@ def _object(
     drive: Drive, scene: SceneLabels, number: int, source: str, ids: NDArray[np.int64], labels: NDArray[np.int64],
     sightings: Sequence[Sighting], label: int | None, axes: NDArray[np.float64],
 ) -> SceneObject:  # fmt: skip
-    own = ids == number
+    members = ids == number
     if label is None:
-        label = int(np.bincount(labels[own & (labels >= 0)]).argmax())
-    box = fit_box(drive.points.positions[own], axes, gap=1.0) if own.sum() >= 5 else None
-    return SceneObject(number, scene.labels.names[label], source, box, int(own.sum()), tuple(sightings))
+        label = int(np.bincount(labels[members & (labels >= 0)]).argmax())
+    box = fit_box(drive.points.positions[members], axes, gap=1.0) if members.sum() >= 5 else None
+    return SceneObject(number, scene.labels.names[label], source, box, int(members.sum()), tuple(sightings))
 
 
 def _marked(
@@ -190,8 +192,8 @@ def _marked(
     mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
     inside = vote_mattes(len(some), views, mattes)
     seen = sightings_in_images([None if m is None else m.astype(np.int64) for m in mattes]).get(1, [])
-    own = positions[some][inside]
-    fitted = fit_box(own, axes, gap=1.0) if len(own) >= 5 else None
+    members = positions[some][inside]
+    fitted = fit_box(members, axes, gap=1.0) if len(members) >= 5 else None
     return SceneObject(mark.id, mark.class_name, "mattes", fitted, int(inside.sum()), tuple(seen))
 
 

@@ -27,11 +27,11 @@ def label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDAr
         image: (H, W) labels; rows, columns: (M,) of the pixels.
     """
     padded = np.pad(image, BORDER_PX, mode="edge")
-    own = image[rows, columns]
+    label = image[rows, columns]
     same = np.zeros(len(rows))
     for i in range(2 * BORDER_PX + 1):
         for j in range(2 * BORDER_PX + 1):
-            same += padded[rows + i, columns + j] == own
+            same += padded[rows + i, columns + j] == label
     return same / (2 * BORDER_PX + 1) ** 2
 
 

@@ -1,4 +1,4 @@
-"""Points that stand alone: the spacing of a cloud, and which points it does not explain.
+"""Outliers: the spacing of a point cloud, and the points that it does not explain.
 
 A statistical test of the distances to the neighbours (Rusu et al. 2008, *Towards 3D point cloud based object maps for
 household environments*), against two references instead of one of the whole cloud: a LiDAR's spacing grows with the
@@ -39,11 +39,11 @@ def lonely_points(
     spacing = np.sqrt(np.mean(distance[:, 1:4] ** 2, axis=1))
     if count < LEAST_POINTS:
         return spacing, np.zeros(count, bool)
-    own = distance[:, 1 : NEAREST + 1].mean(axis=1)
+    mean_distance = distance[:, 1 : NEAREST + 1].mean(axis=1)
     # The lower quartile: where strays are many, most neighbours of a stray are strays too.
-    beside = np.partition(own[index[:, 1:]], k // 4, axis=1)[:, k // 4]
+    beside = np.partition(mean_distance[index[:, 1:]], k // 4, axis=1)[:, k // 4]
     usual = np.empty(count)
     away = cKDTree(viewpoints).query(positions)[0]
     for part in np.array_split(np.argsort(away, kind="stable"), RANGES):
-        usual[part] = np.median(own[part])
-    return spacing, (own > BESIDE_NEIGHBOURS * beside) | (own > AT_ITS_RANGE * usual)
+        usual[part] = np.median(mean_distance[part])
+    return spacing, (mean_distance > BESIDE_NEIGHBOURS * beside) | (mean_distance > AT_ITS_RANGE * usual)

@@ -15,7 +15,7 @@ from unveil_core.surfels.initialize import quats_from_normals
 __all__ = ["ASPECT", "tangent_frames"]
 
 ASPECT = 4.0
-"""At most so many times as long as wide."""
+"""Largest ratio of length to width."""
 ON_THE_LINE = 4
 
 

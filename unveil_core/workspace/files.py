@@ -1,4 +1,4 @@
-"""The small files of a workspace: masks, arrays, labels, and where a frame's pictures lie."""
+"""The small files of a workspace: masks, arrays, labels, and the paths of a frame's pictures."""
 
 from __future__ import annotations
 

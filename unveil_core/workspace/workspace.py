@@ -85,12 +85,12 @@ class Workspace:
 
     @property
     def selection_json(self) -> Path:
-        """The classes and objects that go."""
+        """The classes and objects that are removed."""
         return self.root / "selection.json"
 
     @property
     def objects_json(self) -> Path:
-        """The single objects that can go, as they are known before there is a scene."""
+        """The single objects that can be removed, found before a scene is reconstructed."""
         return self.root / "objects.json"
 
     @property

@@ -39,9 +39,15 @@ class BlenderWindow:
     """
 
     def __init__(
-        self, blender: str, out: Path, *, arguments: list[str] | None = None, size: tuple[int, int] = (1600, 1000),
-        environ: dict[str, str] | None = None, log: str = "blender.log",
-    ) -> None:  # fmt: skip
+        self,
+        blender: str,
+        out: Path,
+        *,
+        arguments: list[str] | None = None,
+        size: tuple[int, int] = (1600, 1000),
+        environ: dict[str, str] | None = None,
+        log: str = "blender.log",
+    ) -> None:
         """Start both.
 
         Args:
@@ -71,12 +77,29 @@ class BlenderWindow:
         software = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}
         self._log = (out / log).open("w")
         self._blender = subprocess.Popen(
-            [*shlex.split(blender), "--factory-startup", "-p", "0", "0", str(size[0]), str(size[1]),
-             *(arguments or []), "--python", str(HERE / "inside.py")],
-            env={**self._environ, **software, **(environ or {}), "UNVEIL_WINDOW_PORT": str(port),
-                 "UNVEIL_WINDOW_HEIGHT": str(size[1])},
-            stdout=self._log, stderr=subprocess.STDOUT, start_new_session=True,
-        )  # fmt: skip
+            [
+                *shlex.split(blender),
+                "--factory-startup",
+                "-p",
+                "0",
+                "0",
+                str(size[0]),
+                str(size[1]),
+                *(arguments or []),
+                "--python",
+                str(HERE / "inside.py"),
+            ],
+            env={
+                **self._environ,
+                **software,
+                **(environ or {}),
+                "UNVEIL_WINDOW_PORT": str(port),
+                "UNVEIL_WINDOW_HEIGHT": str(size[1]),
+            },
+            stdout=self._log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
         _until(lambda: port.exists() or self._blender.poll() is not None, 60, "Blender")
         if self._blender.poll() is not None:
             raise RuntimeError(f"Blender ended with {self._blender.poll()}: {(out / log).read_text()[-2000:]}")

@@ -21,7 +21,7 @@ from unveil_core.evaluate.holdout.drive import (
     seen_elsewhere,
     write_holdout_drive,
 )
-from unveil_core.evaluate.holdout.placement import CarPixels, Sight, see_cars
+from unveil_core.evaluate.holdout.placement import CarPixels, SceneView, see_cars
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.semantics.classes import LabelSet
@@ -30,13 +30,13 @@ from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_label
 CAR_AT = np.array([11.0, 2.6, 0.0])
 
 
-def ground_sight(drive: Drive, index: int) -> Sight:
+def ground_view(drive: Drive, index: int) -> SceneView:
     """A street that is nothing but its ground at z = 0, in the drive's local frame."""
     camera = drive.frames[index].camera
     rise = camera.rays() @ np.array([0, 0, 1.0])
     height = camera.centre[2] + drive.to_world.translation[2]
     depth = np.where(rise < -1e-3, -height / np.where(rise < -1e-3, rise, -1), np.inf)
-    return Sight(camera, depth, np.zeros(depth.shape, dtype=bool))
+    return SceneView(camera, depth, np.zeros(depth.shape, dtype=bool))
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +56,9 @@ def parked(drive: Drive) -> VirtualCar:
     return VirtualCar(CAR_AT - drive.to_world.translation, np.eye(3), 1, 11.0, 2.6)
 
 
-def seen(drive: Drive) -> tuple[list[Sight], list[CarPixels]]:
-    sights = [ground_sight(drive, i) for i in range(len(drive.frames))]
-    return sights, [see_cars([parked(drive)], s) for s in sights]
+def seen(drive: Drive) -> tuple[list[SceneView], list[CarPixels]]:
+    views = [ground_view(drive, i) for i in range(len(drive.frames))]
+    return views, [see_cars([parked(drive)], s) for s in views]
 
 
 # ------------------------------------------------------------------------------------------------------------------ labels
@@ -134,14 +134,14 @@ def test_frames_without_a_mask_get_what_goes_there_and_the_car(masks_drive: Driv
 
 
 def test_points_behind_the_car_are_measured_on_it(drive: Drive) -> None:
-    sights, pixels = seen(drive)
+    views, pixels = seen(drive)
     car = parked(drive)
     beside = np.array([12.0, -1.0, 0.0])  # on the free ground
     under = np.array([11.0, 2.6, 0.0])
     nowhere = np.array([-30.0, 0.0, 0.0])  # behind all cameras
     points = np.stack([beside, under, nowhere]) - drive.to_world.translation
     colors = np.full((3, 3), 77, np.uint8)
-    moved = moved_points(PointCloud(points, colors), sights, pixels, [car])
+    moved = moved_points(PointCloud(points, colors), views, pixels, [car])
     assert len(moved.positions) == 3
     assert np.array_equal(moved.positions[[0, 2]], points[[0, 2]])
     local = (moved.positions[1] - car.centre) @ car.axes.T
@@ -152,16 +152,16 @@ def test_points_behind_the_car_are_measured_on_it(drive: Drive) -> None:
 
 def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
     """All over the ground: a point stays exactly where some frame shows it beside the car."""
-    sights, pixels = seen(drive)
+    views, pixels = seen(drive)
     car = parked(drive)
     x, y = np.meshgrid(np.arange(4, 30, 0.4), np.arange(-5, 6, 0.4))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - drive.to_world.translation
-    moved = moved_points(PointCloud(points), sights, pixels, [car])
+    moved = moved_points(PointCloud(points), views, pixels, [car])
     assert moved.colors is None
     stayed = {tuple(p) for p in moved.positions} & {tuple(p) for p in points}
     shown_somewhere, covered_somewhere = np.zeros(len(points), bool), np.zeros(len(points), bool)
-    for sight, own in zip(sights, pixels, strict=True):
-        pixel, depth = sight.camera.project(points)
+    for view, own in zip(views, pixels, strict=True):
+        pixel, depth = view.camera.project(points)
         inside = (depth > 0.2) & (pixel >= 0).all(1) & (pixel[:, 0] < 128) & (pixel[:, 1] < 80)
         index = np.flatnonzero(inside)
         on_car = own.number[pixel[index, 1].astype(int), pixel[index, 0].astype(int)] > 0
@@ -174,23 +174,23 @@ def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
 
 
 def test_seen_elsewhere_is_what_another_frame_shows_beside_the_car(drive: Drive) -> None:
-    sights, pixels = seen(drive)
+    views, pixels = seen(drive)
     with_car = max(range(len(pixels)), key=lambda i: int((pixels[i].number > 0).sum()))
-    found = seen_elsewhere(sights, pixels, far=100.0)[with_car]
+    found = seen_elsewhere(views, pixels, far=100.0)[with_car]
     covered = pixels[with_car].number > 0
     assert not found[~covered].any() and 0 < found.sum() < covered.sum()
     # The ground under the car: no frame sees it. Its top hides what lies beyond, which others see.
-    points = sights[with_car].camera.unproject(np.where(np.isfinite(sights[with_car].depth), sights[with_car].depth, 0))
+    points = views[with_car].camera.unproject(np.where(np.isfinite(views[with_car].depth), views[with_car].depth, 0))
     under = covered & (np.abs(points + drive.to_world.translation - CAR_AT) < (1.6, 0.6, 0.1)).all(axis=2)
     assert under.sum() > 5 and not found[under].any()
-    (alone,) = seen_elsewhere([sights[with_car]], [pixels[with_car]], far=100.0)
+    (alone,) = seen_elsewhere([views[with_car]], [pixels[with_car]], far=100.0)
     assert not alone.any()
 
 
 def test_a_removed_object_is_no_evidence(drive: Drive) -> None:
-    sights, pixels = seen(drive)
-    barred = [Sight(s.camera, s.depth, np.ones_like(s.barred)) for s in sights]
-    assert not any(seen.any() for seen in seen_elsewhere(barred, pixels, far=100.0))
+    views, pixels = seen(drive)
+    excluded = [SceneView(s.camera, s.depth, np.ones_like(s.excluded)) for s in views]
+    assert not any(seen.any() for seen in seen_elsewhere(excluded, pixels, far=100.0))
 
 
 # ----------------------------------------------------------------------------------------------------------------- scores
@@ -199,13 +199,13 @@ def test_a_removed_object_is_no_evidence(drive: Drive) -> None:
 @pytest.fixture
 def delivered(drive: Drive, tmp_path: Path) -> tuple[list[HoldoutFrame], Drive, Path]:
     """A workspace whose delivery is the photograph with 5 levels added behind the car, 3 of them in the unseen part."""
-    sights, pixels = seen(drive)
+    views, pixels = seen(drive)
     gone = [np.zeros((80, 128), bool) for _ in drive.frames]
     written = write_holdout_drive(drive, pixels, gone, drive.points, AddedLabels(13, 6, False), tmp_path / "drive")
-    frames, known = [], seen_elsewhere(sights, pixels, far=100.0)
+    frames, known = [], seen_elsewhere(views, pixels, far=100.0)
     for i, frame in enumerate(drive.frames):
         elsewhere = known[i]
-        frames.append(HoldoutFrame(frame, sights[i], pixels[i], gone[i], elsewhere))
+        frames.append(HoldoutFrame(frame, views[i], pixels[i], gone[i], elsewhere))
         photograph = read_image(frame.image_path).astype(int)
         covered = pixels[i].number > 0
         error = np.where(covered, np.where(elsewhere, 5, -3), 0)[..., None]
@@ -240,13 +240,13 @@ def test_barred_pixels_do_not_count_and_changes_elsewhere_are_found(
     frames, written, root = delivered
     bars = np.zeros((80, 128), bool)
     bars[:, :64] = True
-    barred = [replace(f, sight=replace(f.sight, barred=bars)) for f in frames]
+    excluded = [replace(f, view=replace(f.view, excluded=bars)) for f in frames]
     expected = sum(int((f.cars.number[:, 64:] > 0).sum()) for f in frames)
     path = root / "frames" / frames[4].frame.camera_name / f"{frames[4].frame.name}.png"
     picture = read_image(path)
     picture[2:6, 110:120] ^= 16
     write_image_atomic(path, picture)
-    found = measure_holdout(barred, [parked(drive)], written, root)
+    found = measure_holdout(excluded, [parked(drive)], written, root)
     assert found["regions"].get("removed", {"pixels": 0})["pixels"] == expected
     whole = measure_holdout(frames, [parked(drive)], written, root)
     assert 0 < whole["outside"]["changed"] < 0.01 and whole["outside"]["mean"] == 16

@@ -8,7 +8,7 @@ import torch
 
 from tests.mesh.street import Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, WorkspaceError
-from unveil_core.evaluate.holdout.placement import Sight, find_places, see_cars, sight_of
+from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
@@ -76,16 +76,16 @@ def test_paint_is_that_of_a_thing_and_black_where_there_is_none() -> None:
 # ------------------------------------------------------------------------------------------------------------------ places
 
 
-def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[Sight], np.ndarray]:
+def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[SceneView], np.ndarray]:
     """The analytic street as a scene: its ground, its surfels, and what eight frames see of it."""
     cameras = [street_camera(1.5 * i, 96, 64) for i in range(8)]
-    clouds, sights = [], []
+    clouds, views = [], []
     for camera in cameras:
         seen = cast(camera, cars)
         depth = np.where(seen["depth"] > 0, seen["depth"], np.inf).astype(np.float64)
         near = depth < 30
         clouds.append(camera.centre + depth[near][:, None] * camera.rays()[near])
-        sights.append(Sight(camera, depth, seen["car"] > 0))
+        views.append(SceneView(camera, depth, seen["car"] > 0))
     points = np.concatenate(clouds)
     path = fit_path(cameras, UP)
     floor = points[points[:, 2] < 0.05]
@@ -95,7 +95,7 @@ def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[Sight], np.ndar
         points, np.full((count, 3), 128, np.uint8), np.zeros(count, np.int64), np.tile(UP, (count, 1)),
         np.full(count, 0.1), opacity=0.9,
     )  # fmt: skip
-    return ground, surfels, sights, points
+    return ground, surfels, views, points
 
 
 def overlap(car: VirtualCar, other: Car) -> bool:
@@ -108,8 +108,8 @@ def overlap(car: VirtualCar, other: Car) -> bool:
 
 def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
     real = (Car(9.0, 2.6), Car(15.5, -2.8))
-    ground, surfels, sights, points = street(real)
-    cars = find_places(ground, surfels, points, sights, count=3)
+    ground, surfels, views, points = street(real)
+    cars = find_places(ground, surfels, points, views, count=3)
     assert 1 <= len(cars) <= 3 and [c.number for c in cars] == list(range(1, len(cars) + 1))
     for car in cars:
         corners = car.corners()
@@ -118,11 +118,11 @@ def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
         if corners[:, 0].min() < 11:  # where the camera drives
             assert np.abs(corners[:, 1]).min() > 0.9
         assert abs(car.centre[2]) < 0.05 and abs(car.axes[0] @ UP) < 0.02
-        shown = [see_cars([car], s).number > 0 for s in sights]
+        shown = [see_cars([car], s).number > 0 for s in views]
         assert sum(m.mean() > 0.004 for m in shown) >= 3
     for i, car in enumerate(cars):
         assert all(np.linalg.norm(car.centre - other.centre) >= 7 for other in cars[:i])
-    again = find_places(ground, surfels, points, sights, count=3)
+    again = find_places(ground, surfels, points, views, count=3)
     assert [c.centre.tolist() for c in again] == [c.centre.tolist() for c in cars]
 
 
@@ -130,68 +130,68 @@ def test_no_room_is_one_line() -> None:
     parked = tuple(
         Car(x, y, half_x=2.4) for x in (1.0, 6.5, 12.0, 17.5, 23.0, 28.5) for y in (-3.0, 0.0, 3.0) if x > 13 or y
     )
-    ground, surfels, sights, points = street(parked)
+    ground, surfels, views, points = street(parked)
     with pytest.raises(WorkspaceError, match="no room for a virtual car: .*"):
-        find_places(ground, surfels, points, sights, count=2)
+        find_places(ground, surfels, points, views, count=2)
 
 
 def test_looking_for_places_can_be_cancelled() -> None:
-    ground, surfels, sights, points = street(())
+    ground, surfels, views, points = street(())
 
     def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        find_places(ground, surfels, points, sights, count=1, progress=stop)
+        find_places(ground, surfels, points, views, count=1, progress=stop)
 
 
 def test_what_stands_nearer_hides_it_and_cars_hide_one_another() -> None:
-    ground, _, sights, _ = street(())
+    ground, _, views, _ = street(())
     back, front = park(ground, 16.0, 2.0, number=1), park(ground, 10.0, 2.0, number=2)
     camera = street_camera(0.0, 96, 64)
-    free = see_cars([back], sights[0])
+    free = see_cars([back], views[0])
     assert (free.number == 1).sum() > 60
-    assert (free.depth[free.number > 0] < sights[0].depth[free.number > 0] + 0.11).all()
+    assert (free.depth[free.number > 0] < views[0].depth[free.number > 0] + 0.11).all()
     assert not free.color[free.number == 0].any()
-    both = see_cars([back, front], sights[0])
+    both = see_cars([back, front], views[0])
     assert (both.number == 1).sum() < (free.number == 1).sum()
-    assert np.array_equal(see_cars([front, back], sights[0]).number, both.number)
+    assert np.array_equal(see_cars([front, back], views[0]).number, both.number)
     # A real car in between: what the virtual one keeps are the pixels that the real one leaves.
     seen = cast(camera, (Car(10.0, 2.0),))
-    behind = see_cars([back], Sight(camera, np.where(seen["depth"] > 0, seen["depth"], np.inf), seen["car"] > 0))
+    behind = see_cars([back], SceneView(camera, np.where(seen["depth"] > 0, seen["depth"], np.inf), seen["car"] > 0))
     assert not (behind.number[seen["car"] > 0]).any()
 
 
 def test_the_roughness_of_the_ground_hides_no_car_but_a_kerbside_box_does() -> None:
     """A reconstruction puts ground half a metre nearer than it is, at a grazing angle by a few centimetres of height."""
-    ground, _, sights, _ = street(())
+    ground, _, views, _ = street(())
     car = park(ground, 9.0, 2.0, number=1)
-    plain = see_cars([car], sights[0])
-    rays = sights[0].camera.rays()
+    plain = see_cars([car], views[0])
+    rays = views[0].camera.rays()
     for height, expected in ((0.12, 1.0), (0.9, 0.75)):
         with np.errstate(divide="ignore"):
             at = (height - 1.6) / rays[..., 2]
         raised = (rays[..., 2] < 0) & (at < 6.4)
-        sight = Sight(sights[0].camera, np.where(raised, at, sights[0].depth), sights[0].barred)
-        kept = (see_cars([car], sight).number > 0).sum() / (plain.number > 0).sum()
+        view = SceneView(views[0].camera, np.where(raised, at, views[0].depth), views[0].excluded)
+        kept = (see_cars([car], view).number > 0).sum() / (plain.number > 0).sum()
         assert kept == 1.0 if expected == 1.0 else kept < expected
 
 
-def test_a_coarse_sight_looks_through_the_same_pixels() -> None:
+def test_a_coarse_view_looks_through_the_same_pixels() -> None:
     camera = street_camera(2.0, 96, 64)
     depth = cast(camera)["depth"].astype(np.float64)
-    sight = Sight(camera, depth, np.zeros(depth.shape, bool))
-    coarse = sight.coarse(32)
+    view = SceneView(camera, depth, np.zeros(depth.shape, bool))
+    coarse = view.coarse(32)
     assert coarse.depth.shape == (21, 32) and np.array_equal(coarse.depth, depth[1::3, 1::3])
     assert np.allclose(coarse.camera.rays(), camera.rays()[1::3, 1::3])
-    assert sight.coarse(500).depth.shape == depth.shape
+    assert view.coarse(500).depth.shape == depth.shape
 
 
-def test_a_sight_is_the_depth_of_the_scene_and_inf_for_the_sky() -> None:
-    _, surfels, sights, _ = street(())
-    found = sight_of(surfels, sights[0].camera, sights[0].barred, near=0.2, far=100.0)
+def test_a_view_is_the_depth_of_the_scene_and_inf_for_the_sky() -> None:
+    _, surfels, views, _ = street(())
+    found = scene_view(surfels, views[0].camera, views[0].excluded, near=0.2, far=100.0)
     lower = np.s_[50:, 20:76]
-    assert np.abs(found.depth[lower] - sights[0].depth[lower]).max() < 0.25
-    empty = sight_of(surfels.select(torch.zeros(len(surfels), dtype=torch.bool)), sights[0].camera, sights[0].barred,
+    assert np.abs(found.depth[lower] - views[0].depth[lower]).max() < 0.25
+    empty = scene_view(surfels.select(torch.zeros(len(surfels), dtype=torch.bool)), views[0].camera, views[0].excluded,
                      near=0.2, far=100.0)  # fmt: skip
     assert np.isinf(empty.depth).all()

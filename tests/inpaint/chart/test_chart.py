@@ -14,7 +14,7 @@ from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
-from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
+from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
 from unveil_core.inpaint.light.relight import object_shadows
 from unveil_core.raster.picture import render_numpy
@@ -85,7 +85,7 @@ def test_reading_returns_the_paint(chart: StreetChart) -> None:
 
 def filled(chart: StreetChart, **settings: float) -> StreetChart:
     s, t = coordinates(chart)
-    return fill_chart(chart, in_car(s, t), FillSettings(**settings))
+    return fill_chart(chart, in_car(s, t), **settings)
 
 
 def test_paint_continues_through_the_hole(chart: StreetChart) -> None:

@@ -44,7 +44,7 @@ def test_medians_are_sharper_once_it_is_out() -> None:
         values = np.where(mask, picture[..., 0], np.nan)[:, 20:-20]
         return float(np.nanmean((values - np.nanmedian(values, axis=0)) ** 2))
 
-    assert scatter(*drift.straightened(color, seen)) < 0.5 * scatter(color, seen)
+    assert scatter(*drift.rectify(color, seen)) < 0.5 * scatter(color, seen)
 
 
 def test_a_street_without_paint_and_one_that_nobody_saw_stay_straight() -> None:
@@ -52,7 +52,7 @@ def test_a_street_without_paint_and_one_that_nobody_saw_stay_straight() -> None:
     for seen in (np.ones((300, 100), dtype=bool), np.zeros((300, 100), dtype=bool)):
         drift = find_drift(plain, seen, texels_per_m=PER_M)
         assert not drift.texels.any()
-        assert drift.straightened(plain, seen)[0] is plain
+        assert drift.rectify(plain, seen)[0] is plain
 
 
 @settings(max_examples=20, deadline=None)
@@ -61,8 +61,8 @@ def test_bending_undoes_straightening(seed: int, shift: float) -> None:
     rng = np.random.default_rng(seed)
     smooth = np.cumsum(rng.normal(0, 0.01, (40, 60, 3)), axis=1).astype(np.float32)
     drift = Drift(np.full(40, shift, dtype=np.float32))
-    there, known = drift.straightened(smooth, np.ones((40, 60), dtype=bool))
-    back = drift.bent(there)
+    there, known = drift.rectify(smooth, np.ones((40, 60), dtype=bool))
+    back = drift.unrectify(there)
     assert known.all()
     assert np.abs(back - smooth)[:, 10:-10].max() < 0.03
 
@@ -72,6 +72,6 @@ def test_what_was_not_seen_does_not_leak() -> None:
     seen = np.ones((10, 40), dtype=bool)
     seen[:, 20:30] = False
     color[:, 20:30] = 9.0
-    moved, known = Drift(np.full(10, 2.4, dtype=np.float32)).straightened(color, seen)
+    moved, known = Drift(np.full(10, 2.4, dtype=np.float32)).rectify(color, seen)
     assert np.allclose(moved[known], 0.5)
     assert known[0, :17].all() and not known[0, 19:26].any()

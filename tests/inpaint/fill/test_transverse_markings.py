@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from unveil_core.inpaint.fill.transverse_markings import continue_crossings
+from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
 
 PER_M = 25.0
 BAY = slice(40, 90)
@@ -28,7 +28,9 @@ def test_stubs_go_on_and_hidden_lines_stand_where_the_others_say() -> None:
     for row in (180, 460, 600, 880):  # cars, each over one line; of the second a stub is seen
         known[row : row + 60, 35:95] = False
     known[460:520, 35:55] = True
-    found, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    found, share = continue_transverse_markings(
+        np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M
+    )
     hidden, where = line & ~known, share > 0.5
     assert where[hidden].mean() > 0.75
     assert (where & ~line).sum() < 0.7 * hidden.sum(), "a row or two thicker at most"
@@ -41,7 +43,7 @@ def test_a_side_that_hides_most_of_its_lines_is_divided_like_the_other() -> None
     known = np.ones_like(line)
     for row in range(60 + 140, 1400, 280):
         known[row - 30 : row + 33, 35:95] = False
-    _, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    _, share = continue_transverse_markings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
     assert (share > 0.5)[line & ~known].mean() > 0.75
 
 
@@ -56,7 +58,7 @@ def test_the_distance_that_supposes_least_is_taken() -> None:
     for row in (200, 340, 480, 620, 760):
         known[row - 60 : row - 5, 35:95] = False
     known[200 - 30 : 200 + 33, 35:95] = known[480 - 30 : 480 + 33, 35:95] = False
-    _, share = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    _, share = continue_transverse_markings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
     lane = share[:, BAY] > 0.5
     off = np.ones(len(lane), dtype=bool)
     for row in range(60, 1390, 140):
@@ -73,7 +75,7 @@ def test_nothing_is_made_up(seen: str) -> None:
     known = np.full_like(line, seen != "nothing")
     if seen == "no line":
         known[200:400, 30:100] = False
-    _, where = continue_crossings(detail, known, ~known, texels_per_m=PER_M)
+    _, where = continue_transverse_markings(detail, known, ~known, texels_per_m=PER_M)
     assert not where.any()
 
 
@@ -84,5 +86,5 @@ def test_a_single_manhole_is_not_repeated() -> None:
     known = np.ones_like(line)
     known[500:600] = False
     known[300:312, 126:160] = False
-    _, where = continue_crossings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    _, where = continue_transverse_markings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
     assert not where.any()

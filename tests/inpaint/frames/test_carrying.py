@@ -34,9 +34,13 @@ def wall_with_a_gap() -> Surfels:
     points = points[(np.abs(points[:, 0]) > 0.8) | (np.abs(points[:, 1]) > 0.8)]
     count = len(points)
     return surfels_from_points(
-        points, np.tile(np.array(WALL, np.uint8), (count, 1)), np.zeros(count, np.int64),
-        np.tile([0.0, 0.0, -1.0], (count, 1)), np.full(count, 0.06), opacity=0.95,
-    )  # fmt: skip
+        points,
+        np.tile(np.array(WALL, np.uint8), (count, 1)),
+        np.zeros(count, np.int64),
+        np.tile([0.0, 0.0, -1.0], (count, 1)),
+        np.full(count, 0.06),
+        opacity=0.95,
+    )
 
 
 def frames() -> list[FrameTask]:
@@ -63,7 +67,7 @@ def paint(order: str, reference) -> tuple[list[Painted], list[int]]:
     plan = None if order == "independent" else plan_keyframes(holes, range(FRAMES), order=order)
     done, _ = paint_along(
         tasks, wall, sky, None, invent, plan=plan, label_count=1, near=0.1, far=50.0, reference=reference
-    )  # fmt: skip
+    )
     return done, asked
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.frames.compose import compose_frame
-from unveil_core.inpaint.frames.depth import complete_depth
+from unveil_core.inpaint.frames.depth import NOTHING_KNOWN_M, complete_depth
 from unveil_core.inpaint.single_image.registry import BUILT_IN, inpainter
 
 
@@ -66,3 +67,32 @@ def test_depth_completion_continues_a_plane() -> None:
     assert np.array_equal(result[known], depth[known].astype(np.float64))
     low = complete_depth(depth, known, wanted, np.full((40, 60), 3.0))
     assert (low[wanted] <= 3.0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_depth_is_completed_as_if_all_that_is_unknown_were(seed: int) -> None:
+    """Pieces of sky and other unknown places, some that touch what is wanted, some near, most far off."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[0:160, 0:240]
+    depth = (1 / (0.05 + 0.0002 * x + 0.0001 * y + 0.003 * np.sin(x / 9) * np.cos(y / 7))).astype(np.float32)
+    known = y > 30 + 8 * np.sin(x / 20)
+    for _ in range(25):
+        row, column, h, w = (int(v) for v in rng.integers((0, 0, 2, 2), (150, 230, 14, 14)))
+        known[row : row + h, column : column + w] = False
+    wanted = np.zeros_like(known)
+    wanted[100:118, 60:90] = wanted[60:75, 150:165] = wanted[20:45, 200:210] = True
+    usable = known & ~wanted
+    inverse = np.where(usable, 1 / depth, 0).astype(np.float32)
+    scale = inverse[usable].max()
+    whole = cv2.inpaint(inverse / scale, (~usable).astype(np.uint8), 5, cv2.INPAINT_NS) * scale
+    expected = 1 / np.maximum(whole.astype(np.float64), inverse[usable].min())
+    found = complete_depth(depth, known, wanted, np.full(depth.shape, np.inf))
+    assert np.array_equal(found[wanted], expected[wanted])
+    assert np.array_equal(found[~wanted], depth[~wanted].astype(np.float64))
+
+
+def test_where_nothing_is_known_the_ground_or_the_end_of_the_street_is() -> None:
+    nothing = np.zeros((4, 6), bool)
+    ceiling = np.where(np.arange(6) < 3, 7.0, np.inf) * np.ones((4, 1))
+    found = complete_depth(np.zeros((4, 6), np.float32), nothing, ~nothing, ceiling)
+    assert (found[:, :3] == 7.0).all() and (found[:, 3:] == NOTHING_KNOWN_M).all()

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, box_surfels, in_shadow, sunny_chart
+from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, blocked, box_surfels, sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
-from unveil_core.inpaint.fill.chart_fill import FillSettings, fill_chart
-from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_fronts, of_something_long, solid_columns
+from unveil_core.inpaint.fill.chart_fill import fill_chart
+from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
 from unveil_core.inpaint.light.scene_light import _lit_at_sunny_walls, light_of_scene
 from unveil_core.inpaint.light.shade import Light, read_shade, shade_where_unseen
-from unveil_core.inpaint.light.shadow_map import cast_shadows
+from unveil_core.inpaint.light.shadow_map import in_shadow
 from unveil_core.inpaint.light.sun import Sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -51,8 +51,8 @@ def test_shadows_fall_where_rays_to_the_sun_are_blocked(sun: tuple[float, float]
     towards = sun_towards(*sun, UP)
     x, y = np.meshgrid(np.arange(0, 25, 0.1), np.arange(-8, 8, 0.1), indexing="ij")
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    found = cast_shadows(points, box_surfels(CROWN), towards, cell=0.06, bias=0.1).reshape(x.shape)
-    true = in_shadow(points, CROWN, towards).reshape(x.shape)
+    found = in_shadow(points, box_surfels(CROWN), towards, cell=0.06, bias=0.1).reshape(x.shape)
+    true = blocked(points, CROWN, towards).reshape(x.shape)
     # Discs reach a few centimetres over the box's edges.
     border = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((5, 5), np.uint8)) > 0
     assert true.sum() > 100
@@ -63,12 +63,12 @@ def test_faint_surfels_and_none_cast_nothing() -> None:
     points = np.zeros((4, 3))
     towards = np.array([0.0, 0.0, 1.0])
     crown = box_surfels(np.array([[-1.0, -1.0, 2.0], [1.0, 1.0, 3.0]]))
-    assert cast_shadows(points, crown, towards, cell=0.06, bias=0.1).all()
+    assert in_shadow(points, crown, towards, cell=0.06, bias=0.1).all()
     faint = type(crown)(
         crown.means, crown.quats, crown.log_scales, crown.opacity_logits * 0 - 5, crown.sh, crown.labels
     )
-    assert not cast_shadows(points, faint, towards, cell=0.06, bias=0.1).any()
-    assert not cast_shadows(points, crown.select(crown.labels > 5), towards, cell=0.06, bias=0.1).any()
+    assert not in_shadow(points, faint, towards, cell=0.06, bias=0.1).any()
+    assert not in_shadow(points, crown.select(crown.labels > 5), towards, cell=0.06, bias=0.1).any()
 
 
 @pytest.mark.parametrize("sun", SUNS)
@@ -104,7 +104,7 @@ def test_shade_is_read_with_its_ratio() -> None:
 @pytest.mark.parametrize("sun", SUNS)
 def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tuple[float, float]) -> None:
     chart, truth, footprint, light = lit_street(sun)
-    lit, blind = (fill_chart(chart, footprint, FillSettings(), light=given) for given in (light, None))
+    lit, blind = (fill_chart(chart, footprint, light=given) for given in (light, None))
     hole = (chart.source == OUTSIDE) & (lit.source == INVENTED)
     assert hole.sum() > 5_000
 
@@ -118,10 +118,10 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
     towards = sun_towards(*SUNS[0], UP)
     chart, truth, footprint, light = lit_street(SUNS[0])
-    result = fill_chart(chart, footprint, FillSettings(), light=light)
+    result = fill_chart(chart, footprint, light=light)
     world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))
     of_car, of_others = (
-        np.any([in_shadow(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)
+        np.any([blocked(world, b, towards) for b in boxes], axis=0).reshape(chart.source.shape)
         for boxes in ((CAR,), (CROWN, HOUSE))
     )
     seen = (chart.source == OBSERVED) & ~footprint
@@ -191,9 +191,9 @@ def test_what_floats_before_a_front_is_not_of_the_house() -> None:
     house = box_surfels(HOUSE, spacing=0.2)
     stray = box_surfels(np.array([[18.0, -7.5, 5.0], [18.6, -7.0, 5.6]]), spacing=0.2)
     both = concatenate([house, stray])
-    kept = flush_with_fronts(chart, both, [0])
+    kept = flush_with_facades(chart, both, [0])
     assert kept[: len(house)].all() and not kept[len(house) :].any()
-    assert flush_with_fronts(chart, both, [3]).all(), "only of what is solid"
+    assert flush_with_facades(chart, both, [3]).all(), "only of what is solid"
 
 
 def test_the_house_that_nobody_saw_is_as_high_as_its_shadow_says() -> None:

@@ -114,9 +114,11 @@ def test_a_hole_larger_than_the_window_is_made_smaller(folder: Path) -> None:
 def test_half_precision_and_masks_of_bool(tmp_path: Path) -> None:
     inputs = [("image", HALF, (1, 3, None, None)), ("hole", BOOL, (1, 1, None, None))]
     nodes = [
-        helper.make_node("Cast", ["image"], ["wide"], to=FLOAT), helper.make_node("Cast", ["hole"], ["holes"], to=FLOAT),
-        *networks.mean_nodes("wide", "holes", "filled"), helper.make_node("Cast", ["filled"], ["out"], to=HALF),
-    ]  # fmt: skip
+        helper.make_node("Cast", ["image"], ["wide"], to=FLOAT),
+        helper.make_node("Cast", ["hole"], ["holes"], to=FLOAT),
+        *networks.mean_nodes("wide", "holes", "filled"),
+        helper.make_node("Cast", ["filled"], ["out"], to=HALF),
+    ]
     path = save(tmp_path / "half.onnx", inputs, nodes, constants=networks.MEAN, kind=HALF)
     image = np.full((40, 50, 3), (10, 200, 60), np.uint8)
     mask = box(image.shape, 10, 20, 10, 20)
@@ -202,8 +204,10 @@ def test_wrong_inputs_are_told(inputs: list, said: str, tmp_path: Path) -> None:
 
 def test_wrong_answers_are_told(tmp_path: Path) -> None:
     numbers = {
-        **networks.MEAN, "nothing": np.array(np.nan, np.float32), "pads": np.array([0, 0, 0, 0, 0, 0, 0, 1], np.int64),
-    }  # fmt: skip
+        **networks.MEAN,
+        "nothing": np.array(np.nan, np.float32),
+        "pads": np.array([0, 0, 0, 0, 0, 0, 0, 1], np.int64),
+    }
     mean = networks.mean_nodes(out="filled")
     for name, last, said in (
         ("mask only", helper.make_node("Identity", ["mask"], ["out"]), "gives (1, 1, 64, 64)"),
@@ -223,10 +227,13 @@ def test_wrong_answers_are_told(tmp_path: Path) -> None:
 def test_values_that_are_not_finite_later_are_told_too(tmp_path: Path) -> None:
     """Zero over zero, where nothing at all is known."""
     nodes = [
-        helper.make_node("Sub", ["one", "mask"], ["known"]), helper.make_node("ReduceSum", ["known", "axes"], ["count"]),
-        helper.make_node("ReduceSum", ["image", "axes"], ["light"]), helper.make_node("Div", ["light", "count"], ["mean"]),
-        helper.make_node("Mul", ["image", "zero"], ["black"]), helper.make_node("Add", ["black", "mean"], ["out"]),
-    ]  # fmt: skip
+        helper.make_node("Sub", ["one", "mask"], ["known"]),
+        helper.make_node("ReduceSum", ["known", "axes"], ["count"]),
+        helper.make_node("ReduceSum", ["image", "axes"], ["light"]),
+        helper.make_node("Div", ["light", "count"], ["mean"]),
+        helper.make_node("Mul", ["image", "zero"], ["black"]),
+        helper.make_node("Add", ["black", "mean"], ["out"]),
+    ]
     fill = load_single_image(save(tmp_path / "fragile.onnx", images(), nodes, constants=networks.MEAN))
     with pytest.raises(SettingsError, match="fragile.onnx: gives values that are not finite"):
         fill(smooth(40, 40), np.ones((40, 40), bool))

@@ -16,10 +16,13 @@ from unveil_core.surfels.surfels import Surfels, rotations
 def some(count: int, degree: int = 1) -> Surfels:
     g = torch.Generator().manual_seed(count)
     return Surfels(
-        torch.randn(count, 3, generator=g), torch.randn(count, 4, generator=g),
-        torch.randn(count, 2, generator=g) * 0.1 - 3, torch.randn(count, generator=g),
-        torch.randn(count, (degree + 1) ** 2, 3, generator=g), torch.arange(count) % 4,
-    )  # fmt: skip
+        torch.randn(count, 3, generator=g),
+        torch.randn(count, 4, generator=g),
+        torch.randn(count, 2, generator=g) * 0.1 - 3,
+        torch.randn(count, generator=g),
+        torch.randn(count, (degree + 1) ** 2, 3, generator=g),
+        torch.arange(count) % 4,
+    )
 
 
 def take_step(trainable: TrainableSurfels) -> None:

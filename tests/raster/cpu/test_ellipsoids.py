@@ -34,9 +34,13 @@ def one(
     logit: float = 1.0,
 ) -> Surfels:
     return Surfels(
-        torch.tensor([mean]), torch.tensor([quat]), torch.tensor([scales]).log(), torch.tensor([logit]),
-        torch.zeros(1, 1, 3), torch.zeros(1, dtype=torch.int64),
-    )  # fmt: skip
+        torch.tensor([mean]),
+        torch.tensor([quat]),
+        torch.tensor([scales]).log(),
+        torch.tensor([logit]),
+        torch.zeros(1, 1, 3),
+        torch.zeros(1, dtype=torch.int64),
+    )
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -1,4 +1,4 @@
-"""What a row of the pipeline's benchmark is given, and what the rows share."""
+"""The input of a row of the pipeline's benchmark, and helpers that the rows share."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ class Splats:
     """The reconstructed scene that the rows in 3D share.
 
     Attributes:
-        full: everything; gone: (N,) bool, what is removed of it; left: the others.
+        full: everything; gone: (N,) bool, what is removed of it; remaining: the others.
         sky, labels, exposures: of the scene.
         images: (H, W, 3) uint8 of each frame, in the scene's own colours.
     """
 
     full: Surfels
     gone: NDArray[np.bool_]
-    left: Surfels
+    remaining: Surfels
     sky: Sky
     labels: SceneLabels
     exposures: Exposures
@@ -128,8 +128,8 @@ def deliver(footage: Footage, splats: Splats | None, clean: Sequence[Picture]) -
     for frame, photograph, picture, removed in zip(
         footage.drive.frames, footage.photographs, clean, footage.removed, strict=True
     ):
-        own = picture if splats is None else splats.exposures.delivered(frame, picture)
-        delivered.append(compose_frame(photograph, own, removed))
+        street = picture if splats is None else splats.exposures.delivered(frame, picture)
+        delivered.append(compose_frame(photograph, street, removed))
     return delivered
 
 

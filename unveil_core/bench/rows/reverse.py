@@ -72,7 +72,7 @@ def transfer_reverse(footage: Footage, progress: Progress) -> list[Picture]:
 def _empty_depth(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:
     """(H, W) depth without the removed objects: rendered where something stands behind them, else continued from around;
     of the sky, far away."""
-    out = render_numpy(splats.left, camera, near=NEAR_M, far=FAR_M)
+    out = render_numpy(splats.remaining, camera, near=NEAR_M, far=FAR_M)
     solid = out["alpha"] > SOLID
     depth = np.where(solid, out["depth"], FAR_M).astype(np.float32)
     return complete_depth(depth, solid, hole & ~solid, np.full(hole.shape, np.inf))

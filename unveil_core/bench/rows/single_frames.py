@@ -42,8 +42,8 @@ def classic(fill: Callable[[Picture, Mask], Picture], *, wide: bool) -> Callable
         for image, hole in zip(footage.photographs, footage.holes if wide else footage.removed, strict=True):
             size = 2 * border_px(hole.shape[1]) + 1
             kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-            own = cv2.erode(hole.astype(np.uint8), kernel).astype(bool)
-            clean.append(fill(image, own))
+            eroded = cv2.erode(hole.astype(np.uint8), kernel).astype(bool)
+            clean.append(fill(image, eroded))
             progress(len(clean), len(footage.photographs), "filling frame by frame")
         return deliver(footage, None, clean)
 

@@ -61,7 +61,7 @@ def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings |
     settings = settings or SpinNerfSettings()
     splats = open_splats(footage)
     labels, depths, seeds = [], [], []
-    scene = splats.left
+    scene = splats.remaining
     for i, frame in enumerate(footage.drive.frames):
         hole = footage.holes[i]
         labels.append(fill_around(footage.single_image, splats.images[i], hole))
@@ -71,7 +71,7 @@ def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings |
         empty = hole & (out["alpha"] <= COVERED)
         if empty.any():
             seeds.append(_seed(splats, frame.camera, labels[i], depth, empty))
-            scene = concatenate([splats.left, *seeds])
+            scene = concatenate([splats.remaining, *seeds])
         progress(i + 1, len(labels), "inpainting each frame")
     preset = REOPTIMIZE_PRESETS[footage.settings.quality]
     preset = replace(
@@ -94,7 +94,7 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
     """
     settings = settings or InfusionSettings()
     splats = open_splats(footage)
-    frames, scene = footage.drive.frames, splats.left
+    frames, scene = footage.drive.frames, splats.remaining
     seeds: list[Surfels] = []
     targets: list[tuple[Camera, Picture]] = []
     chosen = range(0, len(frames), settings.every)
@@ -108,7 +108,7 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
             known = (out["alpha"] > 0.5) & ~missing
             depth = complete_depth(out["depth"], known, missing, np.full(missing.shape, np.inf))
             seeds.append(_seed(splats, camera, filled, depth, missing))
-            scene = concatenate([splats.left, *seeds])
+            scene = concatenate([splats.remaining, *seeds])
         progress(done + 1, len(chosen), "inpainting the references")
     if seeds:
         preset = REOPTIMIZE_PRESETS[footage.settings.quality]
@@ -140,7 +140,7 @@ def _depth_around(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.floa
 def _seed(splats: Splats, camera: Camera, color: Picture, depth: NDArray[np.float64], mask: Mask) -> Surfels:
     """A surfel per pixel of a mask. Labels play no part in what these rows optimize."""
     label = np.zeros(mask.shape, np.int64)
-    return seed_pixels(camera, color, depth, label, mask, sh_degree=splats.left.sh_degree)
+    return seed_pixels(camera, color, depth, label, mask, sh_degree=splats.remaining.sh_degree)
 
 
 def _views(footage: Footage, splats: Splats, scene: Surfels) -> list[Picture]:

@@ -1,8 +1,8 @@
-"""Held-out masks: a drive in which virtual cars hide street that the photographs show, and how well that comes back.
+"""Held-out masks: a drive with virtual cars in front of street that the photographs show, and how well that is restored.
 
-Real footage has no true empty street. But where a car-shaped mask hides street that is really there, the photograph itself is
-the truth: the drive is written anew as if a car had stood there, the whole pipeline removes it like any other, and what it
-delivers inside the mask is compared with what was photographed. Nothing inside the pipeline knows of this.
+Real footage has no true empty street. But where a car-shaped mask hides visible street, the photograph itself is the truth: the
+drive is written again as if a car had stood there, the whole pipeline removes it like any other, and the result inside the mask
+is compared with the photograph. Nothing inside the pipeline knows about this.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.importing import import_drive
-from unveil_core.evaluate.holdout.placement import CarPixels, Sight
+from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.semantics.classes import CITYSCAPES, GROUPS
@@ -30,8 +30,7 @@ __all__ = ["AddedLabels", "added_labels", "moved_points", "seen_elsewhere", "wri
 
 
 DEPTH_SHARE, DEPTH_M = 0.04, 0.1
-"""What lies no farther behind the depth of a frame than this share of it, plus these metres, is seen there."""
-"""A car's pixels and this border of them are no evidence: the pipeline grows its masks by as much."""
+"""A point is visible in a frame if it lies behind the frame's depth by no more than this share of it, plus these metres."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class AddedLabels:
 
 
 def added_labels(drive: Drive, scene: SceneLabels) -> AddedLabels:
-    """Labels that make the virtual cars something that this scene removes: a class that goes anyway, the car's if it does."""
+    """Labels for which this scene removes the virtual cars: a class that is removed anyway, preferably the car's."""
     used = [read_instance_image(f.instance_path) for f in drive.frames if f.instance_path is not None]
     first = _unused_ids(np.unique(np.concatenate([np.unique(image) for image in used]))) if used else None
     if scene.source != "semantics":
@@ -61,7 +60,7 @@ def added_labels(drive: Drive, scene: SceneLabels) -> AddedLabels:
 
 
 def _unused_ids(used: NDArray[np.uint16]) -> int:
-    """First of enough ids in a row that nothing has; the ids are 16 bits wide."""
+    """First of enough consecutive ids that are not in use; the ids are 16 bits wide."""
     borders = np.concatenate([[0], used.astype(np.int64), [2**16]])
     room = np.diff(borders)
     return int(borders[len(room) - 1 - int((room[::-1] > 255).argmax())]) + 1
@@ -71,69 +70,69 @@ def _unused_ids(used: NDArray[np.uint16]) -> int:
 
 
 def seen_elsewhere(
-    sights: Sequence[Sight], cars: Sequence[CarPixels], *, far: float, progress: Progress = no_progress
+    views: Sequence[SceneView], cars: Sequence[CarPixels], *, far: float, progress: Progress = no_progress
 ) -> list[Mask]:
-    """Per frame (H, W), pixels of its virtual cars whose street another frame shows outside of its own.
+    """Per frame (H, W), pixels of its virtual cars behind which another frame shows the street, outside that frame's own cars.
 
     Args:
-        sights, cars: of all frames.
+        views, cars: of all frames.
         far: the sky is taken to be this far away, metres.
     """
     hidden = [
-        grow(own.number > 0, border_px(own.number.shape[1])) | sight.barred
-        for own, sight in zip(cars, sights, strict=True)
+        grow(car_pixels.number > 0, border_px(car_pixels.number.shape[1])) | view.excluded
+        for car_pixels, view in zip(cars, views, strict=True)
     ]
     found = []
-    for i, (sight, own) in enumerate(zip(sights, cars, strict=True)):
-        rows, columns = np.nonzero(own.number)
-        depth = np.minimum(sight.depth[rows, columns], far)
-        points = sight.camera.centre + depth[:, None] * sight.camera.rays()[rows, columns]
+    for i, (view, car_pixels) in enumerate(zip(views, cars, strict=True)):
+        rows, columns = np.nonzero(car_pixels.number)
+        depth = np.minimum(view.depth[rows, columns], far)
+        points = view.camera.centre + depth[:, None] * view.camera.rays()[rows, columns]
         known = np.zeros(len(rows), dtype=bool)
         # Neighbours first: they see most, and what is found need not be looked for again.
-        for other in sorted(range(len(sights)), key=lambda k: abs(k - i)):
-            left = np.flatnonzero(~known)
-            if other == i or not len(left):
+        for other in sorted(range(len(views)), key=lambda k: abs(k - i)):
+            unknown = np.flatnonzero(~known)
+            if other == i or not len(unknown):
                 continue
-            inside, row, column, z = _pixels_of(points[left], sights[other], 0.2)
-            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(sights[other], row, column))
-            known[left[inside[shown]]] = True
-        seen = np.zeros(sight.depth.shape, dtype=bool)
+            inside, row, column, z = _pixels_of(points[unknown], views[other], 0.2)
+            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(views[other], row, column))
+            known[unknown[inside[shown]]] = True
+        seen = np.zeros(view.depth.shape, dtype=bool)
         seen[rows[known], columns[known]] = True
         found.append(seen)
-        progress(i + 1, len(sights), "finding what other frames saw")
+        progress(i + 1, len(views), "finding what other frames saw")
     return found
 
 
 def _pixels_of(
-    points: NDArray[np.float64], sight: Sight, near: float
+    points: NDArray[np.float64], view: SceneView, near: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Which points (M,) fall into a view, and their rows, columns and depths there."""
-    pixel, depth = sight.camera.project(points)
-    index = np.flatnonzero(sight.camera.in_picture(pixel, depth, nearest=near))
+    """Indices of the points (M, 3) that project into a view, and their rows, columns and depths there."""
+    pixel, depth = view.camera.project(points)
+    index = np.flatnonzero(view.camera.in_picture(pixel, depth, nearest=near))
     return index, pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index]
 
 
-def _reach(sight: Sight, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Depth up to which something is seen at pixels."""
-    return sight.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
+def _reach(view: SceneView, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(M,) depth up to which points at some pixels are visible."""
+    return view.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
 
 
 def moved_points(
-    points: PointCloud, sights: Sequence[Sight], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
+    points: PointCloud, views: Sequence[SceneView], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
 ) -> PointCloud:
     """The points that would have been measured if the virtual cars had stood there.
 
-    A point that some frame would see through a car, and none beside one, was never measured: in its place the ray from the
-    nearest such camera measures the car. What no frame's picture shows at all stays.
+    A point that some frame would see only through a car was never measured: in its place the ray from the nearest such camera
+    measures the car. Points that no frame shows at all stay.
     """
     positions = points.positions
     blocked, seen = np.zeros(len(positions), dtype=bool), np.zeros(len(positions), dtype=bool)
     nearest, blocker = np.full(len(positions), np.inf), np.full(len(positions), -1)
-    for v, (sight, own) in enumerate(zip(sights, pixels, strict=True)):
-        index, row, column, depth = _pixels_of(positions, sight, 0.2)
-        behind = (own.number[row, column] > 0) & (depth > own.depth[row, column] - DEPTH_M)
-        # What a car stands in front of this view cannot measure; what is before the car, or beside it, it can.
-        seen[index[~behind & (depth <= _reach(sight, row, column))]] = True
+    for v, (view, car_pixels) in enumerate(zip(views, pixels, strict=True)):
+        index, row, column, depth = _pixels_of(positions, view, 0.2)
+        behind = (car_pixels.number[row, column] > 0) & (depth > car_pixels.depth[row, column] - DEPTH_M)
+        # This view cannot measure what a car occludes; what is in front of the car or beside it, it can.
+        seen[index[~behind & (depth <= _reach(view, row, column))]] = True
         through = index[behind]
         blocked[through] = True
         closer = depth[behind] < nearest[through]
@@ -143,7 +142,7 @@ def moved_points(
     lost = np.zeros(len(positions), dtype=bool)
     for v in np.unique(blocker[gone]):
         which = np.flatnonzero(gone & (blocker == v))
-        centre = sights[v].camera.centre
+        centre = views[v].camera.centre
         rays = positions[which] - centre
         depth, paint = np.full(len(which), np.inf), np.zeros((len(which), 3), dtype=np.uint8)
         for car in cars:
@@ -175,7 +174,7 @@ def write_holdout_drive(
     Args:
         drive: an imported drive.
         pixels: the cars in each frame; points: see :func:`moved_points`.
-        removed: per frame (H, W) what really goes there: in a drive of masks, the mask of a frame that has none.
+        removed: per frame (H, W) what is really removed there: in a drive of masks, the mask of a frame that has none.
         destination: a folder to make or to replace; it appears whole or not at all.
     """
     painted = destination.with_name(f".{destination.name}.painted")

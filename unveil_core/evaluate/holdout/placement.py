@@ -1,4 +1,4 @@
-"""Where on a street nothing stands, and a car would be well seen: places for virtual cars."""
+"""Free places on a street where a virtual car would be well visible."""
 
 from __future__ import annotations
 
@@ -20,64 +20,64 @@ from unveil_core.ground.street import Ground
 from unveil_core.raster import render
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["CarPixels", "Sight", "find_places", "see_cars", "sight_of"]
+__all__ = ["CarPixels", "SceneView", "find_places", "scene_view", "see_cars"]
 
 
 SOLID = 0.5
-STEP_S_M, STEP_L_M = 1.0, 0.3
-"""Between places that are tried, along the street and across."""
+STEP_S_M, STEP_T_M = 1.0, 0.3
+"""Distance of the places that are tried, along the street and across, metres."""
 ROOM_M = 0.25
-"""Around the car, in which nothing may stand either."""
+"""Width of the free margin around the car, metres."""
 LOW_M = 0.3
-"""Less than this above the ground is ground: kerbs, and its own roughness."""
+"""Less than this above the ground, metres, is ground: kerbs and roughness."""
 THING_M = 0.7
-"""What hides a car reaches higher than this: reconstructed ground on real footage may be off by half of that."""
+"""An object that occludes a car reaches higher than this, metres: reconstructed ground on real footage may be off by half of it."""
 CELL_M = 0.1
 STRAYS = 2
-"""So many surfels off the ground are no object yet."""
+"""Up to so many surfels above the ground do not count as an object."""
 FLOOR_CELL_M, FLOOR_SHARE = 0.4, 0.6
 """The ground there must be known: surfels in this share of its cells."""
 PATH_ROOM_M = 1.0
-"""Between the car's side and the way of the camera, which may be on a car itself."""
+"""Between the car's side and the path of the camera, which may be on a car itself, metres."""
 COARSE_PX = 96
 """Width of the views in which places are compared."""
 LEAST_SHARE, MOST_SHARE = 0.004, 0.35
-"""Of a frame, that a car's pixels must have to count there, and that all cars together may have."""
+"""Share of a frame that a car must cover to count there, and that all cars together may cover."""
 LEAST_VISIBLE, LEAST_CLEAN = 0.6, 0.7
-"""Share of the car that nothing hides, and of its visible pixels those that nothing real was removed from."""
+"""Least share of the car that must be unoccluded, and of its visible pixels from which nothing real was removed."""
 ENOUGH_SHARE = 0.06
-"""Of a frame; a car that is larger in it counts no more."""
+"""Share of a frame; a car that covers more of it counts no more."""
 FARTHEST_M = 50.0
-"""From farther away no frame is asked."""
+"""Frames farther from a place than this, metres, are not considered."""
 LEAST_FRAMES = 3
 APART_M = 7.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What a frame really shows.
+class SceneView:
+    """The real scene as one frame shows it.
 
     Attributes:
-        camera: its camera.
-        depth: (H, W) along the optical axis of what is there, inf for the sky.
-        barred: (H, W), where the photograph is not the empty street: something real was removed, or its shadow.
+        camera: of the frame.
+        depth: (H, W) along the optical axis, inf for the sky.
+        excluded: (H, W), where the photograph is not the empty street: something real was removed, or its shadow.
     """
 
     camera: Camera
     depth: NDArray[np.floating]
-    barred: Mask
+    excluded: Mask
 
     @cached_property
     def farthest(self) -> NDArray[np.floating]:
         """(H, W) the largest depth within a pixel around: ground seen at a grazing angle falls off steeply."""
         return cv2.dilate(self.depth, np.ones((3, 3), np.uint8)).astype(self.depth.dtype)
 
-    def coarse(self, width: int) -> Sight:
+    def coarse(self, width: int) -> SceneView:
         """About so wide, by leaving pixels out."""
         step = max(1, self.camera.width // width)
-        depth, barred = (
+        depth, excluded = (
             self.depth[step // 2 :: step, step // 2 :: step],
-            self.barred[step // 2 :: step, step // 2 :: step],
+            self.excluded[step // 2 :: step, step // 2 :: step],
         )
         camera, shift = self.camera, step // 2
         # The middle of a kept pixel stays where it is: x -> (x - 0.5 - shift) / step + 0.5.
@@ -85,15 +85,15 @@ class Sight:
             camera, width=depth.shape[1], height=depth.shape[0], fx=camera.fx / step, fy=camera.fy / step,
             cx=(camera.cx - 0.5 - shift) / step + 0.5, cy=(camera.cy - 0.5 - shift) / step + 0.5,
         )  # fmt: skip
-        return Sight(camera, depth, barred)
+        return SceneView(camera, depth, excluded)
 
 
 @dataclass(frozen=True, eq=False)
 class CarPixels:
-    """The virtual cars as one frame would have shown them.
+    """The virtual cars as one frame would show them.
 
     Attributes:
-        number: (H, W) uint8, 0 where no car is seen, else whose pixel it is.
+        number: (H, W) uint8, the number of the car that is visible, 0 = none.
         depth: (H, W) of the cars where they are seen, inf elsewhere.
         color: (H, W, 3) uint8.
     """
@@ -103,12 +103,14 @@ class CarPixels:
     color: NDArray[np.uint8]
 
 
-def sight_of(surfels: Surfels, camera: Camera, barred: Mask, *, near: float, far: float) -> Sight:
+def scene_view(surfels: Surfels, camera: Camera, excluded: Mask, *, near: float, far: float) -> SceneView:
     """The median depth of a scene with everything in it."""
     with torch.no_grad():
         out = render(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
     assert out.alpha is not None and out.median_depth is not None
-    return Sight(camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.numpy(), np.float32(np.inf)), barred)
+    return SceneView(
+        camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.numpy(), np.float32(np.inf)), excluded
+    )
 
 
 def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:
@@ -125,19 +127,19 @@ def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:
     return slice(int(y0), int(y1)), slice(int(x0), int(x1))
 
 
-def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float64, Mask] | None:
+def _visible(car: VirtualCar, view: SceneView) -> tuple[tuple[slice, slice], Float64, Mask] | None:
     """The window of a car, its depth there, and which of its pixels nothing nearer hides."""
-    window = _window(car, sight.camera)
+    window = _window(car, view.camera)
     if window is None:
         return None
-    rays = sight.camera.rays()[window]
-    hits = cast_car(car, sight.camera.centre, rays.reshape(-1, 3))
+    rays = view.camera.rays()[window]
+    hits = cast_car(car, view.camera.centre, rays.reshape(-1, 3))
     depth = hits.depth.reshape(rays.shape[:2])
-    there = sight.depth[window]
+    there = view.depth[window]
     # Low in front of the car, and yet on a ray that meets it above its floor, is nothing but the ground's own roughness;
     # at a grazing angle a bump of a hand's breadth comes nearer by half a metre. A thing reaches higher somewhere.
     with np.errstate(invalid="ignore"):
-        above = (sight.camera.centre - car.centre) @ car.axes[2] + there * (rays @ car.axes[2])
+        above = (view.camera.centre - car.centre) @ car.axes[2] + there * (rays @ car.axes[2])
     before = (there < depth - 0.1) & (above > LOW_M)
     count, part = cv2.connectedComponents(before.astype(np.uint8), connectivity=8)
     things = np.zeros(count, dtype=bool)
@@ -145,13 +147,13 @@ def _visible(car: VirtualCar, sight: Sight) -> tuple[tuple[slice, slice], Float6
     return window, depth, np.isfinite(depth) & ~things[part]
 
 
-def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
-    """The cars in a frame, behind what stands nearer."""
-    shape = sight.depth.shape
+def see_cars(cars: Sequence[VirtualCar], view: SceneView) -> CarPixels:
+    """The cars in a frame, occluded by what is nearer."""
+    shape = view.depth.shape
     number, nearest = np.zeros(shape, dtype=np.uint8), np.full(shape, np.inf, dtype=np.float32)
     color = np.zeros((*shape, 3), dtype=np.uint8)
     for car in cars:
-        found = _visible(car, sight)
+        found = _visible(car, view)
         if found is None:
             continue
         window, depth, seen = found
@@ -159,9 +161,9 @@ def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
         whole = cv2.morphologyEx(seen.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
         whole = cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)).astype(bool)
         seen = whole & np.isfinite(depth) & (depth < nearest[window])
-        rays = sight.camera.rays()[window][seen]
-        hits = cast_car(car, sight.camera.centre, rays)
-        color[window][seen] = paint_car(car, sight.camera.centre, rays, hits)
+        rays = view.camera.rays()[window][seen]
+        hits = cast_car(car, view.camera.centre, rays)
+        color[window][seen] = paint_car(car, view.camera.centre, rays, hits)
         nearest[window][seen] = depth[seen]
         number[window][seen] = car.number
     if not number.any():
@@ -176,19 +178,19 @@ def see_cars(cars: Sequence[VirtualCar], sight: Sight) -> CarPixels:
 def _free_places(
     ground: Ground, points: Float64, cameras: Sequence[Camera], measured: Float64
 ) -> list[tuple[float, float]]:
-    """Street coordinates at which a car would stand on known ground, and on nothing else."""
+    """Street coordinates (s, t) at which a car would stand on known ground, and on nothing else."""
     street = ground.path.to_street(points)
     above = ground.over(street)
     track = ground.path.to_street(np.stack([c.centre for c in cameras]))
     s_low, s_high = track[:, 0].min() + 2.0, track[:, 0].max() + 25.0
     s_high = min(s_high, ground.s_start + ground.s_cell * (len(ground.left) - 1))
-    l_low, l_high = float(ground.right.min()), float(ground.left.max())
-    if s_high <= s_low or l_high - l_low < WIDTH_M:
+    t_low, t_high = float(ground.right.min()), float(ground.left.max())
+    if s_high <= s_low or t_high - t_low < WIDTH_M:
         return []
 
-    def counted(s: Float64, l: Float64, cell: float) -> NDArray[np.float32]:  # noqa: E741
-        rows, columns = int((s_high - s_low + 12.0) / cell) + 1, int((l_high - l_low + 8.0) / cell) + 1
-        i, j = ((s - s_low + 6.0) / cell).astype(int), ((l - l_low + 4.0) / cell).astype(int)
+    def counted(s: Float64, t: Float64, cell: float) -> NDArray[np.float32]:
+        rows, columns = int((s_high - s_low + 12.0) / cell) + 1, int((t_high - t_low + 8.0) / cell) + 1
+        i, j = ((s - s_low + 6.0) / cell).astype(int), ((t - t_low + 4.0) / cell).astype(int)
         keep = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
         return (
             np.bincount(i[keep] * columns + j[keep], minlength=rows * columns).reshape(rows, columns).astype(np.float32)
@@ -209,16 +211,16 @@ def _free_places(
     places = []
     for s in np.arange(s_low, s_high, STEP_S_M):
         beside = np.abs(track[:, 0] - s) < LENGTH_M / 2 + 1
-        for l in np.arange(l_low, l_high, STEP_L_M):  # noqa: E741
-            if (np.abs(track[beside, 1] - l) < WIDTH_M / 2 + PATH_ROOM_M).any():
+        for t in np.arange(t_low, t_high, STEP_T_M):
+            if (np.abs(track[beside, 1] - t) < WIDTH_M / 2 + PATH_ROOM_M).any():
                 continue
             rim = np.array([-1.0, -1, 1, 1]) * LENGTH_M / 2, np.array([-1.0, 1, -1, 1]) * WIDTH_M / 2
-            if not ground.inside(s + rim[0], l + rim[1]).all():
+            if not ground.inside(s + rim[0], t + rim[1]).all():
                 continue
-            i, j = (int((s - s_low + 6.0) / fine), int((l - l_low + 4.0) / fine))
-            m, n = (int((s - s_low + 6.0) / coarse), int((l - l_low + 4.0) / coarse))
+            i, j = (int((s - s_low + 6.0) / fine), int((t - t_low + 4.0) / fine))
+            m, n = (int((s - s_low + 6.0) / coarse), int((t - t_low + 4.0) / coarse))
             if standing[i, j] <= STRAYS and known[m, n] >= FLOOR_SHARE * cells[m, n]:
-                places.append((float(s), float(l)))
+                places.append((float(s), float(t)))
     return places
 
 
@@ -229,20 +231,20 @@ def _standing(ground: Ground, points: Float64) -> Float64:
     return street[(above > LOW_M) & (above < HEIGHT_M + ROOM_M), :2]
 
 
-def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.float64]]:
+def _value(car: VirtualCar, views: Sequence[SceneView]) -> tuple[float, NDArray[np.float64]]:
     """How well a place is seen, and its share of each frame (F,); 0 where it is seen by too few."""
-    shares, cleaned = np.zeros(len(sights)), np.zeros(len(sights))
-    good = np.zeros(len(sights), dtype=bool)
-    for i, sight in enumerate(sights):
-        if np.linalg.norm(sight.camera.centre - car.centre) > FARTHEST_M:
+    shares, cleaned = np.zeros(len(views)), np.zeros(len(views))
+    good = np.zeros(len(views), dtype=bool)
+    for i, view in enumerate(views):
+        if np.linalg.norm(view.camera.centre - car.centre) > FARTHEST_M:
             continue
-        found = _visible(car, sight)
+        found = _visible(car, view)
         if found is None:
             continue
         window, depth, seen = found
         whole, visible = int(np.isfinite(depth).sum()), int(seen.sum())
-        clean = int((seen & ~sight.barred[window]).sum())
-        shares[i], cleaned[i] = visible / sight.depth.size, clean / sight.depth.size
+        clean = int((seen & ~view.excluded[window]).sum())
+        shares[i], cleaned[i] = visible / view.depth.size, clean / view.depth.size
         good[i] = (
             cleaned[i] >= LEAST_SHARE and visible >= LEAST_VISIBLE * whole
             and clean >= LEAST_CLEAN * visible and shares[i] <= MOST_SHARE
@@ -253,7 +255,7 @@ def _value(car: VirtualCar, sights: Sequence[Sight]) -> tuple[float, NDArray[np.
 
 
 def find_places(
-    ground: Ground, surfels: Surfels, measured: Float64, sights: Sequence[Sight], *, count: int,
+    ground: Ground, surfels: Surfels, measured: Float64, views: Sequence[SceneView], *, count: int,
     progress: Progress = no_progress,
 ) -> list[VirtualCar]:  # fmt: skip
     """The best seen places for cars on ground where nothing stands, the best one first.
@@ -261,23 +263,23 @@ def find_places(
     Args:
         ground: of the drive; surfels: the scene with everything in it.
         measured: (P, 3) LiDAR or SfM points.
-        sights: what each frame shows, in the order of travel.
+        views: of all frames, in the order of travel.
         count: how many are wanted; fewer come back where there is no room for more.
     Raises:
         WorkspaceError: there is no room for a single one.
     """
     opaque = surfels.opacity_logits.numpy() > -1.0
-    places = _free_places(ground, surfels.means.double().numpy()[opaque], [s.camera for s in sights], measured)
-    coarse = [s.coarse(COARSE_PX) for s in sights]
+    places = _free_places(ground, surfels.means.double().numpy()[opaque], [s.camera for s in views], measured)
+    coarse = [s.coarse(COARSE_PX) for s in views]
     valued: list[tuple[float, int, VirtualCar, NDArray[np.float64]]] = []
-    for k, (s, l) in enumerate(places):  # noqa: E741
-        car = park(ground, s, l, number=1)
+    for k, (s, t) in enumerate(places):
+        car = park(ground, s, t, number=1)
         value, shares = _value(car, coarse)
         if value > 0:
             valued.append((value, k, car, shares))
         progress(k + 1, len(places), "looking for room for a car")
     chosen: list[VirtualCar] = []
-    total = np.zeros(len(sights))
+    total = np.zeros(len(views))
     for _, _, car, shares in sorted(valued, key=lambda v: (-v[0], v[1])):
         near = any(np.linalg.norm(car.centre - other.centre) < APART_M for other in chosen)
         if len(chosen) < count and not near and (total + shares <= MOST_SHARE).all():

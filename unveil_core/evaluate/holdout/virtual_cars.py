@@ -33,14 +33,14 @@ class VirtualCar:
         centre: (3,) world position of the middle of its floor.
         axes: (3, 3) rows forward, left and up, in the world.
         number: 1, 2, ... of this drive's cars; chooses the paint.
-        s, l: street coordinates of its middle, metres.
+        s, t: street coordinates of its middle, metres.
     """
 
     centre: Float64
     axes: Float64
     number: int
     s: float
-    l: float  # noqa: E741
+    t: float
 
     def corners(self) -> Float64:
         """(8, 3) world corners of its box."""
@@ -64,16 +64,16 @@ class CarHits:
     cabin: NDArray[np.bool_]
 
 
-def park(ground: Ground, s: float, l: float, *, number: int) -> VirtualCar:  # noqa: E741
+def park(ground: Ground, s: float, t: float, *, number: int) -> VirtualCar:
     """A car along the path at street coordinates, level across and as steep as the street along."""
     half = 0.35 * LENGTH_M
-    street = np.array([[s - half, l, 0.0], [s + half, l, 0.0], [s, l, 0.0]])
+    street = np.array([[s - half, t, 0.0], [s + half, t, 0.0], [s, t, 0.0]])
     street[:, 2] = ground.height_at(street[:, 0], street[:, 1])
     back, front, middle = ground.path.to_world(street)
     forward = (front - back) / np.linalg.norm(front - back)
     left = np.cross(ground.path.axes[2], forward)
     left /= np.linalg.norm(left)
-    return VirtualCar(middle, np.stack([forward, left, np.cross(forward, left)]), number, s, l)
+    return VirtualCar(middle, np.stack([forward, left, np.cross(forward, left)]), number, s, t)
 
 
 @cache

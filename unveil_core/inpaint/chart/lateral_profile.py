@@ -1,4 +1,4 @@
-"""What a lateral offset of the street looks like: paint, kerb and walk continue along it."""
+"""The colour of each lateral offset of the street, as a running median along it: paint, kerb and sidewalk are constant along s."""
 
 from __future__ import annotations
 
@@ -10,9 +10,21 @@ from unveil_core.geometry.images import luminance
 
 __all__ = ["lateral_profile"]
 
-UPPER = 0.7
-FAR, CLOSE = 2.4, 0.08
-"""In half windows: what is farther along the street than the first says less than what is closer aside than the second."""
+LIT_QUANTILE = 0.7
+"""Quantile of luma that stands for an offset's lit level: above the median, so that an offset that lies in shadow for up to 70 %
+of the window still has the level of the sun. Chosen on the two sample streets."""
+LEAST_SHARE = 1 / 4
+"""Share of a window's samples that must be usable for its median to count: a few texels between two parked cars say less than
+many farther along. Chosen on the two sample streets."""
+LEAST_SAMPLES = 8
+"""Fewest samples of a median, however short the window is."""
+SAMPLE_STEP = 3
+"""Every third row of a window is sampled: neighbouring 4 cm texels come from the same pixels."""
+ALONG_LIMIT = 2.4
+"""Half windows: beyond this distance along s a value of the same offset is used only if no neighbouring offset within
+``ASIDE_LIMIT`` is known. Chosen on the two sample streets."""
+ASIDE_LIMIT = 0.08
+"""Half windows (0.4 m for one of 5 m): see ``ALONG_LIMIT``. Less than a kerb's distance from anything of another colour."""
 
 
 def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
@@ -32,14 +44,13 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
     everything = np.where(usable[..., None], color, np.nan)
     all_luma = np.where(usable, luma, np.nan)
     for k, centre in enumerate(centres):
-        part = slice(max(0, centre - window), min(rows, centre + window + 1), 3)
-        # A few texels between two cars say less than many farther along.
-        least = max(8, 2 * window // 3 // 4)
+        part = slice(max(0, centre - window), min(rows, centre + window + 1), SAMPLE_STEP)
+        least = max(LEAST_SAMPLES, int(2 * window // SAMPLE_STEP * LEAST_SHARE))
         count = usable[part].sum(axis=0)
         enough = count >= least
         if enough.any():
             medians[k, enough] = _quantile(everything[part][:, enough], count[enough, None], 0.5)
-            levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], UPPER)
+            levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], LIT_QUANTILE)
     known = np.isfinite(levels)
     if known.any():
         medians, levels = _completed(medians, levels, known, hop=hop, window=window)
@@ -54,9 +65,9 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
 
 
 def _quantile(values: Float32, count: NDArray[np.int64], share: float) -> NDArray[np.float64]:
-    """Linear quantile (B, ...) of what is no NaN in (A, B, ...), where ``count`` (B, ...) > 0 tells how much that is.
+    """Linear quantile (B, ...) of what is no NaN in (A, B, ...), of which there are ``count`` (B, ...) > 0.
 
-    numpy has it, but takes one column after the other as soon as there is a NaN.
+    ``np.nanquantile`` gives the same, but works column by column as soon as there is a NaN.
     """
     count = np.broadcast_to(count, values.shape[1:])
     place = share * (count - 1)
@@ -73,14 +84,14 @@ def _quantile(values: Float32, count: NDArray[np.int64], share: float) -> NDArra
 def _completed(
     medians: Float32, levels: Float32, known: NDArray[np.bool_], *, hop: int, window: int
 ) -> tuple[Float32, Float32]:
-    """Medians (K, B, 3) and levels (K, B) where they are not ``known``: what the street hides here it shows farther along.
+    """Medians (K, B, 3) and levels (K, B) filled where they are not ``known``.
 
-    Only right beside what is known, as at the foot of walls, a neighbour knows better than a place far off.
+    From the same offset farther along, or from a neighbouring one (see ``ALONG_LIMIT``), which is better at the foot of walls.
     """
     index, column = np.indices(known.shape)
     along, beside = _nearest(known), _nearest(known.T).T
-    far = (along < 0) | (np.abs(along - index) * hop > FAR * window)
-    close = (beside >= 0) & (np.abs(beside - column) <= CLOSE * window)
+    far = (along < 0) | (np.abs(along - index) * hop > ALONG_LIMIT * window)
+    close = (beside >= 0) & (np.abs(beside - column) <= ASIDE_LIMIT * window)
     aside = far & close
     row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
     medians, levels = medians[row, offset], levels[row, offset]

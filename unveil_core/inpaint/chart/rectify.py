@@ -1,8 +1,8 @@
-"""How far the street wanders sideways from the path it is charted along: a car does not keep its distance from the kerb.
+"""Rectification of the chart: how far the street drifts sideways from the path, because a car does not keep its distance from
+the kerb.
 
-Paint and kerbs tell. Row by row the shift is looked for that puts them where the street around has them, all rows together by
-dynamic programming, as seams and stereo scanlines are found (Ohta and Kanade, *Stereo by intra- and inter-scanline search using
-dynamic programming*, 1985).
+Paint and kerbs show it. For every row the shift is found that puts them where the street around has them, all rows together by
+dynamic programming (Ohta and Kanade, *Stereo by intra- and inter-scanline search using dynamic programming*, 1985).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.cheapest_path import cheapest_path
 from unveil_core.geometry.images import luminance
 from unveil_core.ground.path import StreetPath, shift_path
 from unveil_core.ground.street import Ground
@@ -24,30 +25,40 @@ from unveil_core.inpaint.chart.street_chart import OBSERVED, read_chart
 __all__ = ["Drift", "find_drift", "rectified_path"]
 
 BIN_M = 0.5
-"""Rows that are looked at together, metres."""
+"""Length of street that is given one shift, metres: at a drift of a few per cent a line stays within a texel over it."""
 REACH_M = 0.8
-"""Largest shift, metres."""
+"""Largest shift to either side, metres: a driver's wandering within a lane. Chosen on the two sample streets."""
 AROUND_M = 25.0
-"""Half length of the stretch that a row is compared with, metres."""
+"""Half length of the street that a bin is compared with, metres: long beside a parked row, short beside a bend. Chosen on the
+two sample streets."""
 FINE_M, BROAD_M = 0.04, 0.25
-"""Widths between which something across the street is paint or a kerb, metres."""
+"""Standard deviations across the street of the two blurs whose difference is compared, metres: it keeps what is as wide as
+painted lines (0.1 to 0.3 m) and kerbs, and drops grain and shading."""
 CONTRAST = 0.15
-"""More than this of a logarithm is no more telling."""
-STEEP = 0.0003
-"""What a change of the shift by one texel from bin to bin costs, in mean squared contrast."""
+"""Difference of log luminance at which the contrast is clipped, so that one strong edge does not outvote several lines. Chosen
+on the two sample streets."""
+STEP_COST = 0.0003
+"""Cost of a change of the shift by one texel from bin to bin, in mean squared contrast. Chosen on the two sample streets."""
+FEWEST_BINS = 4
+"""Bins around that must show an offset for it to be compared: 2 m of street."""
+FLAT_M = 2.0
+"""Width in metres of compared street that counts as one more match without difference: where little is compared, no shift wins."""
 ROUNDS = 3
+"""Times that shifts and the reference they are compared with are found in turn. Chosen on the two sample streets."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """Attributes:
-    texels: (A,) float32 per row, how far what belongs to a lateral offset lies to the left of it, in texels.
+    """How far the street lies beside the chart's columns.
+
+    Attributes:
+        texels: (A,) float32 per row, positive where the street lies to the left of its lateral offset, texels.
     """
 
     texels: Float32
 
-    def straightened(self, picture: Float32, mask: Mask) -> tuple[Float32, Mask]:
-        """A picture (A, B, 3) and what counts of it (A, B), with every row moved back to where the street has it."""
+    def rectify(self, picture: Float32, mask: Mask) -> tuple[Float32, Mask]:
+        """A picture (A, B, 3) and its valid texels (A, B), every row moved so that columns follow the street."""
         if not self.texels.any():
             return picture, mask
         share = _moved(mask.astype(np.float32), self.texels)
@@ -55,8 +66,8 @@ class Drift:
         known = share > 0.5
         return np.where(known[..., None], moved / np.maximum(share, 0.5)[..., None], 0).astype(np.float32), known
 
-    def bent(self, picture: Float32) -> Float32:
-        """The inverse of :meth:`straightened`, for a picture (A, B, C) without gaps."""
+    def unrectify(self, picture: Float32) -> Float32:
+        """The inverse of :meth:`rectify`, for a picture (A, B, C) without gaps."""
         return picture if not self.texels.any() else _moved(picture, -self.texels)
 
 
@@ -94,20 +105,20 @@ def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
     shift = np.zeros(bins, dtype=np.int64)
     around = max(1, int(AROUND_M / BIN_M))
     for _ in range(ROUNDS):
-        straight, counted = _shifted(lines, shift), _shifted(weight, shift)
+        rectified, counted = _shifted(lines, shift), _shifted(weight, shift)
         total, many = (
             cv2.boxFilter(p, -1, (1, 2 * around + 1), normalize=False, borderType=cv2.BORDER_CONSTANT)
-            for p in (straight * counted, counted)
+            for p in (rectified * counted, counted)
         )
         reference = total / np.maximum(many, 1e-3)
-        trusted = (many >= 4).astype(np.float32)
+        trusted = (many >= FEWEST_BINS).astype(np.float32)
         cost = np.zeros((bins, len(shifts)))
         for k, d in enumerate(shifts):
             whole = np.full(bins, d)
             both = _shifted(weight, whole) * trusted
             gap = (_shifted(lines, whole) - reference) ** 2 * both
-            cost[:, k] = gap.sum(axis=1) / (both.sum(axis=1) + 2.0 * texels_per_m)
-        shift = shifts[_cheapest_way(cost, STEEP)]
+            cost[:, k] = gap.sum(axis=1) / (both.sum(axis=1) + FLAT_M * texels_per_m)
+        shift = shifts[_smoothest(cost)]
         shift = shift - int(np.median(shift))
     at = (first + (size - 1) / 2).astype(np.float64)
     smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
@@ -145,19 +156,14 @@ def _shifted(plane: Float32, shift: NDArray[np.int64]) -> Float32:
     return np.take_along_axis(plane, index, axis=1)
 
 
-def _cheapest_way(cost: NDArray[np.float64], steep: float) -> NDArray[np.int64]:
-    """(A,) indices of the columns of the cheapest way through ``cost`` (A, D), steps to the side costing ``steep`` each."""
-    rows, choices = cost.shape
-    step = np.abs(np.arange(choices)[:, None] - np.arange(choices)[None]) * steep
-    total = np.empty_like(cost)
-    came = np.zeros((rows, choices), dtype=np.int64)
-    total[0] = cost[0]
-    for r in range(1, rows):
-        options = total[r - 1][None] + step
-        came[r] = options.argmin(axis=1)
-        total[r] = cost[r] + np.take_along_axis(options, came[r][:, None], axis=1)[:, 0]
-    way = np.zeros(rows, dtype=np.int64)
-    way[-1] = int(total[-1].argmin())
-    for r in range(rows - 1, 0, -1):
-        way[r - 1] = came[r, way[r]]
-    return way
+def _smoothest(cost: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(A,) columns of the cheapest path through ``cost`` (A, D), each step aside costing ``STEP_COST``."""
+    choices = np.arange(cost.shape[1])
+    change = np.abs(choices[:, None] - choices[None]) * STEP_COST
+
+    def step(total: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        options = total[None] + change
+        best = options.argmin(axis=1)
+        return best, np.take_along_axis(options, best[:, None], axis=1)[:, 0]
+
+    return cheapest_path(cost, step)

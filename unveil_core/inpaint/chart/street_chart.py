@@ -1,7 +1,7 @@
-"""A picture of the ground in street coordinates: what the drive saw of it, and what it must look like where nobody saw it.
+"""The chart: the ground's texture in street coordinates (s, t), read from the frames.
 
-Rows run along the street (arc length), columns across it (lateral offset). Reading, relighting and filling happen here,
-once for the whole drive; frames then sample the chart, so that what is invented is the same from everywhere.
+Rows run along the street (arc length s), columns across it (lateral offset t, to the left). It is relit and filled once for the
+whole drive; frames then sample it, so that what is invented is the same in all of them.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ __all__ = [
     "OBSERVED",
     "OUTSIDE",
     "RELIT",
+    "RELIT_GAIN",
     "StreetChart",
     "blur_levels",
     "read_bilinear",
@@ -34,8 +35,18 @@ __all__ = [
 ]
 
 OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
-TAPS, LONGEST_TEXELS = 7, 100.0
-"""A pixel's footprint is looked up at so many places, over no more than this length."""
+"""Where a texel's colour comes from: nowhere (off the ground), the frames, the frames with a shadow taken away, the filling."""
+NEAREST_M = 0.3
+"""Depth in front of which a camera shows no ground, metres: closer than any camera stands to it."""
+NEARNESS_POWER = 4
+"""A view weighs as its depth to the power of minus this: at a grazing angle its resolution along the street falls with the
+square of the depth, and the variance of what it shows of a texel with the fourth power."""
+RELIT_GAIN = 1.02
+"""Gain above which ground counts as relit: two per cent, five levels of 255 in bright asphalt, are not seen."""
+TAPS = 7
+"""Samples along a pixel's footprint, as in anisotropic texture filtering."""
+LONGEST_TEXELS = 100.0
+"""Longest footprint that is sampled, texels (4 m): the blur levels bridge the distance between its taps up to there."""
 
 
 ALIKE = 0.08
@@ -44,7 +55,7 @@ ALIKE = 0.08
 
 @dataclass(frozen=True, eq=False)
 class StreetChart:
-    """The chart.
+    """The ground's texture in street coordinates.
 
     Attributes:
         ground: what it lies on.
@@ -121,7 +132,7 @@ def read_chart(
     reach_m: float = 45.0,
     progress: Progress = no_progress,
 ) -> StreetChart:
-    """Look the ground up in the frames, the nearer view counting more.
+    """Read the ground from the frames; nearer views count more.
 
     Args:
         ground: the surface.
@@ -130,56 +141,87 @@ def read_chart(
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    texel = texel_m
     t_low, t_high = float(ground.right.min()), float(ground.left.max())
     s_low = ground.s_start
     s_high = ground.s_start + ground.s_cell * (len(ground.left) - 1)
-    rows, columns = int((s_high - s_low) / texel) + 1, int((t_high - t_low) / texel) + 1
-    s = s_low + texel * np.arange(rows)
-    t = t_low + texel * np.arange(columns)
+    rows, columns = int((s_high - s_low) / texel_m) + 1, int((t_high - t_low) / texel_m) + 1
+    s = s_low + texel_m * np.arange(rows)
+    t = t_low + texel_m * np.arange(columns)
     grid_s, grid_t = np.repeat(s, columns), np.tile(t, rows)
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
-    total = np.zeros((rows * columns, 3), dtype=np.float64)
-    weight = np.zeros(rows * columns)
-    nearest = np.full(rows * columns, np.inf)
-    label = np.full(rows * columns, -1, dtype=np.int16)
+    texels = _Texels.unseen(rows * columns)
     for v, camera in enumerate(cameras):
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
-        reach = reach_m
-        first = np.searchsorted(s, here - reach) * columns
-        last = np.searchsorted(s, here + reach) * columns
+        first = np.searchsorted(s, here - reach_m) * columns
+        last = np.searchsorted(s, here + reach_m) * columns
         index = first + np.flatnonzero(inside[first:last])
         pixel, depth = camera.project(world[index])
-        seen = camera.in_picture(pixel, depth, nearest=0.3) & (depth < reach)
-        index, pixel, depth = index[seen], pixel[seen], depth[seen]
-        column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
-        good = usable[v][row, column]
-        index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
-        if not len(index):
-            continue
-        found = read_bilinear(images[v], pixel)
-        w = (1.0 / depth) ** 4
-        total[index] += found * w[:, None]
-        weight[index] += w
-        closer = depth < nearest[index]
-        label[index[closer]] = labels[v][row[closer], column[closer]]
-        nearest[index[closer]] = depth[closer]
+        seen = camera.in_picture(pixel, depth, nearest=NEAREST_M) & (depth < reach_m)
+        texels.add(index[seen], pixel[seen], depth[seen], images[v], labels[v], usable[v])
         progress(v + 1, len(cameras), "reading the street")
-    known = weight > 0
-    color: Float32 = np.where(known[:, None], total / np.maximum(weight, 1e-300)[:, None] / 255, 0).astype(np.float32)
+    known = texels.weight > 0
     return StreetChart(
         ground=ground,
-        texel=texel,
+        texel=texel_m,
         s_start=float(s_low),
         t_start=t_low,
-        color=color.reshape(rows, columns, 3),
-        label=label.reshape(rows, columns),
+        color=texels.color().reshape(rows, columns, 3),
+        label=texels.label.reshape(rows, columns),
         source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
         gain=np.ones((rows, columns, 3), dtype=np.float32),
-        nearest=nearest.astype(np.float32).reshape(rows, columns),
+        nearest=texels.nearest.astype(np.float32).reshape(rows, columns),
         replaced=np.zeros((rows, columns), dtype=bool),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Texels:
+    """What the views that were read so far show of T texels; the arrays are added to in place.
+
+    Attributes:
+        total: (T, 3) weighted sum of colours, 0 to 255; weight: (T,) sum of the weights.
+        nearest: (T,) depth of the texel in its nearest view, metres, inf where none shows it; label: (T,) there, -1 unknown.
+    """
+
+    total: Float64
+    weight: Float64
+    nearest: Float64
+    label: NDArray[np.int16]
+
+    @staticmethod
+    def unseen(count: int) -> _Texels:
+        return _Texels(
+            np.zeros((count, 3)), np.zeros(count), np.full(count, np.inf), np.full(count, -1, dtype=np.int16)
+        )
+
+    def add(
+        self, index: NDArray[np.int64], pixel: Float64, depth: Float64, image: NDArray[np.uint8],
+        label: NDArray[np.int64], usable: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """Add one view.
+
+        Args:
+            index: (N,) texels that lie in the picture; pixel: (N, 2) where; depth: (N,) metres.
+            image: (H, W, 3); label: (H, W); usable: (H, W) bool.
+        """
+        column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
+        good = usable[row, column]
+        index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
+        if not len(index):
+            return
+        found = read_bilinear(image, pixel)
+        w = (1.0 / depth) ** NEARNESS_POWER
+        self.total[index] += found * w[:, None]
+        self.weight[index] += w
+        closer = depth < self.nearest[index]
+        self.label[index[closer]] = label[row[closer], column[closer]]
+        self.nearest[index[closer]] = depth[closer]
+
+    def color(self) -> Float32:
+        """(T, 3) mean colours in [0, 1], black where nothing was seen."""
+        mean = self.total / np.maximum(self.weight, 1e-300)[:, None] / 255
+        return np.where((self.weight > 0)[:, None], mean, 0).astype(np.float32)
 
 
 def read_bilinear(image: NDArray[np.uint8], pixel: Float64) -> Float64:

@@ -28,7 +28,8 @@ BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 LOW_M, HIGH_M = 0.3, 8.0
 """Heights over the ground between which a wall tells where its front is, metres."""
 FACING, STEP_M, GAP_M = 0.7, 0.5, 6.0
-"""Cosine of how far a wall may be turned from the street; fronts that differ by less are one, over gaps up to that long, metres."""
+"""Cosine of how far a wall may be turned from the street; fronts that differ by less are one, over gaps up to that long,
+metres."""
 LONG_M = 2.5
 """What is shorter is no front: a lamp's post, a pillar, metres."""
 TOP_M = 6.0

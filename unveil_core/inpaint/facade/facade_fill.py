@@ -1,7 +1,7 @@
-"""Filling the gaps of a house front with other parts of it, shifted along the street.
+"""Fills the gaps of a facade with other parts of it, shifted along the street.
 
-Every column of a gap takes the column of the front that looks alike above, below and beside the gap; neighbours prefer the same
-shift, so that whole windows are taken over: the shift-map of Pritch, Kav-Venaki and Peleg (*Shift-map image editing*, 2009) along
+Every column of a gap takes the column of the facade that looks alike above, below and beside the gap; neighbours prefer the same
+shift, so that whole windows are copied: the shift-map of Pritch, Kav-Venaki and Peleg (*Shift-map image editing*, 2009) along
 one axis, where dynamic programming finds the best one.
 """
 
@@ -11,29 +11,39 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.geometry.cheapest_path import cheapest_path
 
 __all__ = ["fill_facade"]
 
 SEARCH_M, STEP_M = 25.0, 0.08
-"""How far along the street a column may come from, and in which steps, metres."""
-CONTEXT_M, BESIDE_M, CLOSE_M, CLOSER = 1.6, 0.4, 0.25, 6
-"""How far above, below and beside a gap what is seen is compared, and how close to it that counts so many times, metres."""
-WITH_M = 0.16
-"""How far along the street columns are compared together, metres."""
-DIFFERENT, COLOUR = 0.5, 0.05
-"""Squared difference of colours, as shares of the plaster's, above which they are no more different; and what that of the plaster
-itself counts: another house may have the same windows."""
+"""Distance along the street that a column may come from, and the grid of shifts, metres: several houses, and a tenth of a window's
+width. Chosen on the two sample streets."""
+CONTEXT_M, BESIDE_M = 1.6, 0.4
+"""Heights above and below a gap, and lengths beside it, within which columns are compared, metres: to the sills and lintels of the
+floor above. Chosen on the two sample streets."""
+CLOSE_M, CLOSE_WEIGHT = 0.25, 6
+"""Distance from the gap, metres, within which a difference counts this many times: there the filling must join. Chosen on the two
+sample streets."""
+TOGETHER_M = 0.16
+"""Half length along the street over which columns are compared together, metres: a single column fits by chance."""
+DIFFERENT = 0.5
+"""Squared difference of colours, as shares of the plaster's, at which differences are clipped. Chosen on the two sample streets."""
+PLASTER_COST = 0.05
+"""Weight of the difference between the plaster's colours: another house may have the same windows. Chosen on the two sample
+streets."""
 WALL_M, HUE, LEVEL = 1.0, 0.2, 0.4
-"""How far around the plaster's colour is read, metres, and how much hue and brightness may differ for something to be plaster."""
-MISSING, CHANGE, FAR = 0.25, 0.4, 5e-5
-"""Cost of a column that holds nothing for the gap, of another shift than the neighbour's, and of each step away."""
-RATIO = (0.3, 3.0)
-"""How much darker or brighter than there a column may be here."""
+"""Half length along the street over which the plaster's colour is read, metres, and standard deviations of hue and of brightness
+(shares) within which something is plaster. Chosen on the two sample streets."""
+MISSING_COST, CHANGE_COST, DISTANCE_COST = 0.25, 0.4, 5e-5
+"""Costs, in clipped squared differences, of a column that holds nothing for the gap, of another shift than the neighbour's, and of
+each step of distance. Chosen on the two sample streets."""
+RATIO_LIMITS = (0.3, 3.0)
+"""Limits of the ratio by which a copied column is darkened or brightened to the plaster here: beyond, it is another house."""
 
 
 def fill_facade(color: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Mask]:
-    """Fill what is wanted.
+    """Fill the ``wanted`` texels of a facade.
 
     Args:
         color: (A, B, 3), rows along the street; known: (A, B) texels that were seen; wanted: (A, B) to fill.
@@ -50,11 +60,11 @@ def fill_facade(color: Float32, known: Mask, wanted: Mask, *, texels_per_m: floa
     if not len(rows):
         return result, filled
     wall = _plaster(color, known, texels_per_m)
-    ratio = np.clip(wall[rows] / np.maximum(wall[source], 1e-3), *RATIO)[:, None]
+    ratio = np.clip(wall[rows] / np.maximum(wall[source], 1e-3), *RATIO_LIMITS)[:, None]
     # Windows and doors do not take the colour of the plaster around them.
-    own = _likeness(color[source], wall[source][:, None])
+    plaster = _likeness(color[source], wall[source][:, None])
     take = wanted[rows] & known[source]
-    result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**own, 0, 1), result[rows])
+    result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**plaster, 0, 1), result[rows])
     filled[rows] = take
     return result, filled
 
@@ -80,9 +90,9 @@ def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[ND
     near = np.ones((2 * int(BESIDE_M * per_m) + 1, 2 * int(CONTEXT_M * per_m) + 1), np.uint8)
     asked = wanted.astype(np.uint8)
     close = np.ones((2 * int(CLOSE_M * per_m) + 1,) * 2, np.uint8)
-    # What adjoins the gap must go on in it, what is farther off tells which part of the front it is.
-    context = known * (cv2.dilate(asked, near) + (CLOSER - 1) * cv2.dilate(asked, close)).astype(np.float32)
-    along = 2 * int(WITH_M * per_m) + 1
+    # What adjoins the gap must continue in it; what is farther off says which part of the facade it is.
+    context = known * (cv2.dilate(asked, near) + (CLOSE_WEIGHT - 1) * cv2.dilate(asked, close)).astype(np.float32)
+    along = 2 * int(TOGETHER_M * per_m) + 1
 
     def summed(values: NDArray[np.float32]) -> Float32:
         return cv2.blur(values[:, None], (1, along))[:, 0]
@@ -110,32 +120,28 @@ def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[ND
         total, count = summed(total), summed(count)
         # What cannot be compared counts as rather different.
         mean = (total + 0.5 * DIFFERENT * np.maximum(needed - count, 0)) / np.maximum(needed, 1e-6)
-        mean[target] += COLOUR * np.minimum((other**2).sum(axis=1), DIFFERENT)
-        cost[:, k] = mean + MISSING * lacks / np.maximum(missing, 1) + FAR * abs(d)
+        mean[target] += PLASTER_COST * np.minimum((other**2).sum(axis=1), DIFFERENT)
+        cost[:, k] = mean + MISSING_COST * lacks / np.maximum(missing, 1) + DISTANCE_COST * abs(d)
     shift = np.zeros(rows, dtype=np.int64)
     possible = np.zeros(rows, dtype=bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], gap.astype(np.int8), [0]])))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        way = _cheapest(cost[first:last])
+        way = _steadiest(cost[first:last])
         shift[first:last] = shifts[way]
         possible[first:last] = True
     return shift, possible
 
 
-def _cheapest(cost: Float32) -> NDArray[np.int64]:
-    """(A,) choices of the cheapest way through ``cost`` (A, D), every change of the choice costing the same."""
-    total = cost[0].astype(np.float64)
-    came = np.zeros(cost.shape, dtype=np.int64)
-    for r in range(1, len(cost)):
+def _steadiest(cost: Float32) -> NDArray[np.int64]:
+    """(A,) columns of the cheapest path through ``cost`` (A, D), every change of the choice costing the same."""
+    choices = np.arange(cost.shape[1])
+
+    def step(total: Float64) -> tuple[NDArray[np.int64], Float64]:
         best = int(total.argmin())
-        stay = total <= total[best] + CHANGE
-        came[r] = np.where(stay, np.arange(cost.shape[1]), best)
-        total = np.where(stay, total, total[best] + CHANGE) + cost[r]
-    way = np.zeros(len(cost), dtype=np.int64)
-    way[-1] = int(total.argmin())
-    for r in range(len(cost) - 1, 0, -1):
-        way[r - 1] = came[r, way[r]]
-    return way
+        stay = total <= total[best] + CHANGE_COST
+        return np.where(stay, choices, best), np.where(stay, total, total[best] + CHANGE_COST)
+
+    return cheapest_path(cost, step)
 
 
 def _likeness(color: Float32, plaster: Float32) -> Float32:
@@ -146,7 +152,7 @@ def _likeness(color: Float32, plaster: Float32) -> Float32:
 
 
 def _plaster(color: Float32, known: Mask, texels_per_m: float) -> Float32:
-    """(A, 3) the colour that most of the front has, by place along the street."""
+    """(A, 3) the colour that most of the facade has, by place along the street."""
     half = max(1, int(WALL_M * texels_per_m))
     hop = max(1, half // 4)
     centres = np.arange(0, len(color) + hop, hop)

@@ -1,7 +1,7 @@
-"""Lines across the street: bay markings, stop lines, joints. A median per lateral offset knows nothing of them.
+"""Transverse markings: bay lines, stop lines, joints across the street, which a median per lateral offset does not hold.
 
-Whether a line that is seen at one lateral offset goes on at another is counted along the street; where such lines stand at
-regular distances, those that nobody saw stand there too.
+A line seen at one lateral offset is continued at another if the street's other lines go on there as well. Where lines repeat at a
+regular distance (parking bays), the row is completed.
 """
 
 from __future__ import annotations
@@ -15,31 +15,45 @@ from scipy.ndimage import label
 
 from unveil_core.base.types import Float32, Mask
 
-__all__ = ["continue_crossings"]
+__all__ = ["continue_transverse_markings"]
 
 BIN_M = 0.2
-"""Width of the strips along the street that lines are looked for in, metres."""
+"""Width in t of the strips that lines are looked for in, metres: the width of a parking bay's corner mark. Chosen on the two
+sample streets."""
+KNOWN_SHARE = 0.6
+"""Share of a strip's width in a row that must be seen for the row to be judged."""
 CONTRAST = 0.1
-"""How much brighter a line is than its surroundings along the street."""
+"""Difference of luma, in [0, 1], from the street before and behind it that makes a line. Worn paint on asphalt has about twice as
+much; chosen on the two sample streets."""
 LONGEST_M = 0.5
-"""What is longer along the street is no line, metres."""
+"""Longest extent of a line along s, metres: a stop line's. The bars of a zebra crossing are longer and are not continued."""
 ACROSS_M = 2.6
-"""How far a line may be followed across the street, metres."""
-SURE = 0.6
-"""Of the lines at one strip, the share that goes on at another, from which on all are taken to."""
+"""How far a line may be followed across the street, metres: a parallel bay is 2 to 2.5 m wide. Perpendicular bays (5 m) and whole
+lanes (3.5 m) are not crossed."""
+CONTINUATION_SHARE = 0.6
+"""Share of the lines at one strip that must be seen at another for all of them to be continued there. Chosen on the two sample
+streets."""
 PERIODS_M = (2.0, 15.0)
-"""Distances at which lines may repeat, metres."""
+"""Shortest and longest distance at which lines may repeat, metres: a perpendicular bay, and a parallel one for a lorry."""
+PERIOD_TOLERANCE = 0.04
+"""Relative difference within which one period is a multiple of another."""
 LEAST_EVENTS = 3
-HIDDEN = 0.3
-"""What a line that is supposed where nobody could see it takes from the belief in a distance; a line that is seen adds one."""
+"""Fewest lines that make a period."""
+UNSEEN_LINE_PENALTY = 0.3
+"""Taken from the score of a period for each line that it predicts in ground that nobody saw; each observed line on it adds 1.
+Chosen on the two sample streets."""
+MISSED_LINE_PENALTY = 2.0
+"""Taken from the score for each line that it predicts in ground that was seen to have none. Chosen on the two sample streets."""
 FARTHEST = 2.5
-"""How many distances beyond the lines that were seen others are taken to follow."""
+"""How far beyond the observed lines a row is completed, in periods. Chosen on the two sample streets."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Strips:
-    """Attributes:
-    marked, known: (A, S) bool per row and strip; width: of a strip, texels.
+    """Where lines were seen, on a grid that is coarse across the street.
+
+    Attributes:
+        marked, known: (A, S) bool per row and strip: a line, and enough seen to tell; width: of a strip, texels.
     """
 
     marked: Mask
@@ -47,11 +61,13 @@ class _Strips:
     width: int
 
 
-def continue_crossings(detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Float32]:
+def continue_transverse_markings(
+    detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float
+) -> tuple[Float32, Float32]:
     """Continue lines across the street into what nobody saw.
 
     Args:
-        detail: (A, B, 3) of a straightened chart, what differs from the lateral offset's median.
+        detail: (A, B, 3) of a rectified chart, the difference from the lateral offset's median.
         known: (A, B) where it was seen; wanted: (A, B) where it is asked for.
     Returns:
         detail (A, B, 3) of the continued lines, and how much of it is line (A, B), 0 to 1, within ``wanted``.
@@ -78,11 +94,11 @@ def continue_crossings(detail: Float32, known: Mask, wanted: Mask, *, texels_per
         for middle in _events(np.repeat(added[:, strip, None], 2, axis=1))[0]:
             first = round(middle) - half
             rows = slice(max(0, first), min(len(detail), first + len(section)))
-            own = slice(rows.start - first, rows.stop - first)
-            place = wanted[rows, columns] * solid[own, None]
+            part = slice(rows.start - first, rows.stop - first)
+            place = wanted[rows, columns] * solid[part, None]
             better = place > share[rows, columns]
             share[rows, columns] = np.where(better, place, share[rows, columns])
-            result[rows, columns] = np.where(better[..., None], section[own, None], result[rows, columns])
+            result[rows, columns] = np.where(better[..., None], section[part, None], result[rows, columns])
     return result, share
 
 
@@ -112,7 +128,7 @@ def _strips(luma: Float32, known: Mask, texels_per_m: float) -> _Strips:
     seen = known[cut].reshape(rows, count, width)
     many = seen.sum(axis=2)
     value = np.where(seen, luma[cut].reshape(rows, count, width), 0).sum(axis=2) / np.maximum(many, 1)
-    sure = many > 0.6 * width
+    sure = many > KNOWN_SHARE * width
     value = np.where(sure, value, 0).astype(np.float32)
     # A line stands out from what lies before and behind it.
     longest = 2 * (round(LONGEST_M * texels_per_m) // 2) + 1
@@ -140,7 +156,7 @@ def _followed(strips: _Strips, goes_on: NDArray[np.float64]) -> Mask:
     """Marks (A, S), those at unknown places included that lie in the row of a seen mark which goes on there."""
     marked = strips.marked.copy()
     for b in range(marked.shape[1]):
-        sources = np.flatnonzero(goes_on[:, b] > SURE)
+        sources = np.flatnonzero(goes_on[:, b] > CONTINUATION_SHARE)
         # The nearest strip that is known decides.
         open_ = ~strips.known[:, b]
         for a in sources[np.argsort(np.abs(sources - b))]:
@@ -184,7 +200,7 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
 def _times(long: float, short: float) -> int:
     """How many times one distance goes into another, 0 if it does not."""
     times = round(long / short)
-    return times if abs(long - times * short) < 0.04 * long else 0
+    return times if abs(long - times * short) < PERIOD_TOLERANCE * long else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,17 +218,17 @@ class _Kind:
 
 def _groups(strips: _Strips, goes_on: NDArray[np.float64]) -> list[NDArray[np.int64]]:
     """Runs of strips over which lines go on."""
-    linked = (goes_on > SURE) | (goes_on.T > SURE)
-    left = set(np.flatnonzero(strips.marked.any(axis=0)).tolist())
+    linked = (goes_on > CONTINUATION_SHARE) | (goes_on.T > CONTINUATION_SHARE)
+    ungrouped = set(np.flatnonzero(strips.marked.any(axis=0)).tolist())
     groups = []
-    while left:
-        group = {min(left)}
+    while ungrouped:
+        group = {min(ungrouped)}
         while True:
             more = {int(b) for a in group for b in np.flatnonzero(linked[a])} | group
             if more == group:
                 break
             group = more
-        left -= group
+        ungrouped -= group
         if len(group) >= 3:
             groups.append(np.arange(min(group), max(group) + 1))
     return groups
@@ -227,7 +243,7 @@ def _kind(strips: _Strips, marked: Mask, members: NDArray[np.int64]) -> _Kind:
         strip = int(members[0 if step < 0 else -1]) + step
         while 0 <= strip < count:
             seen = rows[strips.known[rows, strip]]
-            if not len(seen) or strips.marked[seen, strip].mean() <= SURE:
+            if not len(seen) or strips.marked[seen, strip].mean() <= CONTINUATION_SHARE:
                 break
             members = np.sort(np.append(members, strip))
             strip += step
@@ -271,7 +287,13 @@ def _fit(events: NDArray[np.float64], unseen: Mask, period: float) -> tuple[floa
         hidden = sum(1 for p in empty if unseen[min(len(unseen) - 1, max(0, round(p)))])
         missed = len(empty) - hidden
         # Of two distances that explain the same lines the one that supposes fewer others is meant.
-        score = hits - 2.0 * missed - HIDDEN * hidden - (len(events) - hits) - 0.1 * float(off[off < slack].mean())
+        score = (
+            hits
+            - MISSED_LINE_PENALTY * missed
+            - UNSEEN_LINE_PENALTY * hidden
+            - (len(events) - hits)
+            - 0.1 * float(off[off < slack].mean())
+        )
         regular = hits >= min(LEAST_EVENTS, len(events)) and hits >= 0.7 * len(events) and missed <= hits / 4
         regular &= hits > hidden
         if regular and (best is None or score > best[2]):

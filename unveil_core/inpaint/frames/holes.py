@@ -110,7 +110,7 @@ def look_behind(
     if layer is None:
         nothing = np.zeros_like(task.removed)
         return Behind(out, solid, None, nothing, nothing, task.unobserved)
-    look = layer.look(task.camera, task.removed if around is None else task.removed | around)
+    look = layer.sample(task.camera, task.removed if around is None else task.removed | around)
     # Lower than a knee above the ground nothing is left that stands on the street: what renders there is the
     # underside of what went. Where labels tell, only what bears one of the ground is, and a bush goes down to its foot.
     ground = layer.chart.ground

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
+from unveil_core.geometry.images import area_px
 from unveil_core.inpaint.frames.holes import Hole
 
 __all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
@@ -78,15 +79,17 @@ def plan_keyframes(
         order: "reverse", last to first, a place left to the view that sees it much sharper; "forward", first to last, each
             place invented where it is met, for comparison.
         given: indices that are keyframes, and no others.
-        least_px: a frame that would newly show fewer pixels is no keyframe, unless given.
+        least_px: a frame that would newly show fewer pixels is no keyframe, unless given; at 384x256, in proportion in larger
+            images.
     """
     late = np.asarray(times, dtype=np.float64) * (1.0 if order == "reverse" else -1.0)
     areas = [hole.area() for hole in holes]
     counts = [np.ones(len(a), dtype=bool) for a in areas]
+    least = np.array([area_px(hole.mask.shape, least_px) for hole in holes])
     if given is None:
         if order == "reverse":
             counts = [~sharper_elsewhere(hole, [h for h in holes if h is not hole]) for hole in holes]
-        chosen = _greedy(holes, areas, counts, late, least_px)
+        chosen = _greedy(holes, areas, counts, late, least)
     else:
         chosen = list(given)
     turns = sorted(range(len(holes)), key=lambda i: (-late[i], i))
@@ -97,7 +100,7 @@ def plan_keyframes(
         own = free[i]
         if order == "reverse":
             own = own & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
-        if given is None and own.sum() < least_px:
+        if given is None and own.sum() < least[i]:
             continue  # what it was chosen for, frames chosen after it and met before it show together
         leaves = np.zeros_like(holes[i].mask)
         leaves[holes[i].mask] = free[i] & ~own
@@ -108,7 +111,7 @@ def plan_keyframes(
 
 def _greedy(
     holes: Sequence[Hole], areas: Sequence[NDArray[np.float64]], counts: Sequence[Mask], late: NDArray[np.float64],
-    least_px: int,
+    least: NDArray[np.int64],
 ) -> list[int]:  # fmt: skip
     """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
     free = [np.ones(len(a), dtype=bool) for a in areas]
@@ -117,7 +120,7 @@ def _greedy(
     chosen: list[int] = []
     taken = 0.0
     while True:
-        able = np.flatnonzero((pixels >= least_px) & (newly > LEAST_SHARE * taken))
+        able = np.flatnonzero((pixels >= least) & (newly > LEAST_SHARE * taken))
         able = able[~np.isin(able, chosen)]
         if not len(able):
             return chosen

@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.images import area_px, border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.frames.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
@@ -29,11 +29,16 @@ from unveil_core.raster import render
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["Painted", "paint_along"]
+__all__ = ["Painted", "paint_along", "tint"]
 
 
 RING_PX = 14
-"""How far around the mask the photograph's own ground is compared with the chart."""
+"""How far around the mask the photograph's own ground is compared with the chart, pixels at 384, in proportion in wider images."""
+LEAST_RING_PX = 30
+"""Fewer pixels of it, at 384x256, say nothing."""
+TINT = 0.05
+"""A photograph may differ so much from the chart by shade and texture alone; from there on it counts as exposure, in full at
+twice as much. Levels from 0 to 1."""
 FINE_TEXELS = 4.0
 """A pixel that covers more of the chart along the street starts to be taken from it."""
 STEEP = 0.1
@@ -82,7 +87,8 @@ def paint_along(
         single_image: invents what nobody saw and is not ground.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
         label_count: K; near, far: metres.
-        least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene.
+        least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene; at 384x256, in
+            proportion in larger images.
         reference: paints what another frame has invented, by that frame; the surfels alone carry it by default.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
@@ -146,7 +152,7 @@ class _View:
         Args:
             scene: without the removed, with what was invented so far.
             leaves: (H, W) pixels of the hole that are to be invented by another frame.
-            least_px: invented pixels become surfels if they are so many.
+            least_px: invented pixels become surfels if they are so many, see :func:`paint_along`.
         Returns:
             the frame, and the surfels of what it invented.
         """
@@ -163,7 +169,7 @@ class _View:
             rest = empty & ~carried
         if own.any():
             image = fill_around(self.single_image, image, rest)
-            if int(own.sum()) >= least_px:
+            if int(own.sum()) >= area_px(own.shape, least_px):
                 depth = missing_depth(behind, empty) if depth is None else depth
                 label = _nearest_label(scene, task.camera, empty, self.label_count, self.near, self.far)
                 seeds = [seed_pixels(task.camera, image, depth, label, own, sh_degree=self.left.sh_degree)]
@@ -179,7 +185,7 @@ class _View:
         """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
         layer = self.layer
         border = border_px(task.camera.width)
-        ring = grow(task.removed, RING_PX) & ~grow(task.removed, border)
+        ring = grow(task.removed, max(RING_PX, round(RING_PX * task.camera.width / 384))) & ~grow(task.removed, border)
         around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), border)
         behind = look_behind(task, scene, layer, around, near=self.near, far=self.far)
         out, solid, ground = behind.out, behind.solid, behind.ground
@@ -192,7 +198,7 @@ class _View:
         look = behind.look
         if look is not None:
             plain = ring & look.covered & ~behind.in_front & ~look.shadow & _shows_ground(look.depth, out)
-            fill[ground] = look.color[ground] + _tint(original, look.color, plain)
+            fill[ground] = look.color[ground] + tint(original, look.color, plain)
             on_ground = look.replaced | _shows_ground(look.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
             shadow = grow(look.shadow, border) & look.covered & ~behind.in_front & ~task.removed & on_ground
@@ -214,14 +220,15 @@ class _View:
         return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, behind
 
 
-def _tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
+def tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(3,) what has to be added to the chart's colours to meet this photograph's beside its holes: exposure and white
     balance change from frame to frame. One value a frame; local differences are shade, which must not be dragged in."""
-    if plain.sum() < 30:
+    if plain.sum() < area_px(plain.shape, LEAST_RING_PX):
         return np.zeros(3, dtype=np.float32)
     tint: NDArray[np.float32] = np.median((original - chart)[plain], axis=0).clip(-0.15, 0.15).astype(np.float32)
-    # Less than this is shade and texture, not exposure.
-    return tint if float(np.abs(tint).max()) > 0.05 else np.zeros(3, dtype=np.float32)
+    # By degrees: where it was all or nothing, frames on either side of the limit would flicker.
+    share = np.clip((np.abs(tint).max() - TINT) / TINT, 0, 1)
+    return (share * tint).astype(np.float32)
 
 
 def _steep(gain: NDArray[np.float32], border: int) -> NDArray[np.float32]:

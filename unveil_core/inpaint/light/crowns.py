@@ -1,6 +1,6 @@
-"""Trees all round: a drive sees the near side of a crown, and the sun is stopped by the whole of it.
+"""Completes the crowns of trees for the shadow map: a drive sees the near side of a crown, and the whole of it stops the sun.
 
-A crown is taken to be as deep behind its trunk as it is before it: its surfels are repeated, turned by half a turn about the trunk.
+A crown is assumed symmetric about its trunk: its surfels are repeated, turned by half a turn.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["complete_crowns"]
 
 FOOT_M = (0.4, 1.6)
-"""Heights between which a tree is a trunk, metres."""
+"""Heights over the ground between which a tree is only its trunk, metres: of street trees, kept clear for traffic; not of
+conifers and hedges, which are left as they are."""
 THICK_M = 0.9
-"""What is thicker is no trunk but a bush, whose far side is anyone's guess, metres."""
+"""Widest extent of a trunk, metres; wider things at this height are bushes. Old plane trees are wider and are not completed."""
 CROWN_M = 4.0
-"""How far from its trunk a crown reaches, metres."""
+"""Radius of a crown about its trunk, metres: of street trees."""
 LEAST = 8
-"""Surfels that a trunk has at least."""
+"""Fewest surfels of a trunk. Chosen on the two sample streets."""
+CELL_M = 0.25
+"""Cells of the ground in which low surfels are put together to trunks, metres: cells that touch are one."""
 
 
 def complete_crowns(plants: Surfels, ground: Ground) -> Surfels:
@@ -66,21 +69,20 @@ def complete_crowns(plants: Surfels, ground: Ground) -> Surfels:
 
 
 def _trunks(low: Float64, high: Float64) -> Float64:
-    """(T, 2) middles of what is narrow near the ground and carries something, from horizontal positions (N, 2)."""
+    """(T, 2) middles of trunks: narrow near the ground (N, 2 horizontal positions ``low``), with something above (``high``)."""
     if not len(low) or not len(high):
         return np.zeros((0, 2))
-    cell = 0.25
-    index = np.floor((low - low.min(axis=0)) / cell).astype(np.int64)
+    index = np.floor((low - low.min(axis=0)) / CELL_M).astype(np.int64)
     places, member = np.unique(index, axis=0, return_inverse=True)
     # Cells that touch, also at a corner, belong together.
     group = connected_points(places.astype(np.float64), 1.5)[member.ravel()]
     above = cKDTree(high)
     middles = []
     for g in np.unique(group):
-        own = low[group == g]
-        if len(own) < LEAST or np.ptp(np.percentile(own, [5, 95], axis=0), axis=0).max() > THICK_M:
+        foot = low[group == g]
+        if len(foot) < LEAST or np.ptp(np.percentile(foot, [5, 95], axis=0), axis=0).max() > THICK_M:
             continue
-        middle = np.median(own, axis=0)
+        middle = np.median(foot, axis=0)
         if above.query_ball_point(middle, CROWN_M / 2, return_length=True) >= 5 * LEAST:
             middles.append(middle)
     return np.array(middles).reshape(-1, 2)

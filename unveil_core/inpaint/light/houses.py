@@ -1,4 +1,4 @@
-"""Houses as solid columns: what parked cars hide of a wall, or the pictures' border cuts off, lets no light through either."""
+"""Completes houses for the shadow map: as solid columns, because what cars or the image's border hide of a wall stops light too."""
 
 from __future__ import annotations
 
@@ -14,41 +14,50 @@ from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["as_high_as_beside", "flush_with_fronts", "of_something_long", "solid_columns"]
+__all__ = ["as_high_as_beside", "flush_with_facades", "of_something_long", "solid_columns"]
 
 COLUMN_M = 0.3
-"""Edge of the columns that solid things are filled in, metres."""
+"""Side of the columns that solid things are filled in, metres: moves an outline's shadow by half of it. Chosen on the two sample
+streets."""
 BEYOND_M = 16.0
-"""How far houses go on where the drive begins and ends, metres."""
+"""Length of the houses that are added beyond both ends of the drive, metres: beside the first camera nobody saw any, and their
+shadows reach into the drive. Chosen on the two sample streets."""
 LAST_M, OVERLAP_M = 3.3, 1.2
-"""How much of the last house tells where its front is, and how far what follows overlaps with it, metres."""
+"""Length of the last house that gives the facade's offset for what is added, and by how much that overlaps it, metres. Chosen on
+the two sample streets."""
 GOES_ON_M = 3.0
-"""How far the last house that was seen is taken to go on, metres."""
+"""Length by which the last observed house is extended unless the shadows say otherwise, metres. Chosen on parked_street."""
 FOOT_M = 1.0
-"""Up to here a house is the ground's end, metres."""
+"""Height over the ground up to which columns keep their full thickness, metres: no light must come through at a wall's foot."""
 NEXT_AFTER_M, NEXT_HIGH_M = tuple(np.arange(0.0, 9.1, 0.5)), (0.0, *np.arange(3.0, 15.1, 1.0))
-"""Where the next house may begin after the last that was seen, and how high it may be, metres."""
+"""Distances from the last observed house at which the next may begin, and heights that it may have, metres: up to a side street's
+width, and from none to five floors."""
 OVER_M = 0.4
-"""How far over the top of a column nothing must be seen for it to end there, metres."""
+"""Height over a column's top that must lie in some image for its top to be believed, metres."""
 LEAST_M = 2.0
-"""Length along the street of the shortest wall, metres."""
+"""Shortest wall along the street, metres: shorter things that are labelled as houses are lamps and pillars."""
 DENSE_M = 1.2
-"""How far along a front its top is found at least once, metres."""
-FRONT_M, EAVES_M = 3.0, 1.0
-"""Half length of the stretch over which a front is straight, and how far behind it a house is as high as its eaves, metres."""
+"""Length of facade within which its top is found at least once, metres; gaps and chimneys up to that length are filtered out."""
+FACADE_M, EAVES_M = 3.0, 1.0
+"""Half length of the stretch over which a facade is straight, and depth behind it within which a house is as high as its eaves,
+metres. Chosen on the two sample streets."""
 HOUSE_M, BESIDE_M = 2.0, 10.0
-"""Least height of a house, and how far along it its height is carried, metres."""
+"""Least height of a house, and distance along the street over which a height is carried to where the image cuts it off, metres.
+Chosen on the two sample streets."""
+PART_OF_HEIGHT = 0.6
+"""Share of the facade's height under which something stands before the house, as a fence does."""
 
 
 def solid_columns(
     chart: StreetChart, surfels: Surfels, solid: Sequence[int], cameras: Sequence[Camera],
     judge: Callable[[Surfels], float | None] | None = None,
 ) -> Surfels:  # fmt: skip
-    """Discs in the columns under the tops of what is solid, for what parked cars hid of it lets no light through.
+    """Discs that fill the columns under the tops of solid things, and houses beyond both ends of the drive.
 
     Args:
-        judge: how well the shadows of some discs agree with what is seen of the ground, more is better; None where nothing
-            is seen of them. It decides how the houses go on where the drive begins and ends.
+        solid: labels of what is solid down to the ground.
+        judge: how well the shadows of given discs agree with the observed ground, more is better; None where no ground is
+            observed. It decides where the houses beyond the drive's ends begin and how high they are.
     """
     path, cell = chart.ground.path, COLUMN_M
     street = path.to_street(surfels.means.detach().double().numpy())[np.isin(surfels.labels.numpy(), list(solid))]
@@ -59,21 +68,21 @@ def solid_columns(
     np.maximum.at(top, member.ravel(), street[:, 2] - foot)
     long = of_something_long(columns)
     columns, top = columns[long], top[long]
-    flush = ~_before_front(columns * cell, columns * cell, slack=1.5 * cell)
+    flush = ~_protruding(columns * cell, columns * cell, slack=1.5 * cell)
     columns, top = columns[flush], top[flush]
     top = as_high_as_beside(chart, columns * cell, top, cameras)
     parts, tops = [columns], [top]
     for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
 
-        def told(on: float, high: float, end: _End = end) -> float:
-            score = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))
-            return 0.0 if score is None else score
+        def score(on: float, high: float, end: _End = end) -> float:
+            found = None if judge is None else judge(_discs(chart, *end.drawn_out(on, high), surfels.sh_degree))
+            return 0.0 if found is None else found
 
-        # The last house goes on a little; the next one is as high as the others here, as long as nothing speaks against it.
+        # By default the last house is extended a little, and the next one is as high as the others on this side.
         on, high = GOES_ON_M, end.typical
         if judge is not None:
-            high = max((high, *NEXT_HIGH_M), key=lambda h: told(on, h))
-            on = max((on, *NEXT_AFTER_M), key=lambda o: told(o, high))
+            high = max((high, *NEXT_HIGH_M), key=lambda h: score(on, h))
+            on = max((on, *NEXT_AFTER_M), key=lambda o: score(o, high))
         drawn, height = end.drawn_out(on, high)
         parts.append(drawn)
         tops.append(height)
@@ -86,7 +95,7 @@ def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float
     levels = np.arange(1, int(np.ceil(top.max(initial=0.0) / cell)) + 1) * cell
     which, level = np.nonzero(levels[None] < top[:, None])
     at = columns[which] * cell
-    # A column is as thick as its discs: its face, not its middle, is the front. At the foot no light must come through.
+    # A column is as thick as its discs: its face, not its middle, is the facade. At the foot no light must come through.
     at[:, 1] += np.where(levels[level] > FOOT_M, np.sign(at[:, 1]) * cell / 2, 0.0)
     height = chart.ground.height_at(at[:, 0], at[:, 1]) + levels[level]
     points = path.to_world(np.stack([at[:, 0], at[:, 1], height], axis=1))
@@ -104,20 +113,20 @@ def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float
     return concatenate(parts)
 
 
-def flush_with_fronts(chart: StreetChart, surfels: Surfels, solid: Sequence[int]) -> NDArray[np.bool_]:
-    """(N,) bool, all surfels but those of houses that float before these: what others hide of a front is drawn out towards the
-    cameras, and high up that casts a shadow far over the street."""
+def flush_with_facades(chart: StreetChart, surfels: Surfels, solid: Sequence[int]) -> NDArray[np.bool_]:
+    """(N,) bool, False for surfels of houses that float in front of their facade: reconstruction draws hidden parts of a wall out
+    towards the cameras, and high up that casts a shadow far over the street."""
     street = chart.ground.path.to_street(surfels.means.detach().double().numpy())[:, :2]
     houses = np.flatnonzero(np.isin(surfels.labels.numpy(), list(solid)))
     columns = np.unique(np.round(street[houses] / COLUMN_M).astype(np.int64), axis=0)
     columns = columns[of_something_long(columns)] * COLUMN_M
     result = np.ones(len(street), dtype=bool)
-    result[houses] = ~_before_front(street[houses], columns, slack=COLUMN_M)
+    result[houses] = ~_protruding(street[houses], columns, slack=COLUMN_M)
     return result
 
 
-def _before_front(points: NDArray[np.float64], houses: NDArray[np.float64], *, slack: float) -> NDArray[np.bool_]:
-    """(P,) bool, which points (P, 2), street coordinates, stand out of the houses' fronts by more than ``slack``.
+def _protruding(points: NDArray[np.float64], houses: NDArray[np.float64], *, slack: float) -> NDArray[np.bool_]:
+    """(P,) bool, which points (P, 2), street coordinates, protrude from the facades by more than ``slack`` metres.
 
     Args:
         houses: (C, 2) columns of houses.
@@ -125,20 +134,20 @@ def _before_front(points: NDArray[np.float64], houses: NDArray[np.float64], *, s
     result = np.zeros(len(points), dtype=bool)
     for left in (False, True):
         side = houses[(houses[:, 1] > 0) == left]
-        own = np.flatnonzero((points[:, 1] > 0) == left)
-        if not len(side) or not len(own):
+        index = np.flatnonzero((points[:, 1] > 0) == left)
+        if not len(side) or not len(index):
             continue
         first = side[:, 0].min()
         row = np.round((side[:, 0] - first) / COLUMN_M).astype(np.int64)
-        front = _front(side, row)
-        at = np.round((points[own, 0] - first) / COLUMN_M).astype(np.int64)
-        beside = (at >= 0) & (at < len(front))
-        result[own[beside]] = np.abs(points[own[beside], 1]) < front[at[beside]] - slack
+        facade = _facade_offset(side, row)
+        at = np.round((points[index, 0] - first) / COLUMN_M).astype(np.int64)
+        beside = (at >= 0) & (at < len(facade))
+        result[index[beside]] = np.abs(points[index[beside], 1]) < facade[at[beside]] - slack
     return result
 
 
-def _front(columns: NDArray[np.float64], row: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(R,) how far aside the front of one side's houses stands, per row: that of most rows around; inf where there is none.
+def _facade_offset(columns: NDArray[np.float64], row: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(R,) distance of one side's facade from the path per row, the median of the rows around; inf where there is none.
 
     Args:
         columns: (C, 2) street coordinates, row: (C,) of each.
@@ -146,17 +155,17 @@ def _front(columns: NDArray[np.float64], row: NDArray[np.int64]) -> NDArray[np.f
     nearest = np.full(row.max() + 1, np.inf)
     np.minimum.at(nearest, row, np.abs(columns[:, 1]))
     known = np.flatnonzero(np.isfinite(nearest))
-    half = round(FRONT_M / COLUMN_M)
-    front = np.full(len(nearest), np.inf)
+    half = round(FACADE_M / COLUMN_M)
+    facade = np.full(len(nearest), np.inf)
     for r in range(len(nearest)):
         around = known[np.abs(known - r) <= half]
         if len(around):
-            front[r] = np.median(nearest[around])
-    return front
+            facade[r] = np.median(nearest[around])
+    return facade
 
 
 def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray[np.bool_]:
-    """(P,) bool, whether some picture shows the place (P, 3), were nothing before it."""
+    """(P,) bool, whether a point (P, 3) lies in some camera's image, occlusion aside."""
     seen = np.zeros(len(points), dtype=bool)
     for camera in cameras:
         pixel, depth = camera.project(points)
@@ -165,7 +174,7 @@ def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray
 
 
 def of_something_long(columns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(C,) whether columns (C, 2) belong together with others to something as long as a house: lamps are taken for one at times."""
+    """(C,) whether columns (C, 2) belong to something as long as a house: lamps are sometimes labelled as one."""
     if not len(columns):
         return np.zeros(0, dtype=bool)
     index = columns - columns.min(axis=0)
@@ -182,8 +191,8 @@ def of_something_long(columns: NDArray[np.int64]) -> NDArray[np.bool_]:
 def as_high_as_beside(
     chart: StreetChart, at: NDArray[np.float64], top: NDArray[np.float64], cameras: Sequence[Camera]
 ) -> NDArray[np.float64]:
-    """Tops (C,) of columns at street coordinates (C, 2); houses that the pictures' border cuts off are as high as farther along,
-    where it does not."""
+    """Tops (C,) of columns at street coordinates (C, 2); where the images' border cuts a house off, its height is taken from
+    farther along."""
     result, ground = top.copy(), chart.ground
     for left in (False, True):
         side = np.flatnonzero((at[:, 1] > 0) == left)
@@ -191,13 +200,13 @@ def as_high_as_beside(
             continue
         row = np.round((at[side, 0] - at[side, 0].min()) / COLUMN_M).astype(np.int64)
         ridge = np.full(row.max() + 1, -np.inf)
-        # Roofs rise behind the front.
-        outer = np.abs(at[side, 1]) < _front(at[side], row)[row] + EAVES_M
+        # Roofs rise behind the facade.
+        outer = np.abs(at[side, 1]) < _facade_offset(at[side], row)[row] + EAVES_M
         np.maximum.at(ridge, row[outer], top[side[outer]])
         highest = np.zeros(len(ridge), dtype=np.int64)
         reaches = outer & (top[side] >= ridge[row])
         highest[row[reaches]] = side[reaches]
-        # The front is not equally dense everywhere, and chimneys are no ridge.
+        # The facade is not equally dense everywhere, and chimneys are no ridge.
         size = 2 * round(DENSE_M / COLUMN_M) + 1
         ridge = grey_opening(grey_closing(np.maximum(ridge, 0.0), size), size)
         house = np.flatnonzero(ridge > HOUSE_M)
@@ -210,9 +219,9 @@ def as_high_as_beside(
         gap = np.abs(cut[:, None] - known[None])
         raised = np.zeros(len(ridge))
         raised[cut] = np.where(gap.min(axis=1) * COLUMN_M < BESIDE_M, ridge[known][gap.argmin(axis=1)], 0.0)
-        # What is much lower than the front stands before the house.
-        front = outer & (top[side] > 0.6 * ridge[row])
-        result[side] = np.where(front, np.maximum(top[side], raised[row]), top[side])
+        # What is much lower than the facade stands before the house.
+        facade = outer & (top[side] > PART_OF_HEIGHT * ridge[row])
+        result[side] = np.where(facade, np.maximum(top[side], raised[row]), top[side])
     return result
 
 

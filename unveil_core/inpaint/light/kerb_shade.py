@@ -1,5 +1,4 @@
-"""Strips along the street with a light of their own: the face of a kerb that is turned from the sun has little to lose to another
-shadow, and one turned to it much."""
+"""The shade of kerb faces: shadow takes little from a face that is turned away from the sun, and much from one turned to it."""
 
 from __future__ import annotations
 
@@ -12,21 +11,25 @@ from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.rectify import Drift
 from unveil_core.inpaint.light.shade import DARKEST, Shade
 
-__all__ = ["shade_of_strips"]
+__all__ = ["shade_of_kerbs"]
 
 IN_SUN_M, IN_SHADE_M = 0.16, 0.3
-"""How far on either side of it there must be sun for a strip to stand in the sun, and shade to stand in the shade, metres."""
+"""Distances on both sides of an offset at which the road must lie in the sun for the offset to count as sunlit, and in shadow to
+count as shaded, metres: just wider than a kerb's face in the chart, and than a penumbra. Chosen on the two sample streets."""
 STRETCH_M, WINDOW_M = 1.5, 40.0
-"""How much of an offset must be seen in the sun and in shade, and the length of street that it is taken for, metres."""
-OTHER = 0.12
-"""A ratio that differs by more is another one."""
+"""Length of an offset that must be seen sunlit and shaded for its ratio to be read, and length of street that one ratio is read
+for, metres. Chosen on the two sample streets."""
+MIN_RATIO_DIFFERENCE = 0.12
+"""Difference of luma between the shade ratio of an offset and the road's from which on the offset keeps its own, unitless. Chosen
+on the two sample streets."""
+SUNLIT_SHARE, SHADED_SHARE = 0.1, 0.9
+"""Shares of dark texels around a place under which it lies in the sun, and over which in shadow."""
 
 
-def shade_of_strips(
+def shade_of_kerbs(
     color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: Shade, drift: Drift, *, texels_per_m: float
 ) -> Shade:
-    """The shade (see :class:`Shade`) with a ratio (A, B, 3) for every place, and dark also where a strip is, that shadow changes
-    little, between two sides in shadow.
+    """The shade with a ratio (A, B, 3) for every texel, and dark also where a kerb that shadow changes little lies in shadow.
 
     Args:
         color: (A, B, 3) of the chart; sharp: (A, B) texels that were seen well enough for a kerb to show.
@@ -42,10 +45,10 @@ def shade_of_strips(
 
     in_sun, in_shade = (
         between(sharp & state, round(metres * texels_per_m))
-        for state, metres in ((share < 0.1, IN_SUN_M), (share > 0.9, IN_SHADE_M))
+        for state, metres in ((share < SUNLIT_SHARE, IN_SUN_M), (share > SHADED_SHARE, IN_SHADE_M))
     )
-    picture, sun = drift.straightened(color, in_sun)
-    dark_picture, dark = drift.straightened(color, in_shade)
+    picture, sun = drift.rectify(color, in_sun)
+    dark_picture, dark = drift.rectify(color, in_shade)
     usual = np.asarray(shade.ratio, dtype=np.float32)
     ratio = np.broadcast_to(usual, color.shape).copy()
     window = int(WINDOW_M * texels_per_m)
@@ -54,11 +57,12 @@ def shade_of_strips(
         lit, unlit = (
             _medians(p[part], m[part], int(STRETCH_M * texels_per_m)) for p, m in ((picture, sun), (dark_picture, dark))
         )
-        own = np.clip(unlit / np.maximum(lit, 0.02), DARKEST, 1.0)
-        differs = np.abs(luminance(own) - luminance(usual)) > OTHER  # NaN does not
-        ratio[start : start + window, differs] = own[differs]
-    ratio = drift.bent(ratio)
-    return replace(shade, ratio=ratio, dark=shade.dark | (in_shade & (luminance(ratio) > luminance(usual) + OTHER / 2)))
+        found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST, 1.0)
+        differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # NaN does not
+        ratio[start : start + window, differs] = found[differs]
+    ratio = drift.unrectify(ratio)
+    spared = in_shade & (luminance(ratio) > luminance(usual) + MIN_RATIO_DIFFERENCE / 2)
+    return replace(shade, ratio=ratio, dark=shade.dark | spared)
 
 
 def _medians(picture: NDArray[np.float32], mask: NDArray[np.bool_], least: int) -> NDArray[np.float32]:

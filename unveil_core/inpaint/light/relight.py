@@ -1,4 +1,4 @@
-"""Taking the shadows of removed objects from the ground that was seen."""
+"""Relighting: takes the shadows of removed objects away from ground that was seen."""
 
 from __future__ import annotations
 
@@ -6,20 +6,29 @@ import cv2
 import numpy as np
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import luminance, masked_blur
+from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
-from unveil_core.inpaint.light.shade import Light, Shade, disc
+from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed"]
 
 PENUMBRA_M = 0.2
-"""How far on either side of a shadow's border its light may be a mixture, metres."""
-BORDER_COUNTS = 0.02
-"""What the border of a shadow tells of its light, as a share of what its inside tells."""
+"""Width on either side of a shadow's border within which sun and shade may be mixed, metres. The sun is half a degree wide: a
+roof 20 m away along the light has a penumbra of 0.2 m."""
+BORDER_WEIGHT = 0.02
+"""Weight of the border of a shadow, its inside weighing 1, where the light in it is measured: it counts only where a shadow has no
+inside."""
+TOUCH_M = 0.4
+"""Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
+metres. Chosen on the two sample streets."""
+SMOOTH_M, SPECK_M = 0.06, 0.12
+"""Blur of luma before it is compared, and the radius of dark specks and lit gaps that do not count, metres: painted lines stray by
+a few centimetres from their offset."""
 
 
 def prevailing_shade(color: Float32, seen: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float) -> Shade:
-    """Dark is what is darker than its lateral offset mostly is; no ratio, for nothing says what is shadow for good.
+    """Shade without a known sun: dark is what is darker than its lateral offset mostly is, and its ratio is 1, because nothing says
+    which shadows stay.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
@@ -27,10 +36,10 @@ def prevailing_shade(color: Float32, seen: Mask, *, shadow_ratio: float, window:
         window, hop: of the lateral profile, texels; per_m: texels per metre.
     """
     median, level = lateral_profile(color, seen, window=window, hop=hop)
-    smooth = masked_blur(luminance(color), seen, 0.06 * per_m)
+    smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
     dark = seen & (smooth < shadow_ratio * level)
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
-    opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(0.12 * per_m))
+    opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * per_m))
     scaled = median * (level / np.maximum(luminance(median), 0.02))[..., None]
     return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
 
@@ -52,7 +61,7 @@ def shadows_of_removed(
     color: Float32, seen: Mask, shade: Shade, footprint: Mask, light: Light | None, *, reach_m: float, black_ratio: float,
     per_m: float,
 ) -> tuple[Mask, Mask]:  # fmt: skip
-    """Seen texels (A, B) in the shadow of what is removed, and those that are too dark or too near to it to hold anything.
+    """Seen texels (A, B) in the shadow of removed objects, and those that are too dark or too near to them to be relit.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B); shade: of what was seen.
@@ -64,7 +73,7 @@ def shadows_of_removed(
     """
     if reach_m <= 0:
         return np.zeros_like(seen), np.zeros_like(seen)
-    touch = int(0.4 * per_m)
+    touch = int(TOUCH_M * per_m)
     near = object_shadows(shade.dark, footprint, reach=int(reach_m * per_m), touch=touch)
     if light is None:
         shadow = near
@@ -72,12 +81,12 @@ def shadows_of_removed(
         # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
         blur = 0.2 * per_m
         gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
-        contact = near & (cv2.dilate(footprint.astype(np.uint8), disc(touch)) > 0)
+        contact = near & grow(footprint, touch)
         shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
-    smooth = masked_blur(luminance(color), seen, 0.06 * per_m)
+    smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
     # Right under the object little light came, and what is nearly black has nothing to relight.
     hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
-    hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * per_m)).astype(bool) & seen
+    hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     return shadow, hopeless
 
 
@@ -93,9 +102,9 @@ def relighting_gain(
     """
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
-    # What the shadow leaves of the light is told by its inside; its border counts where there is no other.
+    # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
-    weight = np.where(inside, 1.0, BORDER_COUNTS).astype(np.float32)[..., None]
+    weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
     local = masked_blur(color * weight, relit, 0.25 * per_m)
     wanted = masked_blur(target * weight, relit, 0.25 * per_m)
     ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, 4.0)
@@ -106,9 +115,9 @@ def relighting_gain(
     # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
     level = luminance(target)
     beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)
-    own = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
+    actual = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
     # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
-    share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / own - 1) / np.maximum(ratio - 1, 0.02)
+    share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / actual - 1) / np.maximum(ratio - 1, 0.02)
     mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)
     border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]

@@ -1,8 +1,9 @@
-"""The sun and its shadows on the street chart, from the scene."""
+"""The sun and the shadows that the scene casts on the chart."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,38 +12,92 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import luminance
+from unveil_core.geometry.images import disc, grow, luminance
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
-from unveil_core.inpaint.light.houses import flush_with_fronts, solid_columns
-from unveil_core.inpaint.light.shade import CONTACT_M, Light, disc, read_shade
-from unveil_core.inpaint.light.shadow_map import cast_shadows
-from unveil_core.inpaint.light.sun import Sun, find_sun, sun_towards
+from unveil_core.inpaint.light.houses import flush_with_facades, solid_columns
+from unveil_core.inpaint.light.shade import CONTACT_M, Light, read_shade
+from unveil_core.inpaint.light.shadow_map import in_shadow
+from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["light_of_scene"]
 
 COARSE_M = 0.2
-"""Texels of the grid that the sun is looked for on, metres."""
+"""Cells of the grid that the sun is first looked for on, metres: the shadows of roofs and trees, not of posts."""
 LEVEL_M = 12.0
-"""Half length of the stretch whose bright texels tell what a lateral offset is like in the sun, metres."""
+"""Half length of the stretch whose bright texels give the sunlit level of a lateral offset, metres: longer than the shadow of a
+house along the street. Chosen on the two sample streets."""
 DARKEST_FALL = 0.7
-"""Logarithm of brightness that shadow takes at most; what is darker is no more telling."""
+"""Fall of log luminance at which darkness is clipped (half the light), so that tar and wet spots do not outweigh shadows."""
 AHEAD_M = 10.0
-"""How far beyond the ends of the drive its shadows tell where the sun stands, metres."""
+"""Distance beyond both ends of the drive up to which the ground is used to find the sun, metres: farther on, a pixel covers
+metres of street. Chosen on the two sample streets."""
 CHINK_M = 0.25
-"""Half width of gaps in a shadow that are none, metres."""
+"""Radius of lit gaps that are filled in cast shadows, metres: surfels leave holes that a wall has not."""
 BORDER_M, CLOSER_M = 5.0, 0.12
-"""Half length of the stretch that tells what is dark when the sun is looked for again, and its texels, metres."""
-AGAIN = ((6.0, 2.0), (1.5, 0.75))
-"""How far around the sun that was found it is looked for again, and in which steps, degrees."""
-LARGEST_M, TREE_M = 0.25, 1.0
-"""What is larger blurs an outline, and how far from a tree's shadow the ground says nothing of other things, metres."""
+"""Half length of the stretch for the medians, and spacing of the samples, where the direction is refined, metres: there the
+borders of shadows count. Chosen on the two sample streets."""
+REFINEMENTS = ((6.0, 2.0), (1.5, 0.75))
+"""Passes of the refinement: reach around the best direction so far, and step, degrees. The first search is right to a few
+degrees."""
+LEAST_DARK = 100
+"""Fewest dark samples that the direction is refined by."""
+LARGEST_M = 0.25
+"""Standard deviation from which on a surfel is left out of the refinement, metres: larger ones blur an outline."""
+TREE_M = 1.0
+"""Distance from a tree's shadow within which samples are left out where trees are, metres: only one side of a crown was seen."""
 AT_FOOT_M = 0.6
-"""Width of the ground at the foot of a wall whose shadow may be the wall's roughness, metres."""
+"""Width of the ground at the foot of a wall that the wall cannot shade itself, metres: there its cast shadow is the roughness of
+its surfels."""
 STANDS_M = 0.25
-"""What is lower than this over the ground casts no shadow to speak of, metres."""
+"""Height over the ground above which surfels cast shadows, metres: kerbs and the ground's own noise are lower."""
+MAP_CELL_M, MAP_BIAS_M = 0.06, 0.15
+"""Pixel of the shadow map, and how much nearer to the sun a caster must be than what it shades, metres: a texel and a half, and
+the noise of the ground's surfels."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Evidence:
+    """The observed ground by whose light and shade the sun is found; see :func:`light_of_scene`."""
+
+    chart: StreetChart
+    footprint: NDArray[np.bool_] | None
+    cameras: Sequence[Camera]
+
+    def mask(self, contact_m: float) -> NDArray[np.bool_]:
+        """(A, B) observed texels near the drive, farther than ``contact_m`` from removed objects, beside which it is dark wherever
+        the sun stands."""
+        chart = self.chart
+        observed = chart.source == OBSERVED
+        if self.footprint is not None:
+            observed &= ~grow(self.footprint, contact_m / chart.texel)
+        if self.cameras:
+            # Far ahead a pixel is a stretch of street, and a little height a great distance.
+            way = chart.ground.path.to_street(np.stack([c.centre for c in self.cameras]))[:, 0]
+            s, reach = chart.coordinates()[0], AHEAD_M
+            observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
+        return observed
+
+    def light_seen(
+        self, contact_m: float, casters: Surfels, sun: Sun
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:  # fmt: skip
+        """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,)."""
+        chart, observed = self.chart, self.mask(contact_m)
+        per_m = 1.0 / chart.texel
+        rows, columns = np.nonzero(observed)
+
+        def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
+            return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
+
+        expected = np.zeros_like(observed)
+        expected[rows, columns] = _in_shadow(chart.world(rows, columns), casters, sun.towards)
+        # What is dark must not depend on where the sun was thought to be.
+        dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
+        step = max(1, round(CLOSER_M * per_m))
+        some = (rows % step == 0) & (columns % step == 0)
+        return chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
 
 
 def light_of_scene(
@@ -56,7 +111,7 @@ def light_of_scene(
     plants: Sequence[int] = (),
     given: tuple[float, float] | None = None,
 ) -> Light | None:
-    """Find the sun by its shadows and cast those of what stays and of what goes.
+    """Find the sun by its shadows, and cast those of what stays and of what is removed.
 
     Args:
         chart: as read.
@@ -71,46 +126,61 @@ def light_of_scene(
     """
     kept, gone = (_standing(chart, surfels, STANDS_M) for surfels in (kept, gone))
     trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
-    seen_casters = concatenate([kept, gone])
+    observed = concatenate([kept, gone])
     crowns = complete_crowns(trees, chart.ground)
     kept = concatenate([kept, crowns])
+    evidence = _Evidence(chart, footprint, cameras)
+    up = chart.ground.path.axes[2]
     if given is not None:
-        sun: Sun | None = Sun(sun_towards(*given, chart.ground.path.axes[2]), 1.0, *given)
+        sun: Sun | None = Sun(sun_towards(*given, up), 1.0, *given)
     else:
-        sun = _look_for_sun(chart, footprint, cameras, concatenate([kept, gone]))
+        sun = _coarse_sun(evidence, concatenate([kept, gone]))
+        if sun is not None:
+            # Only by what was observed: the far side of a crown is a guess, good enough to come near.
+            places, is_dark = evidence.light_seen(CONTACT_M, observed, sun)
+            sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun, up)
     if sun is None:
         return None
-    if given is None:
-        # Only by what was seen itself: the far side of a crown is a guess, good enough to come near.
-        sun = _looked_again(
-            *_light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M), seen_casters, sun),
-            seen_casters, concatenate([trees, crowns]), plants, sun, chart.ground.path.axes[2],
-        )  # fmt: skip
     # Between two cars there is little else than what lies beside them.
-    places, is_dark = _light_seen(chart, _telling(chart, footprint, cameras, CONTACT_M / 4), seen_casters, sun)
-    kept = kept.select(torch.from_numpy(flush_with_fronts(chart, kept, solid)))
-    known = _cast(places, concatenate([kept, gone]), sun.towards)
+    ground = evidence.light_seen(CONTACT_M / 4, observed, sun)
+    kept = _with_solid_houses(evidence, kept, gone, solid, sun, ground)
+    of_kept, of_gone = (_cast_on_chart(chart, surfels, sun) for surfels in (kept, gone))
+    return Light(sun, of_kept, of_gone)
+
+
+def _with_solid_houses(
+    evidence: _Evidence, kept: Surfels, gone: Surfels, solid: Sequence[int], sun: Sun,
+    ground: tuple[NDArray[np.float64], NDArray[np.bool_]],
+) -> Surfels:  # fmt: skip
+    """What stays, with houses as solid columns, those beyond the drive's ends chosen by the shadows that were observed.
+
+    Args:
+        ground: world points (P, 3) and whether it is dark there (P,), see :meth:`_Evidence.light_seen`.
+    """
+    places, is_dark = ground
+    kept = kept.select(torch.from_numpy(flush_with_facades(evidence.chart, kept, solid)))
+    shaded = _in_shadow(places, concatenate([kept, gone]), sun.towards)
 
     def judge(added: Surfels) -> float | None:
-        more = _cast(places, added, sun.towards) & ~known
+        more = _in_shadow(places, added, sun.towards) & ~shaded
         # Of what only the added would darken, is more dark or light? Nothing added scores 0.
         return float(np.where(is_dark[more], 1.0, -1.0).sum()) if len(places) else None
 
-    kept = concatenate([kept, solid_columns(chart, kept, solid, cameras, judge)])
+    return concatenate([kept, solid_columns(evidence.chart, kept, solid, evidence.cameras, judge)])
+
+
+def _cast_on_chart(chart: StreetChart, casters: Surfels, sun: Sun) -> NDArray[np.bool_]:
+    """(A, B) ground in the shadow of the casters."""
     shape = chart.source.shape
     s, t = chart.coordinates()
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(t, shape[0])).reshape(shape)
     rows, columns = np.nonzero(inside)
-    points = chart.world(rows, columns)
-    planes = []
-    for surfels in (kept, gone):
-        plane = np.zeros(shape, dtype=bool)
-        plane[rows, columns] = _cast(points, surfels, sun.towards)
-        # No light comes through chinks, nor between a wall and the ground at its foot.
-        chinks = disc(CHINK_M / chart.texel)
-        plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-        planes.append(_lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel)))
-    return Light(sun, planes[0], planes[1])
+    plane = np.zeros(shape, dtype=bool)
+    plane[rows, columns] = _in_shadow(chart.world(rows, columns), casters, sun.towards)
+    # No light comes through chinks, nor between a wall and the ground at its foot.
+    chinks = disc(CHINK_M / chart.texel)
+    plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
+    return _lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel))
 
 
 def _lit_at_sunny_walls(
@@ -142,12 +212,12 @@ def _standing(chart: StreetChart, surfels: Surfels, height: float) -> Surfels:
     return surfels.select(torch.from_numpy(over > height))
 
 
-def _look_for_sun(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], casters: Surfels
-) -> Sun | None:  # fmt: skip
+def _coarse_sun(evidence: _Evidence, casters: Surfels) -> Sun | None:
+    """The sun to a few degrees, by the correlation of cast shadows with the ground's darkness."""
+    chart = evidence.chart
     step = max(1, round(COARSE_M / chart.texel))
     per_m = 1.0 / chart.texel
-    observed = _telling(chart, footprint, cameras, CONTACT_M)
+    observed = evidence.mask(CONTACT_M)
     _, lit = lateral_profile(chart.color, observed, window=int(LEVEL_M * per_m), hop=int(LEVEL_M / 3 * per_m))
     fall = np.log(np.maximum(lit, 0.01)) - np.log(np.maximum(luminance(chart.color), 0.02))
     darkness = np.clip(fall, 0, DARKEST_FALL)
@@ -163,46 +233,11 @@ def _look_for_sun(
     return find_sun(mean[cells].astype(np.float32), known, s, t, chart.ground, means)
 
 
-def _telling(
-    chart: StreetChart, footprint: NDArray[np.bool_] | None, cameras: Sequence[Camera], contact_m: float
-) -> NDArray[np.bool_]:
-    """(A, B) texels whose light tells where the sun stands."""
-    observed = chart.source == OBSERVED
-    if footprint is not None:
-        # Beside an object it is dark wherever the sun stands.
-        observed &= ~cv2.dilate(footprint.astype(np.uint8), disc(contact_m / chart.texel)).astype(bool)
-    if cameras:
-        # Far ahead a pixel is a stretch of street, and a little height a great distance.
-        way = chart.ground.path.to_street(np.stack([c.centre for c in cameras]))[:, 0]
-        s, reach = chart.coordinates()[0], AHEAD_M
-        observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
-    return observed
+def _in_shadow(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return in_shadow(points, casters, towards, cell=MAP_CELL_M, bias=MAP_BIAS_M)
 
 
-def _cast(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return cast_shadows(points, casters, towards, cell=0.06, bias=0.15)
-
-
-def _light_seen(
-    chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels, sun: Sun
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """World points (P, 3) of the ground that was ``observed`` (A, B), and whether it is dark there (P,)."""
-    per_m = 1.0 / chart.texel
-    rows, columns = np.nonzero(observed)
-
-    def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
-        return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
-
-    expected = np.zeros_like(observed)
-    expected[rows, columns] = _cast(chart.world(rows, columns), casters, sun.towards)
-    # What is dark must not depend on where the sun was thought to be.
-    dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
-    step = max(1, round(CLOSER_M * per_m))
-    some = (rows % step == 0) & (columns % step == 0)
-    return chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
-
-
-def _looked_again(
+def _refined_sun(
     places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, trees: Surfels, plants: Sequence[int],
     sun: Sun, up: NDArray[np.float64],
 ) -> Sun:  # fmt: skip
@@ -211,31 +246,31 @@ def _looked_again(
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
     Trees count half: only one side of a crown is seen, and the overlap is taken once with them and once without, away from them.
     """
-    if is_dark.sum() < 100:
+    if is_dark.sum() < LEAST_DARK:
         return sun
     # Large surfels reach beyond the outline of what they are part of.
     casters = casters.select(casters.log_scales.detach().exp().amax(dim=1) < LARGEST_M)
     hard = casters.select(torch.from_numpy(~np.isin(casters.labels.numpy(), list(plants))))
-    under = _cast(places, trees, sun.towards)
+    under = _in_shadow(places, trees, sun.towards)
     away = np.ones(len(places), dtype=bool)
     if under.any():
         away = cKDTree(places[under]).query(places, distance_upper_bound=TREE_M)[0] > TREE_M
     parts = [(places, is_dark, casters)]
-    if is_dark[away].sum() >= 100:
+    if is_dark[away].sum() >= LEAST_DARK:
         parts.append((places[away], is_dark[away], hard))
 
     def overlap(azimuth: float, elevation: float) -> float:
         total = 0.0
         for at, dark, part in parts:
-            shaded = _cast(at, part, sun_towards(azimuth, elevation, up))
+            shaded = _in_shadow(at, part, sun_towards(azimuth, elevation, up))
             total += float((shaded & dark).sum()) / max(1, int((shaded | dark).sum()))
         return total
 
     best = (-1.0, sun.azimuth, sun.elevation)
-    for reach, degrees in AGAIN:
+    for reach, degrees in REFINEMENTS:
         _, a0, e0 = best
         around = np.arange(-reach, reach + 0.01, degrees)
-        tried = [(a0 + da, float(np.clip(e0 + de, 8.0, 80.0))) for da in around for de in around]
+        tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
         best = max(best, max((overlap(a, e), a, e) for a, e in tried))
     _, azimuth, elevation = best
     return Sun(sun_towards(azimuth, elevation, up), sun.score, azimuth % 360, elevation)

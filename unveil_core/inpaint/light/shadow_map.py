@@ -1,7 +1,7 @@
-"""Which points lie in the shadow that surfels cast when the sun stands in a given direction: a shadow map.
+"""Shadow mapping: which points lie in the shadow of surfels, for a given direction of the sun.
 
-Williams, *Casting curved shadows on curved surfaces* (1978): the scene is drawn as the sun sees it, keeping what is nearest
-to the sun; a point farther from it than what is drawn at its place lies in shadow.
+Williams, *Casting curved shadows on curved surfaces* (1978): the scene is drawn as the sun sees it, keeping the depth of what is
+nearest to the sun; a point that is farther away than the depth drawn at its place lies in shadow.
 """
 
 from __future__ import annotations
@@ -14,25 +14,26 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.surfels.surfels import Surfels, rotations
 
-__all__ = ["cast_shadows"]
+__all__ = ["in_shadow"]
 
 REACH = 1.6
-"""Of its standard deviations: how far a surfel is drawn."""
+"""Radius to which a surfel is drawn, standard deviations: an opaque one is a quarter as dense there."""
 OPAQUE = 0.3
-"""Fainter surfels cast no shadow."""
+"""Opacity under which a surfel casts no shadow. Reconstruction prunes fainter ones."""
 LARGEST_PX = 64
+"""Half the side of the square that a surfel is drawn in at most, pixels: bounds the time that single huge ones take."""
 
 
-def cast_shadows(
+def in_shadow(
     points: Float64, casters: Surfels, towards_sun: Float64, *, cell: float, bias: float
 ) -> NDArray[np.bool_]:
     """Whether points lie in shadow.
 
     Args:
         points: (P, 3) world points.
-        casters: what casts; what the points themselves lie on should not be among it.
+        casters: surfels that cast shadows; the surface that the points lie on should not be among them.
         towards_sun: (3,) unit vector.
-        cell: pixel of the shadow map, metres; bias: a caster counts only if it is so much nearer to the sun, metres.
+        cell: pixel of the shadow map, metres; bias: a caster counts only if it is nearer to the sun by this, metres.
     Returns:
         (P,) bool.
     """

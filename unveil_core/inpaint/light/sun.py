@@ -1,7 +1,7 @@
-"""Where the sun stands, told by the shadows on the ground.
+"""The sun's direction, found by the shadows on the ground.
 
-Every direction is tried: where the scene's surfels would cast shadows from there is compared with where the ground is dark.
-Paint, kerb and walk differ in brightness whatever the sun does, so both are compared within a lateral offset only.
+Every direction is tried: the shadows that the scene's surfels would cast from there are correlated with the darkness of the ground.
+Paint, kerb and sidewalk differ in brightness whatever the sun does, so both are compared within a lateral offset only.
 """
 
 from __future__ import annotations
@@ -15,20 +15,32 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 
-__all__ = ["Sun", "find_sun", "sun_towards"]
+__all__ = ["ELEVATION_LIMITS", "Sun", "find_sun", "sun_towards"]
 
 LEAST_SCORE = 0.25
-"""Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight."""
-LARGEST_FALL = 30.0
-"""Metres that a shadow may fall from the top of what casts it; higher tops are as good as unknown."""
+"""Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight. Chosen on the two sample
+streets."""
+STANDS_M, HIGHEST_M = 0.3, 30.0
+"""Heights over the ground between which surfels cast, metres: lower ones shade only themselves, of higher ones too little is seen.
+Chosen on the two sample streets."""
+MOST_CASTERS = 12_000
+"""Surfels whose shadows are drawn for each of a few hundred directions, evenly taken from all: the time of a search."""
+ELEVATION_LIMITS = (8.0, 80.0)
+"""Elevations that are tried, degrees: lower, shadows are longer than the street is seen; higher, a shadow lies under its object,
+and noon in the tropics is not found."""
+SEARCH = ((10.0, 180.0, 30.0), (4.0, 8.0, 8.0), (1.5, 3.0, 3.0), (0.5, 1.0, 1.0))
+"""Passes of the search, each around the best direction so far (first: due north, 45 degrees high): step, reach in azimuth and
+reach in elevation, degrees. The last step is the sun's own width."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sun:
-    """Attributes:
-    towards: (3,) unit vector to the sun, in the drive's frame.
-    score: correlation of its shadows with the dark ground, 1 where it was given.
-    azimuth, elevation: degrees, see :func:`sun_towards`.
+    """The direction of the sun.
+
+    Attributes:
+        towards: (3,) unit vector to the sun, in the drive's frame.
+        score: correlation of its shadows with the dark ground, 1 where it was given.
+        azimuth, elevation: degrees, see :func:`sun_towards`.
     """
 
     towards: Float64
@@ -71,10 +83,9 @@ def find_sun(
     up = ground.path.axes[2]
     foot = ground.path.to_street(casters)
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
-    high = (height > 0.3) & (height < LARGEST_FALL)
+    high = (height > STANDS_M) & (height < HIGHEST_M)
     casters = casters[high]
-    # Evenly over the scene, and few enough for a thousand directions.
-    casters = casters[:: max(1, len(casters) // 12_000)]
+    casters = casters[:: max(1, len(casters) // MOST_CASTERS)]
     wanted = _within_offset(dark, known)
     scale = float(np.sqrt((wanted[known] ** 2).mean()))
     if scale < 1e-4:
@@ -87,12 +98,12 @@ def find_sun(
         return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
 
     best = (-1.0, 0.0, 45.0)
-    for step, reach_a, reach_e in ((10.0, 180.0, 30.0), (4.0, 8.0, 8.0), (1.5, 3.0, 3.0), (0.5, 1.0, 1.0)):
+    for step, reach_a, reach_e in SEARCH:
         _, a0, e0 = best
         tried = [
             (score(a, e), a, e)
             for a in np.arange(a0 - reach_a, a0 + reach_a + 0.1, step)
-            for e in np.clip(np.arange(e0 - reach_e, e0 + reach_e + 0.1, step), 8.0, 80.0)
+            for e in np.clip(np.arange(e0 - reach_e, e0 + reach_e + 0.1, step), *ELEVATION_LIMITS)
         ]
         best = max(best, max(tried))
     found, azimuth, elevation = best

@@ -20,9 +20,12 @@ __all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "re
 IMAGE, MASK, BOTH, REFERENCE = "image", "mask", "image and mask", "reference"
 CHANNELS = {IMAGE: 3, MASK: 1, BOTH: 4, REFERENCE: 3}
 TYPES: dict[str, type[np.generic]] = {
-    "tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(double)": np.float64, "tensor(uint8)": np.uint8,
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+    "tensor(double)": np.float64,
+    "tensor(uint8)": np.uint8,
     "tensor(bool)": np.bool_,
-}  # fmt: skip
+}
 SMALLEST_PX = 16
 """No network that inpaints takes less on a side; what declares less is something else."""
 

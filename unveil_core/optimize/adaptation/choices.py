@@ -82,10 +82,14 @@ class Looks:
         self.seen.append((self.work, psnr))
         self.record.append(
             {
-                "phase": phase.name, "step": turn, "surfels": len(state), "work": round(self.work, 3),
-                "psnr": round(psnr, 3), "gain": None if (gain := self.gain()) is None else round(gain, 3),
+                "phase": phase.name,
+                "step": turn,
+                "surfels": len(state),
+                "work": round(self.work, 3),
+                "psnr": round(psnr, 3),
+                "gain": None if (gain := self.gain()) is None else round(gain, 3),
             }
-        )  # fmt: skip
+        )
         return True
 
     def gain(self) -> float | None:
@@ -98,6 +102,6 @@ class Looks:
         return float((x * psnr).sum() / (x * x).sum() * np.log(1.1))
 
     def pays(self) -> bool:
-        """Whether to go on as now."""
+        """Whether to continue as now."""
         gain = self.gain()
         return gain is None or gain >= self.settings.least_gain

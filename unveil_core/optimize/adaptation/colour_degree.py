@@ -1,4 +1,4 @@
-"""How much colour by direction a scene needs, told by the held-out error."""
+"""The degree of spherical harmonics that a scene needs, chosen by held-out error."""
 
 from __future__ import annotations
 
@@ -82,5 +82,5 @@ def choose_sh_degree(
         for low in range(highest + 1)
         if all(psnr[high] - psnr[low] < looks.settings.sh_gain * (high - low) for high in range(low + 1, highest + 1))
     )
-    told = {str(degree): round(value, 3) for degree, value in enumerate(psnr)}
-    return trials[chosen], {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": told}
+    by_degree = {str(degree): round(value, 3) for degree, value in enumerate(psnr)}
+    return trials[chosen], {"chosen": chosen, "highest": highest, "steps": steps, "psnr_of_degree": by_degree}

@@ -1,4 +1,4 @@
-"""Parts of some views that the optimization does not see, to tell what helps from what only fits."""
+"""Held-out parts of some views: they separate what generalizes from what only fits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def probed_frames(count: int) -> list[int]:
 
 
 def hidden_blocks(height: int, width: int) -> NDArray[np.bool_]:
-    """(H, W), a quarter of the pixels in square blocks, none beside another: what lies there only other views tell."""
+    """(H, W), a quarter of the pixels in square blocks, none beside another: they are determined by other views only."""
     side = max(4, -(-width // BLOCKS_ACROSS))
     rows, columns = np.arange(height) // side % 2, np.arange(width) // side % 2
     return (rows[:, None] == 1) & (columns[None] == 1)

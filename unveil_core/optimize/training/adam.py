@@ -49,9 +49,16 @@ def _flat(start, stop, values, gradient, first, second, rate, bias1, bias2):
 
 
 def adam_step(
-    values: Tensor, gradient: Tensor, first: Tensor, second: Tensor, moving: Tensor | None, *, turn: int, rate: float,
+    values: Tensor,
+    gradient: Tensor,
+    first: Tensor,
+    second: Tensor,
+    moving: Tensor | None,
+    *,
+    turn: int,
+    rate: float,
     rest_rate: float | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """One step in place.
 
     Args:
@@ -88,7 +95,7 @@ class Adam:
         self.first, self.second = torch.zeros_like(values), torch.zeros_like(values)
 
     def copy(self, values: Tensor) -> Adam:
-        """The same state for another tensor of that shape, to go on from on its own."""
+        """A copy of the state for another tensor of the same shape."""
         twin = Adam(values, self.rate)
         twin.turn, twin.first, twin.second = self.turn, self.first.clone(), self.second.clone()
         return twin

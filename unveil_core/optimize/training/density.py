@@ -1,4 +1,4 @@
-"""Adaptive density control: clone what is too small, split what is too large, drop what does nothing.
+"""Adaptive density control: clone surfels that are too small, split those that are too large, remove those without effect.
 
 *3D Gaussian Splatting*, section 5.2, with hard labels inherited on clone and split (*3D StreetUnveiler*, section 3.1).
 """
@@ -27,8 +27,8 @@ class DensitySettings:
     Attributes:
         gradient_threshold: mean gradient of the loss by the screen position (in half image sizes) that calls for more.
         split_scale_px: a surfel wider than this on the screen is split, else cloned.
-        min_opacity: below it a surfel goes.
-        max_scale: metres; a larger surfel goes (0 = no limit).
+        min_opacity: fainter surfels are removed.
+        max_scale: metres; larger surfels are removed (0 = no limit).
         budget: no growth beyond this many surfels.
     """
 

@@ -112,9 +112,18 @@ def semantic_cross_entropy(
     sums = np.empty(len(known))
     gradients = np.empty(semantics.shape, np.float32), np.empty(alpha.shape, np.float32)
     in_parallel(
-        kernels.cross_entropy_rows, len(known), ROWS_AT_ONCE, _array(semantics), _array(alpha), target.numpy(), w,
-        -1 if sky_label is None else sky_label, np.float32(1 / count), sums, *gradients,
-    )  # fmt: skip
+        kernels.cross_entropy_rows,
+        len(known),
+        ROWS_AT_ONCE,
+        _array(semantics),
+        _array(alpha),
+        target.numpy(),
+        w,
+        -1 if sky_label is None else sky_label,
+        np.float32(1 / count),
+        sums,
+        *gradients,
+    )
     return _with_gradients(float(sums.sum()) / count, gradients, semantics, alpha)
 
 

@@ -1,4 +1,4 @@
-"""Trainable surfels with their Adam moments, kept in step when surfels come and go."""
+"""Trainable surfels with their Adam moments, kept in step when surfels are added and removed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class LearningRates:
     final_means: float = 0.05
 
     def at(self, name: str, done: float) -> float:
-        """The step size of an attribute when so much of the schedule is done, 0 to 1."""
+        """The step size of an attribute at a fraction of the schedule, 0 to 1."""
         start: float = getattr(self, name)
         return start * float((self.final_means if name == "means" else self.final) ** done)
 
@@ -95,7 +95,7 @@ class TrainableSurfels:
                 leaf.grad = None
 
     def copy(self) -> TrainableSurfels:
-        """The same state, to go on from on its own."""
+        """A copy of the state."""
         twin = copy(self)
         twin._set(self.surfels, self.leaves.get("label_logits"))
         twin.first = {name: moment.clone() for name, moment in self.first.items()}

@@ -18,7 +18,7 @@ class Phase:
     Attributes:
         name: for progress and the record.
         views: the targets, in the resolution of this phase.
-        steps: at most so many.
+        steps: at most.
         geometry: whether the terms of the second stage count.
         first, last: how much of the whole schedule is done before and after, 0 to 1; step sizes fall with it.
         grow_every: steps between two turns of density control, 0 = never; prune_every: likewise for opacity pruning.

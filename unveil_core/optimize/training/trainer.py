@@ -40,7 +40,7 @@ class TrainSettings:
     Attributes:
         weights: of the losses.
         density: density control, None = the set of surfels is fixed.
-        prune_opacity: surfels fainter than this go when it is time to prune (paper: 0.3), except ``spared_labels``.
+        prune_opacity: fainter surfels are pruned (paper: 0.3), except ``spared_labels``.
         sky_rate: Adam step of the sky panorama, 0 = fixed.
         soft_labels: whether labels are probabilities that are trained; for comparison.
         near, far: metres; the range that distortion is measured in.
@@ -99,7 +99,7 @@ class Optimization:
         return len(self.trainable)
 
     def copy(self) -> Optimization:
-        """The same state, to go on from on its own: a trial that may be thrown away."""
+        """A copy of the state, for a trial that may be discarded."""
         twin = copy(self)
         twin.trainable = self.trainable.copy()
         twin.texture = self.texture.detach().clone().requires_grad_(self.settings.sky_rate > 0)
@@ -180,7 +180,7 @@ class Optimization:
             self.density.act(self.trainable)
 
     def prune(self) -> None:
-        """Faint surfels go."""
+        """Remove faint surfels."""
         self._settle_labels()
         opacity = torch.sigmoid(self.trainable.leaves["opacity_logits"].detach())
         keep = (opacity >= self.settings.prune_opacity) | torch.isin(self.trainable.labels, self.spared)

@@ -1,4 +1,4 @@
-"""Stage ``choose``: what goes. Apart from ``segment``, so that another choice does not make the scene anew."""
+"""Stage ``choose``: what is removed. Apart from ``segment``, so that another choice does not make the scene again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> None:
-    """selection.json: what goes. It is no part of labels.json, so that another choice does not make the scene anew."""
+    """selection.json: what is removed. It is no part of labels.json, so that another choice does not make the scene again."""
     drive = read_imported(context.workspace.drive_dir)
     settings = context.settings
     scene = choose_labels(drive, settings.remove, settings.instances, known=known_objects(context.workspace))

@@ -56,17 +56,17 @@ def run(context: StageContext) -> None:
     listed: Any = read_json(workspace.objects_json)
     entries: list[dict[str, object]] = []
     for done, known in enumerate(listed["objects"]):
-        number, own = int(known["id"]), of_surfel == int(known["id"])
+        number, members = int(known["id"]), of_surfel == int(known["id"])
         context.progress(done + 1, len(listed["objects"]), "naming objects")
-        if not own.any():
+        if not members.any():
             continue
-        box = known["box"] if known["source"] == "box" else fit_box(positions[own], axes, gap=1.0).to_json()
+        box = known["box"] if known["source"] == "box" else fit_box(positions[members], axes, gap=1.0).to_json()
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
             shutil.copyfile(workspace.root / known["thumbnail"], context.output(picture))
         entries.append({
-            **known, "box": box, "surfels": int(own.sum()), "thumbnail": picture,
+            **known, "box": box, "surfels": int(members.sum()), "thumbnail": picture,
             "removed": known["class"] in scene.removed or number in scene.instances,
         })  # fmt: skip
     context.output("instances").mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What stages read of the objects that a person marked: the file itself and its mattes."""
+"""Files of hand-marked objects that stages read: the list itself and its mattes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stages that name single objects: from the points, before there is a scene; and among its surfels."""
+"""Stage ``objects``: the classes and single objects that can be removed, from the drive's points and images."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> None:
-    """objects.json and objects/: what could be chosen, with pictures, and what each of the drive's points is."""
+    """objects.json and objects/: what can be chosen, with pictures, and class and object of each of the drive's points."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     found = find_objects(drive, scene, marked_objects(context.settings.marked), context.progress)
@@ -42,7 +42,7 @@ def run(context: StageContext) -> None:
 
 
 def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str, object]:
-    """What the lists tell of an object; ``distance_m`` from the nearest camera that sees it."""
+    """An object's entry in the list; ``distance_m``: from the nearest camera that sees it."""
     frames = [drive.frames[s.frame] for s in thing.sightings]
     picture = distance = shown = None
     if thing.sightings:

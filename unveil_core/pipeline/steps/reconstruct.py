@@ -23,8 +23,8 @@ __all__ = ["STAGE"]
 def asked_for(settings: RunSettings) -> ReconstructSettings:
     """The quality's limits, and what the user has decided instead.
 
-    Colour by direction only if asked for: it explains the photographs better, but from where a removed object hid a wall nobody
-    saw the wall's colour, and what it is guessed to be there shows the object's ghost.
+    Spherical harmonics beyond degree 0 only on request: they fit the photographs better, but in the directions from which a
+    removed object hid a wall its colour was never observed, and the extrapolated colour shows a ghost of the object.
     """
     preset = PRESETS[settings.quality]
     given = {

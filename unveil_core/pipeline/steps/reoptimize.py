@@ -1,4 +1,4 @@
-"""Stage ``reoptimize``: the scene taught again near removed objects; renders and delivered frames."""
+"""Stage ``reoptimize``: the scene optimized again near removed objects; renders and delivered frames."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        # Behind the objects the scene as all frames have taught it; its shadows were taken from the photograph itself.
-        # Around movers nothing was taught anew: what others saw there comes as the photographs show it.
-        taught = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
-        street = exposures.delivered(frame, np.where(taught[..., None], picture, clean[i]))
+        # Behind removed objects the optimized scene is shown; shadows were relit in the photograph itself. Around dynamic objects
+        # nothing was optimized: there the inpainted frame is shown, with what other frames saw.
+        optimized = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
+        street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("frames"), frame), delivered)
 

@@ -1,4 +1,4 @@
-"""Stage ``segment``: which labels occur, and what moves."""
+"""Stage ``segment``: the labels that occur, and the dynamic objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> Facts:
-    """labels.json: which labels occur; movers/: what moves."""
+    """labels.json: which labels occur; movers/: dynamic objects."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     write_json_atomic(context.output("labels.json"), scene.labels_json())
