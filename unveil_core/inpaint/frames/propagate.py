@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import area_px, border_px, grow
+from unveil_core.geometry.images import area_px, border_px, grow, within
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import Carrier, ReferenceInpainter
 from unveil_core.inpaint.frames.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
@@ -185,7 +185,7 @@ class _View:
         """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
         layer = self.layer
         border = border_px(task.camera.width)
-        ring = grow(task.removed, max(RING_PX, round(RING_PX * task.camera.width / 384))) & ~grow(task.removed, border)
+        ring = within(task.removed, RING_PX * max(1.0, task.camera.width / 384)) & ~grow(task.removed, border)
         around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), border)
         behind = look_behind(task, scene, layer, around, near=self.near, far=self.far)
         out, solid, ground = behind.out, behind.solid, behind.ground
