@@ -7,7 +7,7 @@ import pytest
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import area_px, border_px, grow, within
-from unveil_core.inpaint.frames.holes import Behind, FrameTask, hole_in_frame
+from unveil_core.inpaint.frames.holes import BackgroundLayers, FrameTask, hole_in_frame
 
 WIDTHS = (384, 512, 768, 1000, 1200, 1400, 1600, 1920, 2560, 3840)
 
@@ -43,5 +43,5 @@ def test_a_hole_contains_the_border_of_its_mask(width: int) -> None:
     hidden[60:140, width // 3 : width // 2] = True
     removed, nothing = grow(hidden, border_px(width)), np.zeros_like(hidden)
     task = FrameTask(camera, np.zeros((200, width, 3), np.uint8), removed, hidden)
-    hole = hole_in_frame(task, Behind({}, nothing, None, nothing, nothing, nothing))
+    hole = hole_in_frame(task, BackgroundLayers({}, nothing, None, nothing, nothing, nothing))
     assert np.array_equal(hole, removed) and (removed & ~hidden).any()
