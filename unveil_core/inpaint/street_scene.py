@@ -169,11 +169,11 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
         low = on_chart & (above < 2.5) & (above > -0.5)
         if low.sum() < 3:
             continue
-        own = np.zeros_like(footprint)
-        own[row[low], column[low]] = 1
+        texels = np.zeros_like(footprint)
+        texels[row[low], column[low]] = 1
         if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12.0:
             # Strays would stretch the hull: only texels with company count.
-            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
+            dense = cv2.morphologyEx(texels, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
             count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
             areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
             least = max(0.15, 0.25 * areas[1:].max(initial=0.0))
@@ -182,5 +182,5 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
             if len(rows) >= 3:
                 hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
                 cv2.fillConvexPoly(footprint, hull, 1)
-        footprint |= own
+        footprint |= texels
     return footprint.astype(bool)
