@@ -11,6 +11,7 @@ from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing import import_drive
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.labels import SceneLabels, choose_labels
 from unveil_core.surfels.initialize import surfels_from_points
@@ -70,6 +71,6 @@ def build_exact_workspace(root: Path) -> Path:
     for frame in drive.frames:
         _, kind = true_planes(frame.camera, drive.to_world.translation, crowded=True)
         samples.append((frame.camera, read_image(frame.image_path), kind == SKY))
-    save_sky(fit_sky(samples, drive.up), workspace / "surfels/sky.npz")
+    save_sky(fit_sky(samples, UP), workspace / "surfels/sky.npz")
     write_json_atomic(workspace / "workspace.json", {"format": 1, "drive": str(street), "settings": {}, "stages": {}})
     return workspace

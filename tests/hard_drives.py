@@ -39,7 +39,7 @@ def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500,
     width, height = WIDTH // shrink, HEIGHT // shrink
     document = {
         "w": width, "h": height, "fl_x": FOCAL / shrink, "fl_y": FOCAL / shrink, "cx": width / 2, "cy": height / 2,
-        "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
+        "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
     }  # fmt: skip
     path = folder / "transforms.json"
     path.write_text(json.dumps(document))

@@ -168,6 +168,6 @@ def make_moving_street(folder: Path, street: Street, *, instances: bool = False,
     path = folder / "transforms.json"
     path.write_text(json.dumps({
         "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2,
-        "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
+        "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
     }))  # fmt: skip
     return path

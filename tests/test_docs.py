@@ -109,7 +109,7 @@ def test_the_example_of_a_drive_opens(page: str, tmp_path: Path) -> None:
     write_points(PointCloud(np.zeros((3, 3)) + [[0.0], [1.0], [2.0]]), tmp_path / "points.ply")
     drive = open_drive(tmp_path)
     cameras = [frame.camera for frame in drive.frames]
-    assert drive.metric
+    assert drive.units_per_metre == 1 and drive.scale_source == "metric"
     assert np.allclose(cameras[0].forward, (0, 1, 0)) and np.allclose(cameras[0].centre, (0, 0, 1.6))
     assert np.allclose(cameras[-1].centre - cameras[0].centre, (0, 1.2 * (len(cameras) - 1), 0))
 

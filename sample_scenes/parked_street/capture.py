@@ -222,7 +222,7 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
     names = [{"id": int(o["instance"]), "class": "person" if o["class"] == PERSON else "car", "name": o.name} for o in objects]
     document = {
         "camera_model": "PINHOLE", **intrinsics(),
-        "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "instances": names,
+        "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "instances": names,
         "frames": rows_of_frames,
     }  # fmt: skip
     (folder / "transforms.json").write_text(json.dumps(document, indent=1))

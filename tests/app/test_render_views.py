@@ -39,7 +39,7 @@ def everything(workspace: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 def test_views_beside_the_path_show_the_true_street(everything: Path, workspace: Path) -> None:
     drive = read_imported(workspace / "drive")
-    views = shifted(drive_path(drive), drive.up, beside=0.6, above=0.3)
+    views = shifted(drive_path(drive), beside=0.6, above=0.3)
     assert [v.camera.centre[1] + drive.to_world.translation[1] for v in views] == pytest.approx([0.4 - 0.6] * FRAMES)
     for view in views[1:-1]:
         depth, kind = true_planes(view.camera, drive.to_world.translation, crowded=False)
@@ -77,7 +77,7 @@ def test_the_sky_has_no_depth_and_its_own_label(everything: Path) -> None:
 def test_normals_are_those_of_normal_maps(everything: Path, workspace: Path) -> None:
     """Camera axes x right, y up, z to the viewer: the ground faces up, the left wall right and the right one left."""
     drive = read_imported(workspace / "drive")
-    view = shifted(drive_path(drive), drive.up, beside=0.6, above=0.3)[3]
+    view = shifted(drive_path(drive), beside=0.6, above=0.3)[3]
     depth, kind = true_planes(view.camera, drive.to_world.translation, crowded=False)
     axes = view.camera.world_to_camera[:3, :3] * np.array([[1], [-1], [-1]])
     normal = read_image(everything / "normal/03.png").astype(float) / 127.5 - 1
@@ -127,7 +127,7 @@ def test_its_own_cameras_are_a_path_again(
 ) -> None:
     drive = read_imported(workspace / "drive")
     views = read_camera_path(everything / "transforms.json", drive)
-    expected = shifted(drive_path(drive), drive.up, beside=0.6, above=0.3)
+    expected = shifted(drive_path(drive), beside=0.6, above=0.3)
     for a, b in zip(views, expected, strict=True):
         assert (a.name, a.track) == (b.name, b.track)
         np.testing.assert_allclose(a.camera.world_to_camera, b.camera.world_to_camera, atol=1e-9)

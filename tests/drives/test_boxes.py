@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.hard_drives import make_tiny_street
+from tests.other_frame import Y_UP_UTM, box_in_other_frame
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.boxes import TrackedBox, read_boxes
@@ -48,6 +49,13 @@ def test_lists_are_checked_too() -> None:
         read_boxes({"id": 3}, Path("t.json"), "00")
     with pytest.raises(DriveError, match="lacks 'centre'"):
         read_boxes([{"id": 3, "class": "car"}], Path("t.json"), "00")
+
+
+def test_boxes_of_another_frame_become_the_same_boxes() -> None:
+    (box,) = read_boxes([BOX], Path("t.json"), "00")
+    again = box_in_other_frame(box).to_local(Y_UP_UTM)
+    np.testing.assert_allclose(again.corners(), box.corners(), atol=1e-6)
+    assert again.yaw == box.yaw
 
 
 def test_boxes_are_imported_with_the_frames(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_beside_is_right_of_travel_and_above_is_up(drive: Drive) -> None:
         turned = backwards @ v.camera.world_to_camera
         rear.append(replace(v, track="rear", camera=replace(v.camera, world_to_camera=turned)))
     mixed = [v for pair in zip(views, rear, strict=True) for v in pair]
-    moved = shifted(mixed, drive.up, beside=1.5, above=1.0)
+    moved = shifted(mixed, beside=1.5, above=1.0)
     assert [(v.name, v.track) for v in moved] == [(v.name, v.track) for v in mixed]
     for before, after in zip(mixed, moved, strict=True):
         np.testing.assert_allclose(after.camera.centre - before.camera.centre, (0, -1.5, 1.0), atol=1e-9)
@@ -131,7 +131,7 @@ def test_on_a_bend_every_view_goes_its_own_way() -> None:
         pose[:3, :3] = [[np.sin(a), -np.cos(a), 0], [0, 0, -1], [np.cos(a), np.sin(a), 0]]
         pose[:3, 3] = -pose[:3, :3] @ (20 * np.sin(a), -20 * np.cos(a), 0.3 * a)
         views.append(View(str(a), "camera", Camera(8, 8, 9.0, 9.0, 4.0, 4.0, pose)))
-    moved = np.array([v.camera.centre for v in shifted(views, np.array([0.0, 0.0, 2.0]), beside=2.0)])
+    moved = np.array([v.camera.centre for v in shifted(views, beside=2.0)])
     np.testing.assert_allclose(np.linalg.norm(moved[1:-1, :2], axis=1), 22.0, atol=1e-9)
     np.testing.assert_allclose(moved[:, 2], 0.3 * angle, atol=1e-12)
 
@@ -145,7 +145,7 @@ def test_a_known_direction_of_travel_counts_more_than_jitter(drive: Drive) -> No
         pose[:3, 3] = -pose[:3, :3] @ (drive.frames[0].camera.centre + rng.normal(0, 0.01, 3) * (1, 1, 0))
         views.append(replace(v, camera=replace(v.camera, world_to_camera=pose)))
     along = np.tile([1.0, 0.0, 0.2], (len(views), 1))
-    for before, after in zip(views, shifted(views, drive.up, beside=2.0, along=along), strict=True):
+    for before, after in zip(views, shifted(views, beside=2.0, along=along), strict=True):
         np.testing.assert_allclose(after.camera.centre - before.camera.centre, (0, -2.0, 0), atol=1e-9)
 
 
@@ -156,7 +156,7 @@ def test_a_camera_that_stands_still(look: tuple[int, ...], right: tuple[int, ...
     pose = np.eye(4)
     pose[:3, :3] = rotation
     views = [View(str(i), "camera", Camera(8, 8, 9.0, 9.0, 4.0, 4.0, pose)) for i in range(3)]
-    for view in shifted(views, np.array([0.0, 0.0, 1.0]), beside=1.0):
+    for view in shifted(views, beside=1.0):
         np.testing.assert_allclose(view.camera.centre, right, atol=1e-12)
 
 

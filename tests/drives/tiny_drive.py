@@ -53,7 +53,7 @@ def make_tiny_drive(
     write_points(PointCloud(points, colors), folder / "points.ply")
     document = {
         "w": 32, "h": 24, "fl_x": 25.0, "fl_y": 26.0, "cx": 16.0, "cy": 12.0, "camera_model": "PINHOLE",
-        "ply_file_path": "points.ply", "frames": frames,
+        "metric": True, "ply_file_path": "points.ply", "frames": frames,
     }  # fmt: skip
     path = folder / "transforms.json"
     path.write_text(json.dumps(document))

@@ -59,7 +59,7 @@ def write_drive(folder: Path, count: int, width: int, height: int, *, truth: boo
     (folder / "points.ply").write_bytes(header.encode() + points.astype("<f8").tobytes())
     document = {
         "camera_model": "PINHOLE", "w": width, "h": height, "fl_x": cameras[0].fx, "fl_y": cameras[0].fy,
-        "cx": cameras[0].cx, "cy": cameras[0].cy, "ply_file_path": "points.ply", "semantic_classes": "cityscapes",
+        "cx": cameras[0].cx, "cy": cameras[0].cy, "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes",
         "frames": frames,
     }  # fmt: skip
     (folder / "transforms.json").write_text(json.dumps(document))

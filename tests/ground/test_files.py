@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.ground.test_street import UP, drive_on_circle, street_points
+from tests.ground.test_street import drive_on_circle, street_points
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.ground.files import read_ground, write_ground
 from unveil_core.ground.fit import DriveGround
@@ -16,7 +16,7 @@ from unveil_core.ground.path import fit_path
 from unveil_core.ground.street_fit import fit_ground
 
 CAMERAS = drive_on_circle(60.0, 0.03)
-PATH = fit_path(CAMERAS, UP)
+PATH = fit_path(CAMERAS)
 FIELD = HeightField(np.eye(3), np.zeros(2), 0.5, np.where(np.eye(4) > 0, np.nan, 1.0))
 WHOLE = DriveGround(PATH, fit_ground(PATH, street_points(60.0, 0.03)), FIELD)
 

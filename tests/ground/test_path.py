@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.ground.test_street import UP, look
+from tests.ground.test_street import look
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import longest_track
@@ -29,7 +29,7 @@ def cameras(centres: np.ndarray, heading: float = 0.0) -> list[Camera]:
 
 def kerb_error(centres: np.ndarray, x: np.ndarray) -> float:
     """How far off a kerb 3 m to the left of a straight street is found, metres."""
-    street = fit_path(cameras(centres), UP).to_street(np.c_[x, np.full(len(x), 3.0), 0 * x])
+    street = fit_path(cameras(centres)).to_street(np.c_[x, np.full(len(x), 3.0), 0 * x])
     return float(np.abs(street[:, 1] - 3).max())
 
 
@@ -55,16 +55,16 @@ def test_noise_all_along_leaves_the_street_straight() -> None:
 def test_a_side_camera_that_creeps_does_not_lie_across_the_street() -> None:
     """A metre of way tells where the street leads, where the camera looks does not."""
     centres = np.c_[np.linspace(0, 1.0, 40), np.zeros(40), np.full(40, 1.6)]
-    path = fit_path(cameras(centres, heading=np.pi / 2), UP)
+    path = fit_path(cameras(centres, heading=np.pi / 2))
     assert np.abs(path.to_street(np.array([[20.0, 0, 0]]))[0, :2] - (20, 0)).max() < 1e-6
-    standing = fit_path(cameras(jittered(centres[0], 40, 0.01, 0), heading=0.7), UP)
+    standing = fit_path(cameras(jittered(centres[0], 40, 0.01, 0), heading=0.7))
     there = centres[0] + 20 * np.array([np.cos(0.7), np.sin(0.7), 0])
     assert np.abs(standing.to_street(there[None])[0, :2] - (20, 0)).max() < 0.1
 
 
 def test_a_camera_that_looks_down_has_the_street_ahead_of_it() -> None:
     down = look(np.array([0.0, 0.0, 50.0]), 0.3, pitch=np.pi / 2)
-    path = fit_path([down] * 3, UP)
+    path = fit_path([down] * 3)
     assert np.abs(path.to_street(np.array([[20 * np.cos(0.3), 20 * np.sin(0.3), 0]]))[0, :2] - (20, 0)).max() < 1e-6
 
 

@@ -50,7 +50,7 @@ def true_street(radius: float, s: np.ndarray, l: np.ndarray) -> np.ndarray:  # n
 
 @pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
 def test_path_follows_the_circle(radius: float) -> None:
-    path = fit_path(drive_on_circle(radius, 0.0), UP)
+    path = fit_path(drive_on_circle(radius, 0.0))
     generator = np.random.default_rng(0)
     s, l = generator.uniform(0, 25, 400), generator.uniform(-6, 6, 400)  # noqa: E741
     world = np.concatenate([true_street(radius, s, l), np.zeros((400, 1))], axis=1)
@@ -68,12 +68,12 @@ def test_round_trip(s: float, l: float, h: float) -> None:  # noqa: E741
     assert np.abs(PATH.to_world(back) - PATH.to_world(street)).max() < 0.05
 
 
-PATH = fit_path(drive_on_circle(60.0, 0.0), UP)
+PATH = fit_path(drive_on_circle(60.0, 0.0))
 
 
 def test_standing_camera_looks_along_the_street() -> None:
     camera = look(np.array([3.0, 4.0, 1.6]), 0.7)
-    path = fit_path([camera] * 5, UP)
+    path = fit_path([camera] * 5)
     ahead = camera.centre + 10 * np.array([np.cos(0.7), np.sin(0.7), 0.0])
     street = path.to_street(ahead[None])[0]
     assert abs(street[1]) < 1e-6
@@ -92,7 +92,7 @@ def street_points(radius: float, slope: float, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize(("radius", "slope"), [(np.inf, 0.0), (60.0, 0.03), (-80.0, -0.05)])
 def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) -> None:
-    path = fit_path(drive_on_circle(radius, slope), UP)
+    path = fit_path(drive_on_circle(radius, slope))
     ground = fit_ground(path, street_points(radius, slope))
     s = np.repeat(np.linspace(9, 19, 21), 2)
     l = np.tile([-3.0, -4.6], 21)  # noqa: E741
@@ -106,7 +106,7 @@ def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) ->
 
 def test_rays_meet_the_ground_where_they_should() -> None:
     cameras = drive_on_circle(60.0, 0.03)
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     ground = fit_ground(path, street_points(60.0, 0.03))
     camera = cameras[5]
     rays = camera.rays().reshape(-1, 3)
@@ -123,7 +123,7 @@ def test_rays_meet_the_ground_where_they_should() -> None:
 def test_a_path_is_moved_onto_a_line_beside_it(radius: float) -> None:
     """The car weaves about the street's middle; once its path is moved by what it was off, the middle lies at offset 0."""
     cameras = drive_on_circle(radius, 0.0)
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     s = np.arange(0.0, 25.0, 0.04)
     middle = np.concatenate([true_street(radius, s, 0.3 * np.sin(s / 3.5) - 0.5), np.zeros((len(s), 1))], axis=1)
     aside = path.to_street(middle)
@@ -142,7 +142,7 @@ def test_rays_go_over_a_crest_and_up_a_hill() -> None:
         return np.where(s < 20, 0.05 * s, 1.0 - 0.06 * (s - 20)) + 0.28 * np.maximum(s - 55, 0)
 
     cameras = [look(np.array([x, 0.0, float(height(np.array(x))) + 1.6]), 0.0, 0.0) for x in np.arange(0.0, 24.0)]
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     rng = np.random.default_rng(4)
     s, l = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)  # noqa: E741
     ground = fit_ground(path, np.column_stack([s, l, height(s)]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.ground.test_street import UP, drive_on_circle
+from tests.ground.test_street import drive_on_circle
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
@@ -57,7 +57,7 @@ def paint(s: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray, np.ndarray, Surfels, Surfels]:
     """The chart as read, the true one without the car, the car's footprint, and surfels of what stays and of the car."""
-    path = fit_path(drive_on_circle(np.inf, 0.0), UP)
+    path = fit_path(drive_on_circle(np.inf, 0.0))
     s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
     points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
     ground = fit_ground(path, path.to_world(points))

@@ -98,7 +98,8 @@ def test_glb_is_y_up_with_the_offset_on_its_node(mesh: Mesh, tmp_path: Path) -> 
     path = tmp_path / "mesh.glb"
     write_glb(mesh, path, SHIFT)
     node = glb_json(path)["nodes"][0]
-    assert node["extras"]["offset_m"] == UTM.tolist()
+    assert Similarity.from_json(node["extras"]["to_world"]).translation.tolist() == UTM.tolist()
+    assert "scale" not in node
     np.testing.assert_array_equal(node["translation"], [UTM[0], UTM[2], -UTM[1]])
     scene = trimesh.load(path, process=False)
     (geometry,) = scene.geometry.values()

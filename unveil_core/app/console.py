@@ -35,7 +35,7 @@ def _text(event: dict[str, object]) -> str:
 
 
 def _plain(event: dict[str, object]) -> None:
-    if event["message"] in ("started", "done", "up to date") or event["level"] == "error":
+    if event["message"] in ("started", "done", "up to date") or event["level"] in ("error", "warning", "notice"):
         print(f"{event['stage']:<12} {_text(event)}", file=sys.stderr, flush=True)
 
 
@@ -53,6 +53,9 @@ def _bar() -> Iterator[Reporter]:
 
         def report(event: dict[str, object]) -> None:
             stage = str(event["stage"])
+            if event["level"] in ("warning", "notice"):
+                progress.console.print(_text(event), highlight=False, soft_wrap=True)
+                return
             if stage not in tasks:
                 tasks[stage] = progress.add_task(stage, total=None, note="")
             total, done = event["total"], event["done"]

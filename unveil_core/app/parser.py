@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
-from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES
+from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
 
 __all__ = ["STAGE_VERBS", "command_parser"]
 
@@ -30,7 +30,16 @@ named here again because importing the stages loads torch; a test compares the t
 
 
 class _Parser(argparse.ArgumentParser):
-    """Usage errors are one line and exit 2."""
+    """Usage errors are one line and exit 2; ``--up -y`` is a value, not an option."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        words: list[str] = []
+        for word in sys.argv[1:] if args is None else args:
+            if words and words[-1] == "--up" and word in UPS:
+                words[-1] = f"--up={word}"
+            else:
+                words.append(word)
+        return super().parse_known_args(words, namespace)
 
     def error(self, message: str) -> Any:
         print(f"unveil: error: {message} (see {self.prog} --help)", file=sys.stderr)
@@ -199,6 +208,13 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--quality", choices=QUALITIES)
     add("--device", choices=("auto", "cpu", "cuda"))
     add("--seed", type=int)
+    add(
+        "--scale",
+        type=_scale,
+        metavar="UNITS_PER_METRE|auto",
+        help="of the drive's coordinates, where they are not metres",
+    )
+    add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
     add("--max-side", type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
     add(
         "--shadows", metavar="auto|off|AZIMUTH,ELEVATION",
@@ -235,6 +251,17 @@ def _add_inpainters(p: argparse.ArgumentParser, text: str) -> None:
 
 
 # Types of arguments
+
+
+def _scale(text: str) -> float | None:
+    try:
+        return None if text.strip() == "auto" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of units in a metre, and not auto") from error
+
+
+def _axis(text: str) -> str | None:
+    return None if text.strip() == "auto" else text.strip().removeprefix("+")
 
 
 def _names(text: str) -> tuple[str, ...]:

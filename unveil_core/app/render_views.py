@@ -91,7 +91,7 @@ def render_views(
     if path is None and beside and workspace.ground_npz.is_file():
         # Along the street, not from frame to frame: where a car stands or creeps, that would be its jitter.
         along = read_ground(workspace.ground_npz).path.direction_at(np.stack([v.camera.centre for v in views]))
-    views = shifted(views, drive.up, beside=beside, above=above, along=along)
+    views = shifted(views, beside=beside, above=above, along=along)
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     several = len({v.track for v in views}) > 1
@@ -103,7 +103,8 @@ def render_views(
                 write_image_atomic(output / plane / f"{name}.png", picture)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
-        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", "frames": frames})
+        told = {"metric": True} if drive.scale_source == "metric" else {}
+        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", **told, "frames": frames})
     except OSError as error:
         raise UnveilError(f"cannot be written: {error.strerror}", path=output) from error
     return len(views)

@@ -22,6 +22,7 @@ from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.transforms_json import pose_from_matrix
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import opengl_to_opencv
@@ -91,20 +92,18 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
 
 
 def shifted(
-    views: Sequence[View], up: Float64, *, beside: float = 0.0, above: float = 0.0, along: Float64 | None = None
+    views: Sequence[View], *, beside: float = 0.0, above: float = 0.0, along: Float64 | None = None
 ) -> tuple[View, ...]:
     """The same views from beside and above their path, looking in the same directions.
 
     Args:
         views: in order of travel within each track.
-        up: (3,) of the world.
         beside: metres to the right of the direction of travel, negative to the left.
         above: metres up.
         along: (V, 3) directions of travel, where more is known of them than the views themselves tell.
     """
     if not beside and not above:
         return tuple(views)
-    up = up / np.linalg.norm(up)
     centres = np.array([v.camera.centre for v in views])
     moved: dict[int, View] = {}
     for track in dict.fromkeys(v.track for v in views):
@@ -113,16 +112,16 @@ def shifted(
             behind, ahead = own[max(k - 1, 0)], own[min(k + 1, len(own) - 1)]
             known = () if along is None else (along[i],)
             travel = (*known, centres[ahead] - centres[behind], centres[own[-1]] - centres[own[0]])
-            right = np.cross(_heading(views[i].camera, travel, up), up)
-            moved[i] = replace(views[i], camera=_moved(views[i].camera, beside * right + above * up))
+            right = np.cross(_heading(views[i].camera, travel), UP)
+            moved[i] = replace(views[i], camera=_moved(views[i].camera, beside * right + above * UP))
     return tuple(moved[i] for i in range(len(views)))
 
 
-def _heading(camera: Camera, travel: Sequence[Float64], up: Float64) -> Float64:
+def _heading(camera: Camera, travel: Sequence[Float64]) -> Float64:
     """(3,) unit, level: where the path leads; where it stands still, where the camera looks; where that is straight down, the
     top of the picture."""
     for direction in (*travel, camera.forward, -camera.world_to_camera[1, :3]):
-        level = direction - (direction @ up) * up
+        level = direction - (direction @ UP) * UP
         length = float(np.linalg.norm(level))
         if length > 1e-3 * max(1.0, float(np.linalg.norm(direction))):
             return np.asarray(level / length)

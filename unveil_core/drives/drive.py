@@ -65,10 +65,12 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """LiDAR or SfM points: ``positions`` (P, 3) float64, ``colors`` (P, 3) uint8 or None."""
+    """LiDAR or SfM points: ``positions`` (P, 3) float64, ``colors`` (P, 3) uint8 or None; ``measured`` where their file has what
+    only laser scanners write."""
 
     positions: NDArray[np.float64]
     colors: NDArray[np.uint8] | None = None
+    measured: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +82,10 @@ class Drive:
         frames: frames in order of travel (per camera in time order).
         points: LiDAR or SfM points.
         to_world: from the coordinates of cameras, points and boxes to those of the files; identity before import.
-        up: (3,) unit vector as far as the drive knows it (z, or estimated from the cameras); z once imported.
-        metric: True where lengths are metres, as they are once imported.
+        units_per_metre: of these coordinates; None where the files do not tell. 1 once imported.
+        scale_source: how the scale is known, see :class:`unveil_core.drives.placement.Placement`.
+        up: (3,) unit vector; None where the files do not tell. z once imported.
+        up_source: how up is known, likewise.
         semantic_classes: "cityscapes" or None.
         truth_root: folder of the true empty street, or None.
         sources: the files that it was read from, beside those of the frames.
@@ -91,8 +95,10 @@ class Drive:
     frames: tuple[Frame, ...]
     points: PointCloud
     to_world: Similarity = field(default_factory=Similarity)
-    up: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    metric: bool = True
+    units_per_metre: float | None = 1.0
+    scale_source: str = "metric"
+    up: NDArray[np.float64] | None = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    up_source: str = "told"
     semantic_classes: str | None = None
     truth_root: Path | None = None
     sources: tuple[Path, ...] = ()

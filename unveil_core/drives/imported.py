@@ -48,6 +48,8 @@ def read_imported(folder: Path) -> Drive:
             frames=frames,
             points=read_points(folder / "points.ply"),
             to_world=Similarity.from_json(data["to_world"]),
+            scale_source=str(data["scale_source"]),
+            up_source=str(data["up_source"]),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),

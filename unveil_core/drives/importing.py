@@ -27,40 +27,40 @@ from unveil_core.base.files import (
 )
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.check import check_drive
-from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.placement import Placement, place_drive
 from unveil_core.drives.points import write_points
-from unveil_core.drives.scale import units_per_metre
-from unveil_core.geometry.axes import upright
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
-from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["import_drive", "localized"]
 
 
-def localized(drive: Drive) -> Drive:
+def localized(drive: Drive, placement: Placement | None = None) -> Drive:
     """The drive in metres, with z up, and its origin amid the cameras, at whole metres.
 
     A drive that has metres and z up is shifted and nothing else. Subtraction happens in float64 between numbers of like size,
     so nothing is lost beyond the coordinates' own rounding.
+
+    Args:
+        drive: as read from disk.
+        placement: its scale and up; None = as :func:`place_drive` finds them.
     """
-    turned = Similarity(units_per_metre(drive), upright(drive.up))
+    placement = placement or place_drive(drive)
+    turned = placement.to_world
     middle = turned.to_local(np.mean([f.camera.centre for f in drive.frames], axis=0))
     step = replace(turned, translation=turned.to_world(np.round(middle)))
     frames = tuple(
         replace(f, camera=step.camera_to_local(f.camera), boxes=tuple(b.to_local(step) for b in f.boxes))
         for f in drive.frames
     )
-    points = PointCloud(step.to_local(drive.points.positions), drive.points.colors)
+    points = replace(drive.points, positions=step.to_local(drive.points.positions))
     return replace(
-        drive,
-        frames=frames,
-        points=points,
-        to_world=drive.to_world.after(step),
-        up=np.array([0.0, 0.0, 1.0]),
-        metric=True,
-    )
+        drive, frames=frames, points=points, to_world=drive.to_world.after(step), units_per_metre=1.0,
+        scale_source=placement.scale_source, up=UP, up_source=placement.up_source,
+    )  # fmt: skip
 
 
 def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -101,7 +101,12 @@ def _read_mask(path: Path) -> NDArray[np.uint8]:
 
 
 def import_drive(
-    drive: Drive, destination: Path, *, max_side: int | None = None, progress: Progress = no_progress
+    drive: Drive,
+    destination: Path,
+    *,
+    max_side: int | None = None,
+    placement: Placement | None = None,
+    progress: Progress = no_progress,
 ) -> Drive:
     """Check a drive and write it to ``destination``, which appears whole or not at all.
 
@@ -109,13 +114,14 @@ def import_drive(
         drive: as read from disk.
         destination: the folder to make; it must not exist or is replaced.
         max_side: longer image side that larger images are reduced to, pixels; None keeps them.
+        placement: scale and up of the drive; None = as :func:`place_drive` finds them.
     Returns:
         the imported drive, as :func:`read_imported` gives it.
     Raises:
         DriveError: see :func:`check_drive`.
     """
     check_drive(drive, progress)
-    drive = localized(drive)
+    drive = localized(drive, placement)
     partial = destination.with_name(f".{destination.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     try:
@@ -126,7 +132,8 @@ def import_drive(
             progress(done + 1, len(drive.frames), "importing")
         write_points(drive.points, partial / "points.ply")
         write_json_atomic(partial / "cameras.json", {
-            "source": str(drive.root), "to_world": drive.to_world.to_json(), "semantic_classes": drive.semantic_classes,
+            "source": str(drive.root), "to_world": drive.to_world.to_json(), "scale_source": drive.scale_source,
+            "up_source": drive.up_source, "semantic_classes": drive.semantic_classes,
             "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()), "frames": entries,
         })  # fmt: skip
         shutil.rmtree(destination, ignore_errors=True)

@@ -13,6 +13,12 @@ from unveil_core.drives.drive import PointCloud
 
 __all__ = ["read_points", "write_points"]
 
+SCANNED = frozenset((
+    "intensity", "reflectance", "reflectivity", "ring", "laser_id", "laser_number", "beam", "scan_angle", "scan_angle_rank",
+    "gps_time", "number_of_returns", "return_number",
+))  # fmt: skip
+"""Properties that only laser scanners write, in lower case; CloudCompare puts ``scalar_`` before them."""
+
 
 def read_points(path: Path) -> PointCloud:
     """Read x y z (any number type) and, where present, red green blue.
@@ -40,7 +46,8 @@ def read_points(path: Path) -> PointCloud:
         colors = np.stack([np.asarray(vertex[n]) for n in ("red", "green", "blue")], axis=1)
         colors = (colors * 255).round() if colors.dtype.kind == "f" and colors.max() <= 1 else colors
         colors = colors.astype(np.uint8)
-    return PointCloud(positions, colors)
+    bare = {n.lower().removeprefix("scalar_") for n in names}
+    return PointCloud(positions, colors, measured=bool(bare & SCANNED))
 
 
 def write_points(points: PointCloud, path: Path) -> None:

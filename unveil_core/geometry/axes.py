@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["up_frame", "upright"]
+__all__ = ["UP", "up_frame", "upright"]
+
+UP = np.array([0.0, 0.0, 1.0])
+"""(3,) up, inside."""
+UP.flags.writeable = False
 
 
 def up_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Rotations, axis conventions, and which way is up."""
+"""Rotations and axis conventions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from unveil_core.base.types import Float64
 
-__all__ = ["estimate_up", "nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rotation_to_quat"]
+__all__ = ["nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rotation_to_quat"]
 
 
 def quat_to_rotation(quat: Sequence[float] | Float64) -> Float64:
@@ -45,17 +45,3 @@ def nearest_rotation(matrix: Float64) -> tuple[Float64, float]:
 def opengl_to_opencv(camera_to_world: Float64) -> Float64:
     """Camera-to-world (4, 4) with OpenGL axes (x right, y up, z back) to the same with OpenCV axes (y down, z forward)."""
     return camera_to_world @ np.diag([1.0, -1.0, -1.0, 1.0])
-
-
-def estimate_up(world_to_cameras: Sequence[Float64]) -> Float64:
-    """(3,) the world's up for a drive that does not say: against the mean of the cameras' y axes, made perpendicular to
-    their x axes, which stay level when a camera is pitched."""
-    down = np.mean([m[1, :3] for m in world_to_cameras], axis=0)
-    right = np.stack([m[0, :3] for m in world_to_cameras])
-    if len(right) >= 3:
-        _, values, vt = np.linalg.svd(right)
-        # The direction in which the x axes have the least extent, where they are spread enough to tell.
-        if values[1] > 0.3 * values[0] and abs(vt[2] @ down) > 0.8 * np.linalg.norm(down):
-            down = vt[2] * np.sign(vt[2] @ down)
-    up: Float64 = -down / np.linalg.norm(down)
-    return up

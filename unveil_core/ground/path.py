@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["StreetPath", "fit_path", "places_of", "shift_path", "way_of"]
@@ -143,14 +143,14 @@ def way_of(centres: Float64) -> float:
     return float(_travelled(places_of(centres))[-1])
 
 
-def fit_path(cameras: Sequence[Camera], up: Float64, *, extension_m: float = EXTENSION_M) -> StreetPath:
+def fit_path(cameras: Sequence[Camera], *, extension_m: float = EXTENSION_M) -> StreetPath:
     """Smooth the camera centres of one track into a path and prolong it with its curvature at the ends.
 
     Args:
         cameras: of one track, in order of travel.
-        up: (3,) of the drive; extension_m: how far it is prolonged, metres.
+        extension_m: how far it is prolonged, metres.
     """
-    axes = up_frame(up)
+    axes = up_frame(UP)
     centres = np.stack([c.centre for c in cameras]) @ axes.T
     way = places_of(centres[:, :2])
     if np.linalg.norm(way - way[0], axis=1).max() < STANDING_M:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.ground.height_field import HeightField
 
 __all__ = ["find_ground"]
@@ -64,7 +64,7 @@ def find_ground(
     Args:
         labels: (H, W) per frame, negative = unknown; ground, removable: the labels that mean these.
     """
-    axes = up_frame(drive.up)
+    axes = up_frame(UP)
     points = drive.points.positions
     centres = np.stack([f.camera.centre for f in drive.frames])
     nearest = cKDTree(centres).query(points)[1]

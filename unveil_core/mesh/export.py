@@ -8,7 +8,7 @@ OBJ in single precision see far coordinates rounded to centimetres and more, and
 
 GLB: glTF 2.0 is y-up and single precision: vertices stay local and are turned so that up becomes +y. The turned world position
 of the local origin is the translation of the node, which JSON carries in full precision, and the world's units per metre are its
-scale; origin and up as the world has them stand in the node's ``extras``. Vertex colours are linear 16-bit as the format asks
+scale; the whole similarity stands in the node's ``extras``. Vertex colours are linear 16-bit as the format asks
 (``COLOR_0`` is a linear multiplier), under an unlit material: photographs already carry the light of their street.
 """
 
@@ -137,7 +137,7 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
         "nodes": [{
             "name": name, "translation": (Z_TO_Y @ to_world.directions_to_local(to_world.translation)).tolist(),
             **({} if to_world.scale == 1 else {"scale": [to_world.scale] * 3}),
-            "extras": {"offset_m": to_world.translation.tolist(), "up": to_world.up.tolist()},
+            "extras": {"to_world": to_world.to_json()},
         }],
         "materials": [{
             "name": f"{name} colours", "doubleSided": True, "extensions": {"KHR_materials_unlit": {}},

@@ -20,6 +20,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
@@ -178,7 +179,7 @@ def start_scene(
     start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
-    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, drive.up)
+    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP)
 
 
 def random_scene(
@@ -229,14 +230,14 @@ def start_sky(
             with torch.no_grad():
                 alpha = render(surfels, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
             assert alpha is not None
-            above = frame.camera.rays() @ drive.up > 0
+            above = frame.camera.rays() @ UP > 0
             mask = (alpha.numpy() < 0.05) & above
             if hidden is not None:
                 mask &= ~hidden[i]
         samples.append((frame.camera, images[i], mask))
     chosen, best, tried = rows[0], -np.inf, {}
     for height in rows if len(rows) > 1 and any(m.any() for _, _, m in samples[1::2]) else ():
-        trial = fit_sky(samples[::2], drive.up, height=height)
+        trial = fit_sky(samples[::2], UP, height=height)
         errors = [
             np.square(trial.render(camera).numpy()[mask] - image[mask] / 255.0).ravel()
             for camera, image, mask in samples[1::2]
@@ -246,4 +247,4 @@ def start_sky(
         if psnr < best + SKY_GAIN:
             break
         chosen, best = height, psnr
-    return fit_sky(samples, drive.up, height=chosen), {"chosen": chosen, "psnr_of_rows": tried}
+    return fit_sky(samples, UP, height=chosen), {"chosen": chosen, "psnr_of_rows": tried}

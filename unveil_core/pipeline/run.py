@@ -9,11 +9,12 @@ from unveil_core.base.errors import UnveilError
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.marked import marked_objects
+from unveil_core.drives.placement import place_drive
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Reporter, Stage, silent
+from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.workspace.workspace import Workspace
 
@@ -45,9 +46,9 @@ def run(
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     fresh = not Path(workspace).exists()
+    opened = open_drive(drive)
     if not (Path(workspace) / "workspace.json").is_file():
         # Before anything is made: whether the drive is whole and the selection selects something.
-        opened = open_drive(drive)
         check_drive(opened)
         if until not in ("import", "objects"):  # before the choice is made
             marked = {m.id for m in marked_objects(settings.marked)}
@@ -55,10 +56,13 @@ def run(
             if listed or settings.remove or not settings.instances:
                 choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
-        named_frames(open_drive(drive).frames, settings.keyframes)
+        named_frames(opened.frames, settings.keyframes)
+    placed = place_drive(opened, scale=settings.scale, up=settings.up)
+    level = "warning" if placed.surprising else "notice"
+    notice = Notice("import", placed.message(), level, {"placement": placed.to_json()})
     space = Workspace.create(workspace)
     try:
-        run_stages(space, stages, settings, Path(drive).absolute(), reporter=reporter)
+        run_stages(space, stages, settings, Path(drive).absolute(), notice=notice, reporter=reporter)
     except UnveilError:
         if fresh and not space.drive_dir.exists():
             shutil.rmtree(space.root, ignore_errors=True)

@@ -24,7 +24,7 @@ from unveil_core.base.files import disk_is_full
 from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Reporter, Stage, StageContext, silent
+from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
 from unveil_core.workspace.journal import PARTIAL, commit, recover
 from unveil_core.workspace.workspace import Workspace
 
@@ -78,6 +78,7 @@ def run_stages(
     drive: Path,
     *,
     force: bool = False,
+    notice: Notice | None = None,
     reporter: Reporter = silent,
 ) -> list[str]:
     """Run stages in order, each only if something that it depends on has changed.
@@ -88,6 +89,7 @@ def run_stages(
         settings: recorded in workspace.json.
         drive: the drive as the user gave it.
         force: run them even if they are up to date.
+        notice: the first event, before that of any stage.
         reporter: receives each event.
     Returns:
         names of the stages that ran.
@@ -105,6 +107,8 @@ def run_stages(
         recover(workspace)
         digests = Digests(workspace)
         workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
+        if notice is not None:
+            reporter(workspace.log(notice.stage, notice.message, level=notice.level, **dict[str, Any](notice.details)))
         for stage in stages:
             missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
             if missing:

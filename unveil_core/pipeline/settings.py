@@ -10,11 +10,13 @@ from typing import Any
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
-__all__ = ["MOVERS", "ORDERS", "QUALITIES", "RunSettings"]
+__all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings"]
 
 QUALITIES = ("draft", "standard", "high")
 MOVERS = ("auto", "keep")
 ORDERS = ("reverse", "forward", "independent")
+UPS = ("x", "y", "z", "-x", "-y", "-z")
+"""Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class RunSettings:
         quality: "draft", "standard" or "high".
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
+        scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
+        up: the axis of the drive that is up, one of ``UPS``; None likewise.
         max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
         shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
             direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
@@ -63,6 +67,8 @@ class RunSettings:
     adapt: bool = True
     reference_inpainter: str | None = None
     marked: str | None = None
+    scale: float | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
@@ -77,9 +83,10 @@ class RunSettings:
             ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
             ("order", self.order, ORDERS),
             ("movers", self.movers, MOVERS),
+            ("up", self.up, (None, *UPS)),
         ):
             if value not in known:
-                raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(known)}")
+                raise SettingsError(f"unknown {name} {value!r}", mend=f"use one of {', '.join(k for k in known if k)}")
         if self.shadows not in ("auto", "off") and self.sun is None:
             raise SettingsError(
                 f"unknown shadows {self.shadows!r}",
@@ -89,6 +96,10 @@ class RunSettings:
             raise SettingsError(
                 "keyframes are of no use when each frame is filled for itself",
                 mend="leave them out, or use another order",
+            )
+        if self.scale is not None and not 1e-6 <= self.scale <= 1e6:
+            raise SettingsError(
+                f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
         if self.max_side is not None and self.max_side < 32:
             raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")

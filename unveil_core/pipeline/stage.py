@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from unveil_core.base.progress import Progress
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Facts", "Reporter", "Stage", "StageContext", "silent"]
+__all__ = ["Facts", "Notice", "Reporter", "Stage", "StageContext", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
@@ -20,6 +20,22 @@ Facts = dict[str, object]
 
 def silent(event: dict[str, object]) -> None:
     """Report nothing."""
+
+
+@dataclass(frozen=True)
+class Notice:
+    """An event about the run itself.
+
+    Attributes:
+        stage: that it belongs to; message: one line.
+        level: "notice", or "warning" where the user should look.
+        details: further entries of the event, JSON-able.
+    """
+
+    stage: str
+    message: str
+    level: str = "notice"
+    details: Facts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

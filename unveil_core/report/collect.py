@@ -15,6 +15,7 @@ from unveil_core.base.files import read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
@@ -187,7 +188,7 @@ def bird_camera(drive: Drive) -> Camera:
     """A view from behind and above the start of the drive, along it."""
     cameras = step_cameras(drive)
     places = np.stack([c.centre for c in cameras])
-    up = drive.up / np.linalg.norm(drive.up)
+    up = UP
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     heading = _level(places[-1] - places[0], up)
     if heading is None:

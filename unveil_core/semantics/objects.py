@@ -18,7 +18,7 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.drives.scale import NEAR_M
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
@@ -95,7 +95,7 @@ def find_objects(
         SelectionError: a marked object has the id of another one.
         DriveError: a picture that cannot be read.
     """
-    axes = up_frame(drive.up)
+    axes = up_frame(UP)
     positions = drive.points.positions
     cell = 0.0
     some = np.arange(len(positions))

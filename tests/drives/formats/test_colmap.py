@@ -11,7 +11,7 @@ import pytest
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.scale import camera_height, units_per_metre
+from unveil_core.drives.placement import place_drive
 from unveil_core.geometry.transforms import quat_to_rotation, rotation_to_quat
 
 UP = np.array([0.1, -0.98, 0.17]) / np.linalg.norm([0.1, -0.98, 0.17])
@@ -101,15 +101,16 @@ def test_binary_and_text_agree(tmp_path: Path, model: str) -> None:
     assert (binary.frames[0].distortion is None) == ("PINHOLE" in model)
     assert len(binary.points.positions) == 399  # one track of two is too short
     assert np.allclose(binary.points.positions, text.points.positions)
-    assert not binary.metric
+    assert binary.units_per_metre is None and binary.up is None
 
 
 def test_up_and_scale_are_found(tmp_path: Path) -> None:
     write_model(tmp_path, True)
     drive = open_drive(tmp_path)
-    assert float(drive.up @ UP) > 0.999
-    assert camera_height(drive) == pytest.approx(0.4, rel=0.05)
-    assert units_per_metre(drive) == pytest.approx(0.25, rel=0.05)
+    placed = place_drive(drive)
+    assert float(placed.to_world.up @ UP) > 0.99999 and placed.up_source == "ground"
+    assert placed.height == pytest.approx(0.4, rel=0.01)
+    assert placed.to_world.scale == pytest.approx(0.25, rel=0.01) and placed.scale_source == "camera height"
 
 
 @pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin"])

@@ -87,7 +87,7 @@ def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[SceneView], np.
         clouds.append(camera.centre + depth[near][:, None] * camera.rays()[near])
         views.append(SceneView(camera, depth, seen["car"] > 0))
     points = np.concatenate(clouds)
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     floor = points[points[:, 2] < 0.05]
     ground = fit_ground(path, floor)
     count = len(points)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.ground.test_street import UP, drive_on_circle, street_points, true_street
+from tests.ground.test_street import drive_on_circle, street_points, true_street
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
@@ -44,7 +44,7 @@ def in_shadow(s: np.ndarray, t: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
     cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     ground = fit_ground(path, street_points(RADIUS, 0.0))
     images, labels, usable = [], [], []
     for camera in cameras:
@@ -142,7 +142,7 @@ def test_all_invented_ground_that_a_frame_must_show_gets_surfels(street, chart: 
     mask = invented.reshape(camera.height, camera.width)
     assert mask.sum() > 200
     region = texels_in_pixels(full, [camera, cameras[0]], [mask, np.zeros_like(mask)])
-    seeds = seed_ground(full, region, spacing=0.08, up=UP, sh_degree=0, default_label=0)
+    seeds = seed_ground(full, region, spacing=0.08, sh_degree=0, default_label=0)
     alpha = render_numpy(seeds, camera, near=0.1, far=100.0)["alpha"]
     # The mask's border is not solid.
     assert (alpha[cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0] > 0.9).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.ground.test_street import UP, drive_on_circle, true_street
+from tests.ground.test_street import drive_on_circle, true_street
 from tests.inpaint.sunny_street import box_surfels
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
@@ -24,7 +24,7 @@ FAR = 200.0
 
 def street(radius: float) -> tuple[Ground, list[Camera]]:
     cameras = drive_on_circle(radius, 0.0)
-    path = fit_path(cameras, UP)
+    path = fit_path(cameras)
     s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
     points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
     return fit_ground(path, path.to_world(points)), cameras

@@ -49,7 +49,7 @@ def test_the_dark_under_a_car_goes_and_a_house_over_it_stays() -> None:
     assert displaced_by(chart, region, surfels, [ROAD]).tolist() == [True, True, False, False]
     far = new_ground(chart, np.array([[25.0, 4.0, 0.5]]), [], [])
     assert not far.any() and not displaced_by(chart, far, surfels, [ROAD]).any()
-    seeds = seed_ground(chart, region, spacing=0.1, up=UP, sh_degree=0, default_label=ROAD)
+    seeds = seed_ground(chart, region, spacing=0.1, sh_degree=0, default_label=ROAD)
     # They cover all that was taken away.
     assert len(seeds) > 100 and np.abs(seeds.means[:, :2] - torch.tensor(under)).norm(dim=1).min() < 0.1
 
@@ -71,7 +71,7 @@ def test_a_bush_goes_down_to_its_foot_and_what_a_car_left_does_not() -> None:
     layer = GroundLayer(whole, blur_levels(whole.color), blur_levels(whole.gain), ground_labels=(ROAD,))
     everything = np.ones((camera.height, camera.width), bool)
     task = FrameTask(camera, np.zeros((*everything.shape, 3), np.uint8), everything, everything)
-    street = seed_ground(whole, np.ones_like(whole.source, bool), spacing=0.1, up=UP, sh_degree=0, default_label=ROAD)
+    street = seed_ground(whole, np.ones_like(whole.source, bool), spacing=0.1, sh_degree=0, default_label=ROAD)
     shown = []
     for label in (ROAD, HOUSE):
         scene = concatenate([street, replace(box, labels=torch.full_like(box.labels, label))])

@@ -25,7 +25,7 @@ UP = np.array([0.0, 0.0, 1.0])
 @cache
 def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.ndarray, Light]:
     """Chart, truth and footprint of a sunny street, and the light found on it."""
-    chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun, UP))
+    chart, truth, footprint, kept, car = sunny_chart(sun_towards(*sun))
     light = light_of_scene(chart, kept, car)
     assert light is not None
     return chart, truth, footprint, light
@@ -39,16 +39,14 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_azimuth_runs_as_on_a_compass() -> None:
-    assert np.allclose(sun_towards(0, 0, UP), [0, 1, 0])
-    assert np.allclose(sun_towards(90, 0, UP), [1, 0, 0], atol=1e-12)
-    assert np.allclose(sun_towards(17, 90, UP), [0, 0, 1], atol=1e-12)
-    # Where y is up, -z is ahead and x is to the right.
-    assert np.allclose(sun_towards(90, 0, np.array([0.0, 1.0, 0.0])), [1, 0, 0], atol=1e-12)
+    assert np.allclose(sun_towards(0, 0), [0, 1, 0])
+    assert np.allclose(sun_towards(90, 0), [1, 0, 0], atol=1e-12)
+    assert np.allclose(sun_towards(17, 90), [0, 0, 1], atol=1e-12)
 
 
 @pytest.mark.parametrize("sun", SUNS)
 def test_shadows_fall_where_rays_to_the_sun_are_blocked(sun: tuple[float, float]) -> None:
-    towards = sun_towards(*sun, UP)
+    towards = sun_towards(*sun)
     x, y = np.meshgrid(np.arange(0, 25, 0.1), np.arange(-8, 8, 0.1), indexing="ij")
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     found = in_shadow(points, box_surfels(CROWN), towards, cell=0.06, bias=0.1).reshape(x.shape)
@@ -75,7 +73,7 @@ def test_faint_surfels_and_none_cast_nothing() -> None:
 def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
     light = lit_street(sun)[-1]
     # 3 degrees move the shadow of a crown by half its own blur.
-    assert angle(light.sun.towards, sun_towards(*sun, UP)) < 3.0
+    assert angle(light.sun.towards, sun_towards(*sun)) < 3.0
 
 
 def test_an_overcast_street_has_no_sun() -> None:
@@ -84,7 +82,7 @@ def test_an_overcast_street_has_no_sun() -> None:
 
 
 def test_a_given_sun_is_taken() -> None:
-    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0], UP))
+    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0]))
     light = light_of_scene(chart, kept, car, given=(123.0, 33.0))
     assert light is not None
     assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
@@ -119,7 +117,7 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
 
 
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
-    towards = sun_towards(*SUNS[0], UP)
+    towards = sun_towards(*SUNS[0])
     chart, truth, footprint, light = lit_street(SUNS[0])
     result = fill_chart(chart, footprint, light=light)
     world = chart.world(*(i.ravel() for i in np.indices(chart.source.shape)))

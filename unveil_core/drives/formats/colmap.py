@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import estimate_up, quat_to_rotation
+from unveil_core.geometry.transforms import quat_to_rotation
 
 __all__ = ["find_model", "read_colmap"]
 
@@ -184,7 +184,7 @@ def read_colmap(path: Path) -> Drive:
     """Read a COLMAP model with its images and, where present, masks.
 
     Images lie in ``images/`` of the folder that holds the model, masks in ``masks/NAME.png`` or ``masks/STEM.png`` (0 = remove).
-    Scale is unknown, so the drive is not metric; up is estimated from the cameras.
+    The model knows neither scale nor up.
     """
     folder = find_model(path)
     if folder is None:
@@ -222,8 +222,10 @@ def read_colmap(path: Path) -> Drive:
         root=path,
         frames=tuple(frames),
         points=_read_points(folder),
-        up=estimate_up([f.camera.world_to_camera for f in frames]),
-        metric=False,
+        units_per_metre=None,
+        scale_source="",
+        up=None,
+        up_source="",
         truth_root=root / "truth" if (root / "truth").is_dir() else None,
         sources=tuple(sorted(p for p in folder.iterdir() if p.stem in ("cameras", "images", "points3D"))),
     )

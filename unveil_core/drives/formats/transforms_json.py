@@ -7,6 +7,8 @@ the outer edge of the first pixel, as nerfstudio's rays do (pixel centres at + 0
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
+from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.drives.points import read_points
@@ -120,8 +123,44 @@ def _camera(
     return Camera(width, height, fx, fy, cx, cy, world_to_camera), distortion
 
 
+def _scale_told(top: dict[str, Any], frames: Sequence[Frame], points: PointCloud) -> tuple[float | None, str]:
+    """Units per metre and what tells them, see :func:`read_transforms_json`."""
+    if top.get("metric"):
+        return 1.0, "metric"
+    if "metric" in top:
+        return None, ""
+    if "applied_scale" in top:
+        scale = float(top["applied_scale"])
+        if not 0 < scale < math.inf:
+            raise ValueError(f"{scale:g} is not positive and finite")
+        return scale, "applied_scale"
+    if top.get("depth_unit_scale_factor") is not None and any(f.depth_path is not None for f in frames):
+        return 1.0, "depth unit"
+    return (1.0, "measured points") if points.measured else (None, "")
+
+
+def _up_told(top: dict[str, Any], path: Path) -> Float64 | None:
+    if top.get("up") is None:
+        return None
+    try:
+        up = np.asarray(top["up"], dtype=np.float64)
+    except (TypeError, ValueError):
+        up = np.zeros(0)
+    if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
+        raise DriveError("up is no direction", path=path, mend="three numbers, as [0, 0, 1]")
+    return np.asarray(up / np.linalg.norm(up))
+
+
 def read_transforms_json(path: Path) -> Drive:
     """Read a drive.
+
+    Scale: ``metric`` decides, where it is given: true, coordinates are metres; false, the scale is unknown. Without it the scale
+    is known where the file has ``applied_scale``, which brings what was measured in metres to the poses; where it states the unit
+    of its depth images by ``depth_unit_scale_factor``, which brings them to metres and to the poses alike; and where its PLY has
+    properties that only laser scanners write, as intensity. ``place_drive`` believes these three only where the cameras are then
+    at a height that cameras have. Nothing else tells: depth images alone may be of any unit, and structure from motion has none.
+
+    Up: ``up`` as Instant-NGP writes it, a direction; else it is unknown here.
 
     Args:
         path: the JSON file, or the folder that holds it.
@@ -167,13 +206,20 @@ def read_transforms_json(path: Path) -> Drive:
         # nerfstudio turns the poses by this and leaves the points as they were.
         applied = np.asarray(top["applied_transform"], dtype=np.float64)[:3, :4]
         scale = float(top.get("applied_scale", 1.0))
-        points = PointCloud(scale * (points.positions @ applied[:, :3].T + applied[:, 3]), points.colors)
+        moved = scale * (points.positions @ applied[:, :3].T + applied[:, 3])
+        points = replace(points, positions=moved)
     truth = root / "truth"
+    try:
+        units_per_metre, scale_source = _scale_told(top, frames, points)
+    except (TypeError, ValueError) as error:
+        raise DriveError(f"applied_scale is no scale: {error}", path=path) from error
     return Drive(
         root=path,
         frames=tuple(frames),
         points=points,
-        metric=bool(top.get("metric", True)),
+        units_per_metre=units_per_metre,
+        scale_source=scale_source,
+        up=_up_told(top, path),
         semantic_classes=top.get("semantic_classes"),
         truth_root=truth if truth.is_dir() else None,
         sources=(path, root / str(top["ply_file_path"])),

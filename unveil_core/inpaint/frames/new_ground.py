@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
@@ -62,14 +63,12 @@ def ground_relit(chart: StreetChart, surfels: Surfels) -> Mask:
     return inside & low & (chart.gain[row, column].max(axis=1) > RELIT_GAIN)
 
 
-def seed_ground(
-    chart: StreetChart, region: Mask, *, spacing: float, up: NDArray[np.float64], sh_degree: int, default_label: int
-) -> Surfels:
+def seed_ground(chart: StreetChart, region: Mask, *, spacing: float, sh_degree: int, default_label: int) -> Surfels:
     """Surfels for invented ground.
 
     Args:
         region: (A, B) texels to consider; of them those that are invented get surfels.
-        spacing: distance between surfels, metres; up: (3,).
+        spacing: distance between surfels, metres.
     """
     step = max(1, round(spacing / chart.texel))
     wanted = np.zeros_like(region)
@@ -77,7 +76,7 @@ def seed_ground(
     rows, columns = np.nonzero(wanted & region & (chart.source == INVENTED))
     colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
     label = chart.label[rows, columns].astype(np.int64)
-    normal = np.repeat(up[None] / np.linalg.norm(up), len(rows), axis=0)
+    normal = np.repeat(UP[None], len(rows), axis=0)
     return surfels_from_points(
         chart.world(rows, columns), np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
         np.where(label >= 0, label, default_label), normal, np.full(len(rows), step * chart.texel),

@@ -130,15 +130,14 @@ def light_of_scene(
     crowns = complete_crowns(trees, chart.ground)
     kept = concatenate([kept, crowns])
     evidence = _Evidence(chart, footprint, cameras)
-    up = chart.ground.path.axes[2]
     if given is not None:
-        sun: Sun | None = Sun(sun_towards(*given, up), 1.0, *given)
+        sun: Sun | None = Sun(sun_towards(*given), 1.0, *given)
     else:
         sun = _coarse_sun(evidence, concatenate([kept, gone]))
         if sun is not None:
             # Only by what was observed: the far side of a crown is a guess, good enough to come near.
             places, is_dark = evidence.light_seen(CONTACT_M, observed, sun)
-            sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun, up)
+            sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun)
     if sun is None:
         return None
     # Between two cars there is little else than what lies beside them.
@@ -239,7 +238,7 @@ def _in_shadow(points: NDArray[np.float64], casters: Surfels, towards: NDArray[n
 
 def _refined_sun(
     places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, trees: Surfels, plants: Sequence[int],
-    sun: Sun, up: NDArray[np.float64],
+    sun: Sun,
 ) -> Sun:  # fmt: skip
     """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
 
@@ -262,7 +261,7 @@ def _refined_sun(
     def overlap(azimuth: float, elevation: float) -> float:
         total = 0.0
         for at, dark, part in parts:
-            shaded = _in_shadow(at, part, sun_towards(azimuth, elevation, up))
+            shaded = _in_shadow(at, part, sun_towards(azimuth, elevation))
             total += float((shaded & dark).sum()) / max(1, int((shaded | dark).sum()))
         return total
 
@@ -273,4 +272,4 @@ def _refined_sun(
         tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
         best = max(best, max((overlap(a, e), a, e) for a, e in tried))
     _, azimuth, elevation = best
-    return Sun(sun_towards(azimuth, elevation, up), sun.score, azimuth % 360, elevation)
+    return Sun(sun_towards(azimuth, elevation), sun.score, azimuth % 360, elevation)

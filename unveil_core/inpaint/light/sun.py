@@ -49,21 +49,14 @@ class Sun:
     elevation: float
 
 
-def sun_towards(azimuth: float, elevation: float, up: Float64) -> Float64:
+def sun_towards(azimuth: float, elevation: float) -> Float64:
     """(3,) unit vector to a sun at an azimuth and elevation in degrees.
 
-    Azimuth runs clockwise, seen from above, from the world's y axis, which is north where x is east and z is up; where y
-    itself is up, from the -z axis.
-
-    Args:
-        up: (3,) unit vector.
+    Azimuth runs clockwise, seen from above, from the y axis, which is north where x is east. In a drive whose own y axis is up
+    that is its -z axis.
     """
-    north = np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.7 else np.array([0.0, 0.0, -1.0])
-    north = north - (north @ up) * up
-    north /= np.linalg.norm(north)
     a, e = np.radians(azimuth), np.radians(elevation)
-    direction: Float64 = np.sin(a) * np.cos(e) * np.cross(north, up) + np.cos(a) * np.cos(e) * north + np.sin(e) * up
-    return direction
+    return np.array([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), np.sin(e)])
 
 
 def find_sun(
@@ -80,7 +73,6 @@ def find_sun(
     """
     if known.sum() < 100 or len(casters) < 50:
         return None
-    up = ground.path.axes[2]
     foot = ground.path.to_street(casters)
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
     high = (height > STANDS_M) & (height < HIGHEST_M)
@@ -92,7 +84,7 @@ def find_sun(
         return None
 
     def score(azimuth: float, elevation: float) -> float:
-        shadow = _shadow(casters, sun_towards(azimuth, elevation, up), s, t, ground)
+        shadow = _shadow(casters, sun_towards(azimuth, elevation), s, t, ground)
         found = _within_offset(shadow, known)
         spread = float(np.sqrt((found[known] ** 2).mean()))
         return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
@@ -109,7 +101,7 @@ def find_sun(
     found, azimuth, elevation = best
     if found < LEAST_SCORE:
         return None
-    return Sun(sun_towards(azimuth, elevation, up), found, float(azimuth % 360), float(elevation))
+    return Sun(sun_towards(azimuth, elevation), found, float(azimuth % 360), float(elevation))
 
 
 def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, ground: Ground) -> NDArray[np.float32]:

@@ -61,7 +61,7 @@ def run(context: StageContext) -> None:
     surfels = read_surfels(workspace.surfels_full)
     track = longest_track(drive)
     of_track = [drive.frames[i].camera for i in track]
-    path, moved = fit_path(of_track, drive.up), 0.0
+    path, moved = fit_path(of_track), 0.0
     street = fit_street(surfels, scene.labels, of_track, path)
     context.progress(1, 4, "fitting the ground")
     if street is not None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import import_drive
+from unveil_core.drives.placement import place_drive
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
@@ -16,10 +17,14 @@ MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
 
 
-def run(context: StageContext) -> None:
+def run(context: StageContext) -> Facts:
     """drive/: undistorted, in metres with z up."""
-    side = context.settings.max_side or MAX_SIDE[context.settings.quality]
-    import_drive(open_drive(context.drive), context.output("drive"), max_side=side, progress=context.progress)
+    settings = context.settings
+    side = settings.max_side or MAX_SIDE[settings.quality]
+    drive = open_drive(context.drive)
+    placement = place_drive(drive, scale=settings.scale, up=settings.up)
+    import_drive(drive, context.output("drive"), max_side=side, placement=placement, progress=context.progress)
+    return placement.to_json()
 
 
 def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
@@ -31,4 +36,4 @@ def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> 
     return [(str(path), path) for path in files]
 
 
-STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality"), outside=files_of_drive)
+STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality", "scale", "up"), outside=files_of_drive)

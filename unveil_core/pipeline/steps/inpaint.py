@@ -105,7 +105,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         default = scene.labels.index("road")
         parts.append(
             seed_ground(
-                layer.chart, anew, spacing=preset.ground_spacing_m, up=drive.up,
+                layer.chart, anew, spacing=preset.ground_spacing_m,
                 sh_degree=left.sh_degree, default_label=0 if default is None else default,
             )
         )  # fmt: skip

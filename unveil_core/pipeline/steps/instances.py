@@ -14,7 +14,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.drives.scale import NEAR_M
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -52,7 +52,7 @@ def run(context: StageContext) -> None:
         of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M)
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
-    axes = up_frame(drive.up)
+    axes = up_frame(UP)
     listed: Any = read_json(workspace.objects_json)
     entries: list[dict[str, object]] = []
     for done, known in enumerate(listed["objects"]):
@@ -91,7 +91,7 @@ def _give_to_marked(
     positions: NDArray[np.float64], spacing: NDArray[np.float64], labels: NDArray[np.int64],
 ) -> None:  # fmt: skip
     """Surfels of marked objects, whatever their label, but not the ground they stand on."""
-    axes = up_frame(drive.up)
+    axes = up_frame(UP)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
     views = None

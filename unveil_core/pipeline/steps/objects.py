@@ -8,7 +8,7 @@ from unveil_core.base.files import read_image, write_image_atomic, write_json_at
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
@@ -36,7 +36,7 @@ def run(context: StageContext) -> None:
     save_array(disk_ids[found.point_labels], context.output("objects/point_labels.npy"))
     save_array(found.point_objects.astype(np.uint16), context.output("objects/point_objects.npy"))
     write_json_atomic(context.output("objects.json"), {
-        "units_per_metre": 1.0, "axes": up_frame(drive.up).tolist(), "source": scene.source,
+        "axes": up_frame(UP).tolist(), "source": scene.source,
         "classes": _classes(scene, found), "objects": entries,
     })  # fmt: skip
 

@@ -13,7 +13,7 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.drives.scale import FAR_M, NEAR_M
-from unveil_core.geometry.axes import up_frame
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.stage import Stage, StageContext
@@ -82,7 +82,7 @@ def run(context: StageContext) -> None:
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
-    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(drive.up))
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP))
     on_ground = scene.labels.indices(GROUND_CLASSES)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
