@@ -14,10 +14,9 @@ from tests.small_street import FRAMES, make_small_street
 from unveil_core.app.cli import main
 from unveil_core.bench.pipeline import NEEDS_WEIGHTS, bench_pipeline
 from unveil_core.bench.rows import ROWS
-from unveil_core.optimize.reconstruct import ReconstructSettings
+from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings
 from unveil_core.optimize.start import StartSettings
-from unveil_core.pipeline import graph
 from unveil_core.pipeline.settings import RunSettings
 
 DRAFT = RunSettings(quality="draft")
@@ -34,7 +33,7 @@ def told(street: Path, tmp_path_factory: pytest.TempPathFactory) -> dict:
     """All rows by the command line, with few steps."""
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(graph.PRESETS, "draft", SMALL)
+        patch.setitem(PRESETS, "draft", SMALL)
         patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
         command = ["bench", "pipeline", str(street), "--quality", "draft", "-o", str(folder / "rows.json")]
         assert main([*command, "--keep", str(folder / "kept"), "--scene", str(folder / "scene")]) == 0
@@ -113,7 +112,7 @@ def test_rows_of_networks_run_when_files_are_given(told: dict, street: Path, tmp
     rows = ["network_per_frame", "reference_reverse", "ours_by_reference"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
-        patch.setitem(graph.PRESETS, "draft", SMALL)
+        patch.setitem(PRESETS, "draft", SMALL)
         command = ["bench", "pipeline", str(street), "--quality", "draft", "--rows", ",".join(rows), "-o"]
         command += [str(tmp_path / "rows.json"), "--scene", str(told["folder"] / "scene"), "--keep", str(tmp_path)]
         assert main([*command, "--inpainter", str(network), "--reference-inpainter", str(reference)]) == 0

@@ -37,7 +37,7 @@ def test_all_ground_in_shadow_is_asked_for(width: int) -> None:
     layer = GroundLayer(chart, blur_levels(chart.color), blur_levels(chart.gain))
     asked = grow(layer.shadow_pixels(camera), border_px(width))
     looked = np.random.default_rng(0).random(asked.shape) < min(1.0, 1e5 / asked.size)
-    truth = layer.look(camera, looked)
+    truth = layer.sample(camera, looked)
     for near, far in ((3, 4), (4, 5), (5, 8), (8, 40)):
         here = truth.shadow & (truth.depth >= near) & (truth.depth < far)
         assert here.sum() > 500
