@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -134,9 +133,7 @@ def test_with_masks_only_tracks_decide_and_nothing_else_is_called_moving(
     assert [(m.class_name, m.evidence) for m in found.movers] == [("car", "boxes")]
     assert share([n > 0 for n in found.numbers], shown(drive, MOVER_ID)) > 0.99
     assert share([n > 0 for n in found.numbers], shown(drive, PARKED_ID)) < 0.005
-    alone = find_movers(without(masked), choose_labels(masked))
-    if alone is not None:
-        assert share([n > 0 for n in alone.numbers], shown(drive, PARKED_ID)) == 0
+    assert find_movers(without(masked), choose_labels(masked)) is None, "masks alone prove nothing here"
 
 
 def test_a_box_of_an_unknown_class_is_an_error(drives: dict[str, Drive]) -> None:
@@ -145,4 +142,3 @@ def test_a_box_of_an_unknown_class_is_an_error(drives: dict[str, Drive]) -> None
     strange = replace(first, boxes=(replace(first.boxes[0], class_name="zeppelin"),))
     with pytest.raises(DriveError, match="box 5 of frame 00 has the unknown class 'zeppelin'"):
         find_movers(replace(drive, frames=(strange, *drive.frames[1:])), choose_labels(drive))
-    assert json.dumps(first.boxes[0].to_json())

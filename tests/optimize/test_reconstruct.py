@@ -53,19 +53,16 @@ def tensors(done: Reconstruction) -> list[torch.Tensor]:
     return [s.means, s.quats, s.log_scales, s.opacity_logits, s.sh, s.labels, done.sky.texture]
 
 
-def test_a_plain_scene_comes_out_smaller_and_sooner_than_a_rich_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plain_scene_comes_out_smaller_than_a_rich_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = {}
     for shade in (plain, rich):
         monkeypatch.setattr(small_street, "shade", shade)
         path = make_tiny_street(tmp_path / shade.__name__, [1.5 * i for i in range(5)], rays=3000, shrink=1)
         found[shade.__name__] = reconstructed(path, SMALL)
     (one, plain_psnr), (other, rich_psnr) = found["plain"], found["rich"]
-    assert plain_psnr >= rich_psnr
-    assert len(one.surfels) < len(other.surfels)
-    assert one.choices["iterations"]["chosen"] <= other.choices["iterations"]["chosen"]
-    assert one.surfels.sh_degree <= other.surfels.sh_degree
+    assert plain_psnr > rich_psnr + 6
+    assert len(one.surfels) < 0.7 * len(other.surfels)
+    assert one.choices["budget"]["chosen"] < 0.7 * other.choices["budget"]["chosen"]
     json.dumps(one.choices)
     for name in CHOICES:
         assert "chosen" in one.choices[name], name
@@ -98,11 +95,11 @@ def test_comparisons_run_through(tmp_path: Path) -> None:
     short = replace(SMALL, iterations=60, sh_degree=0)
     plain_done, plain_psnr = reconstructed(path, short)
     solid, psnr = reconstructed(path, replace(short, ellipsoids=True))
-    assert solid.surfels.ellipsoids and psnr > plain_psnr - 6
+    assert solid.surfels.ellipsoids and abs(psnr - plain_psnr) < 2
     soft, psnr = reconstructed(path, replace(short, soft_labels=True))
-    assert psnr > plain_psnr - 3 and not soft.surfels.labels.equal(plain_done.surfels.labels)
+    assert abs(psnr - plain_psnr) < 0.5 and not soft.surfels.labels.equal(plain_done.surfels.labels)
     thrown, psnr = reconstructed(path, replace(short, random_start=True))
-    assert psnr < plain_psnr - 3, "points know more than nothing"
+    assert psnr < plain_psnr - 6, "points know more than nothing"
 
 
 def test_long_drives_may_have_more() -> None:

@@ -82,7 +82,11 @@ def test_the_car_goes_and_the_street_continues(done: Workspace, street: Path) ->
         count += 3 * removed.sum()
     assert count > 1000
     psnr = [10 * np.log10(255**2 / (e / count)) for e in (before, after)]
-    assert psnr[1] > 19 and psnr[1] > psnr[0] + 6, psnr
+    methods = json.loads((done.root / "metrics.json").read_text())["truth"]["regions"]["removed"]["methods"]
+    assert psnr[1] == pytest.approx(methods["ours"]["psnr"], abs=0.01) and psnr[1] > psnr[0] + 6, psnr
+    # An average of the street would come near in PSNR, not in structure.
+    for other in ("telea", "shift_map"):
+        assert psnr[1] > methods[other]["psnr"] + 4 and methods["ours"]["ssim"] > methods[other]["ssim"] + 0.2, other
 
 
 def test_the_empty_scene_holds_from_free_viewpoints(done: Workspace) -> None:

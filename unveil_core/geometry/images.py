@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
 
-__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur"]
+__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur", "within"]
 
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
-LARGEST_KERNEL_PX = 16
-"""Radius of a disc up to which masks grow by its pixels; beyond, distances are cheaper."""
 
 
 def border_px(width: int, least: int = 2) -> int:
@@ -43,14 +41,16 @@ def grow(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     """A mask (H, W) dilated by a disc; the mask itself where the radius is less than a pixel."""
     if radius < 1:
         return mask
-    if radius > LARGEST_KERNEL_PX:
-        if not mask.any():
-            return mask
-        near: NDArray[np.bool_] = (
-            cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= radius
-        )
-        return near
     return cv2.dilate(mask.astype(np.uint8), disc(radius)).astype(bool)
+
+
+def within(mask: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:
+    """Pixels (H, W) no farther than so many pixels from a mask; for large distances, where :func:`grow` takes long."""
+    if not mask.any():
+        return mask
+    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    near: NDArray[np.bool_] = away <= distance
+    return near
 
 
 def luminance(color: Float32) -> Float32:

@@ -19,8 +19,8 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart, blur_levels, read_chart, usable_pixels
-from unveil_core.inpaint.facade.facade_chart import invented_fronts, read_facade
-from unveil_core.inpaint.facade.poles import feet_of_uprights
+from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.scene_light import light_of_scene
 from unveil_core.raster.picture import render_numpy
@@ -93,29 +93,28 @@ def drive_ground_layer(
 
 
 def drive_continued(
-    drive: Drive, scene: SceneLabels, left: Surfels, layer: GroundLayer, views: Views
+    drive: Drive, scene: SceneLabels, remaining: Surfels, layer: GroundLayer, views: Views
 ) -> tuple[list[Surfels], GroundLayer]:
-    """Surfels of what nobody saw of things that were seen in part, house fronts and the feet of what stands upright; and the ground
-    that knows of these feet.
+    """Surfels that complete what was seen in part, facades and the feet of poles; and the ground with these feet.
 
     Args:
-        left: the scene without what is removed; layer: its ground.
+        remaining: the scene without what is removed; layer: its ground.
     """
     ground = layer.chart.ground
     cameras = [f.camera for f in drive.frames]
     found: list[Surfels] = []
     house = scene.labels.index("building")
     if house is not None:
-        walls, on_wall = left.select(left.labels == house), [label == house for label in views.labels]
-        for is_left in (False, True):
-            chart = read_facade(
-                ground, walls, cameras, views.images, on_wall, views.depths, views.removed, left=is_left
-            )  # fmt: skip
-            front = None if chart is None else invented_fronts(chart, label=house, sh_degree=left.sh_degree)
-            found += [] if front is None else [front]
-    kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=left.labels.dtype)
-    standing = left.select(torch.isin(left.labels, kinds))
-    feet = feet_of_uprights(standing, ground, cameras, views.depths, views.removed)
+        walls = remaining.select(remaining.labels == house)
+        frames = zip(cameras, views.images, views.labels, views.depths, views.removed, strict=True)
+        seen = [FacadeView(camera, image, label == house, depth, gone) for camera, image, label, depth, gone in frames]
+        for left in (False, True):
+            chart = read_facade(ground, walls, seen, left=left)
+            facade = None if chart is None else invented_facades(chart, label=house, sh_degree=remaining.sh_degree)
+            found += [] if facade is None else [facade]
+    kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=remaining.labels.dtype)
+    standing = remaining.select(torch.isin(remaining.labels, kinds))
+    feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed)
     if feet is None:
         return found, layer
     return [*found, feet], replace(layer, feet=feet.means.double().numpy())
@@ -170,11 +169,11 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
         low = on_chart & (above < 2.5) & (above > -0.5)
         if low.sum() < 3:
             continue
-        own = np.zeros_like(footprint)
-        own[row[low], column[low]] = 1
+        texels = np.zeros_like(footprint)
+        texels[row[low], column[low]] = 1
         if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < 12.0:
             # Strays would stretch the hull: only texels with company count.
-            dense = cv2.morphologyEx(own, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
+            dense = cv2.morphologyEx(texels, cv2.MORPH_CLOSE, np.ones((2 * int(0.3 / chart.texel) + 1,) * 2, np.uint8))
             count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
             areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
             least = max(0.15, 0.25 * areas[1:].max(initial=0.0))
@@ -183,5 +182,5 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
             if len(rows) >= 3:
                 hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
                 cv2.fillConvexPoly(footprint, hull, 1)
-        footprint |= own
+        footprint |= texels
     return footprint.astype(bool)

@@ -119,15 +119,18 @@ def test_frames_without_a_mask_get_what_goes_there_and_the_car(masks_drive: Driv
         masks_drive, pixels, gone, masks_drive.points, AddedLabels(None, None, False), tmp_path / "drive"
     )
     scene = choose_labels(written)
+    given = set()
     for i, (before, after, own) in enumerate(zip(masks_drive.frames, written.frames, pixels, strict=True)):
         covered = own.number > 0
-        assert covered.any() == (after.mask_path is not None and before.mask_path is None or covered.any())
+        assert (after.mask_path is not None) == (before.mask_path is not None or covered.any())
         if not covered.any():
             continue
         label = frame_labels(after, scene)
         assert (label[covered] == 1).all()
         known = really if i % 2 else read_label_image(before.mask_path) == 0
         assert np.array_equal(label[~covered] == 1, known[~covered])
+        given.add(before.mask_path is None)
+    assert given == {False, True}, "the car shows in frames with a mask and in frames without"
 
 
 # ---------------------------------------------------------------------------------------------------------------- evidence

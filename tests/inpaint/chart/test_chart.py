@@ -125,12 +125,6 @@ def test_shadows_far_from_the_object_stay() -> None:
     assert not shadow[45:].any()
 
 
-def test_filling_is_reproducible(chart: StreetChart) -> None:
-    first, second = filled(chart), filled(chart)
-    assert np.array_equal(first.color, second.color)
-    assert np.array_equal(first.gain, second.gain)
-
-
 def test_world_lies_on_the_circle(chart: StreetChart) -> None:
     rows, columns = np.array([300, 400]), np.array([50, 120])
     world = chart.world(rows, columns)

@@ -1,4 +1,4 @@
-"""House fronts, trunks and poles that go on behind a parked car, on a street whose geometry is known exactly."""
+"""Facades, trunks and poles that go on behind a parked car, on a street whose geometry is known exactly."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_ground
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
-from unveil_core.inpaint.facade.facade_chart import find_fronts, invented_fronts, read_facade
-from unveil_core.inpaint.facade.poles import feet_of_uprights
+from unveil_core.inpaint.facade.facade_chart import FacadeView, facade_offsets, invented_facades, read_facade
+from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
-FRONT = 6.0
+FACADE_T = 6.0
 FAR = 200.0
 
 
@@ -31,9 +31,9 @@ def street(radius: float) -> tuple[Ground, list[Camera]]:
 
 
 def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:
-    """The front on the left, FRONT metres from the cameras' way."""
+    """The facade on the left, FACADE_T metres from the cameras' way."""
     s, h = (p.ravel() for p in np.meshgrid(np.arange(first, last, 0.15), np.arange(0, 7, 0.15), indexing="ij"))
-    here, nearer = (true_street(radius, s, np.full(len(s), t)) for t in (FRONT, FRONT - 1))
+    here, nearer = (true_street(radius, s, np.full(len(s), t)) for t in (FACADE_T, FACADE_T - 1))
     points, normals = np.column_stack([here, h]), np.column_stack([nearer - here, np.zeros(len(s))])
     return surfels_from_points(
         points, np.full((len(s), 3), 120, np.uint8), np.zeros(len(s), np.int64), normals, np.full(len(s), 0.15)
@@ -41,17 +41,17 @@ def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:
 
 
 def stripes(along: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """(N, 3) grey levels of the painted front: windows every 3 m, a dark plinth."""
+    """(N, 3) grey levels of the painted facade: windows every 3 m, a dark plinth."""
     grey = np.where((along % 3 < 1.2) & (height > 1), 60.0, 170.0)
     grey[height < 0.6] = 90.0
     return np.repeat(grey[:, None], 3, axis=1)
 
 
 def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Image, wall, depth and what the car hides, of a straight street: rays against the front's plane and the car's box."""
+    """Image, wall, depth and what the car hides, of a straight street: rays against the facade's plane and the car's box."""
     rays = camera.rays().reshape(-1, 3)
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = (FRONT - camera.centre[1]) / rays[:, 1]
+        z = (FACADE_T - camera.centre[1]) / rays[:, 1]
         first, second = (car[0] - camera.centre) / rays, (car[1] - camera.centre) / rays
     near, far = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
     hidden = (near <= far) & (near > 0)
@@ -66,44 +66,40 @@ def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 @pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
-def test_fronts_are_found_where_houses_stand(radius: float) -> None:
+def test_facades_are_found_where_houses_stand(radius: float) -> None:
     ground, _ = street(radius)
     s = np.arange(-1.5, 27, 0.1)
-    front = find_fronts(houses(radius, 4.0, 20.0), ground, s, left=True)
+    offset = facade_offsets(houses(radius, 4.0, 20.0), ground, s, left=True)
     inside = (s > 5) & (s < 19)
-    assert np.abs(front[inside] - FRONT).max() < 0.1
-    assert np.isnan(front[(s < 3) | (s > 21)]).all()
-    assert np.isnan(find_fronts(houses(radius), ground, s, left=False)).all()
+    assert np.abs(offset[inside] - FACADE_T).max() < 0.1
+    assert np.isnan(offset[(s < 3) | (s > 21)]).all()
+    assert np.isnan(facade_offsets(houses(radius), ground, s, left=False)).all()
 
 
-def test_a_wall_across_the_street_is_no_front() -> None:
+def test_a_wall_across_the_street_is_no_facade() -> None:
     ground, _ = street(np.inf)
     side = box_surfels(np.array([[9.9, 3.0, 0.0], [10.0, 3.2, 4.0]]))
-    assert np.isnan(find_fronts(side, ground, np.arange(0, 26, 0.1), left=True)).all()
+    assert np.isnan(facade_offsets(side, ground, np.arange(0, 26, 0.1), left=True)).all()
 
 
-def test_a_front_goes_on_behind_a_car() -> None:
+def test_a_facade_goes_on_behind_a_car() -> None:
     ground, cameras = street(np.inf)
     car = np.array([[9.0, 3.2, 0.0], [13.0, 4.8, 1.5]])
-    images, walls, depths, hidden = zip(*(view(c, car) for c in cameras), strict=True)
-    chart = read_facade(
-        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=True, texel_m=0.05
-    )  # fmt: skip
+    views = [FacadeView(c, *view(c, car)) for c in cameras]
+    chart = read_facade(ground, houses(np.inf), views, left=True, texel_m=0.05)
     assert chart is not None
-    found = invented_fronts(chart, label=3, sh_degree=1)
+    found = invented_facades(chart, label=3, sh_degree=1)
     assert found is not None and len(found) > 200
     assert (found.labels == 3).all()
     means = found.means.double().numpy()
-    assert np.abs(means[:, 1] - FRONT).max() < 0.1
+    assert np.abs(means[:, 1] - FACADE_T).max() < 0.1
     assert np.abs(np.abs(found.normals().double().numpy()[:, 1]) - 1).max() < 0.01
-    # Only behind the car, and as the front goes on.
+    # Only behind the car, and as the facade goes on.
     assert means[:, 2].max() < 2.0
     grey = (found.sh[:, 0, 0].double().numpy() * 0.28209479177387814 + 0.5) * 255
     true = stripes(means[:, 0] - 0.0, means[:, 2])[:, 0]
     assert np.median(np.abs(grey - true)) < 12
-    assert read_facade(
-        ground, houses(np.inf), cameras, images, walls, depths, hidden, left=False
-    ) is None  # fmt: skip
+    assert read_facade(ground, houses(np.inf), views, left=False) is None
 
 
 def pole(low: float, high: float, at: tuple[float, float] = (11.0, 4.0), half: float = 0.1) -> Surfels:
@@ -125,7 +121,7 @@ def scene_views(pole_seen: bool) -> tuple[list[Camera], list[np.ndarray], list[n
 def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
     ground, _ = street(np.inf)
     cameras, depths, hidden = scene_views(False)
-    feet = feet_of_uprights(pole(1.2, 3.5), ground, cameras, depths, hidden)
+    feet = feet_of_poles(pole(1.2, 3.5), ground, cameras, depths, hidden)
     assert feet is not None
     means = feet.means.double().numpy()
     assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.2
@@ -135,10 +131,10 @@ def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
 def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
     ground, _ = street(np.inf)
     seen = scene_views(True)
-    assert feet_of_uprights(pole(1.2, 3.5), ground, *seen) is None
+    assert feet_of_poles(pole(1.2, 3.5), ground, *seen) is None
     cameras, depths, hidden = scene_views(False)
     for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
-        assert feet_of_uprights(other, ground, cameras, depths, hidden) is None
+        assert feet_of_poles(other, ground, cameras, depths, hidden) is None
 
 
 def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:

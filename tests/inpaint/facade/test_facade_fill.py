@@ -1,4 +1,4 @@
-"""A front with windows at even distances, one colour of plaster per house, a plinth, and gaps that parked cars leave in it."""
+"""A facade with windows at even distances, one colour of plaster per house, a plinth, and gaps that parked cars leave in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PLASTER = (np.array([0.40, 0.33, 0.18]), np.array([0.25, 0.32, 0.45]))
 PANE, PLINTH, DOOR = np.array([0.15, 0.16, 0.18]), np.array([0.2, 0.2, 0.21]), np.array([0.35, 0.08, 0.1])
 
 
-def front(length: float = 24.0, change: float = 12.0, door: float = 16.9) -> np.ndarray:
+def facade(length: float = 24.0, change: float = 12.0, door: float = 16.9) -> np.ndarray:
     """(A, B, 3) six metres high; windows of 1.2 m every 3 m, a house of another colour from ``change`` on, with a door."""
     s, h = np.meshgrid(np.arange(0, length, 1 / PER_M), np.arange(0, 6, 1 / PER_M), indexing="ij")
     color = np.where((s < change)[..., None], *PLASTER)
@@ -32,7 +32,7 @@ def gap(shape: tuple[int, ...], *parts: tuple[float, float, float]) -> np.ndarra
 
 @pytest.mark.parametrize("place", [2.0, 5.4, 7.3])
 def test_a_gap_below_windows_gets_the_other_half_of_them(place: float) -> None:
-    truth = front()
+    truth = facade()
     hidden = gap(truth.shape, (place, place + 3.2, 1.8))
     color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert filled[hidden].mean() > 0.99
@@ -44,7 +44,7 @@ def test_a_gap_below_windows_gets_the_other_half_of_them(place: float) -> None:
 
 def test_another_houses_windows_come_in_this_ones_plaster() -> None:
     """Of the second house only a strip is known below; its windows are those of the first."""
-    truth = front(door=100.0)
+    truth = facade(door=100.0)
     hidden = gap(truth.shape, (12.5, 24.0, 1.8))
     color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     inside = gap(truth.shape, (14.0, 23.0, 1.8)) & filled
@@ -55,7 +55,7 @@ def test_another_houses_windows_come_in_this_ones_plaster() -> None:
 
 
 def test_a_door_is_not_put_under_a_window() -> None:
-    truth = front()
+    truth = facade()
     hidden = gap(truth.shape, (18.0, 19.6, 1.6))
     color, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     red = (color[..., 0] > 2 * color[..., 1]) & hidden
@@ -63,7 +63,7 @@ def test_a_door_is_not_put_under_a_window() -> None:
 
 
 def test_where_nothing_is_known_nothing_is_invented() -> None:
-    truth = front()
+    truth = facade()
     everything = np.ones(truth.shape[:2], dtype=bool)
     color, filled = fill_facade(np.zeros_like(truth), ~everything, everything, texels_per_m=PER_M)
     assert not filled.any()
@@ -77,7 +77,7 @@ def test_where_nothing_is_known_nothing_is_invented() -> None:
     st.floats(0.2, 2.0),
 )
 def test_what_is_filled_was_wanted_and_is_a_colour(parts: list[tuple[float, float, float]], bright: float) -> None:
-    truth = np.clip(front() * np.float32(bright), 0, 1)
+    truth = np.clip(facade() * np.float32(bright), 0, 1)
     hidden = gap(truth.shape, *((a, a + b, top) for a, b, top in parts))
     color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert not (filled & ~hidden).any()

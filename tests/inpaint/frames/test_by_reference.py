@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.pavement import box
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.frames.by_reference import Carrier
+from unveil_core.inpaint.frames.by_reference import ReferencePropagator
 
 WIDTH, HEIGHT, WALL_M = 160, 120, 10.0
 
@@ -40,16 +40,16 @@ class Asked:
 
 def test_the_finest_view_of_the_place_paints_it() -> None:
     network = Asked()
-    carrier = Carrier(network)
+    references = ReferencePropagator(network)
     for blue, (x, z) in enumerate(((0.5, 2.0), (0.0, 4.0), (30.0, 6.0), (0.0, 0.0))):
         camera = camera_at(x, z)
         image, depth = wall(camera)
         image[..., 2] = 10 * blue
-        carrier.remember(camera, image, depth)
+        references.add(camera, image, depth)
     here = camera_at(0.0, 0.0)
     image, depth = wall(here)
     hole = box((HEIGHT, WIDTH), 50, 70, 70, 90)
-    done, painted = carrier.paint(here, np.where(hole[..., None], 0, image).astype(np.uint8), hole, depth)
+    done, painted = references.paint(here, np.where(hole[..., None], 0, image).astype(np.uint8), hole, depth)
     assert np.array_equal(painted, hole) and np.array_equal(done[~hole], image[~hole])
     assert len(network.given) == 1
     # Nearer is finer; the one far to the side is nearer still, and does not show it.
@@ -63,16 +63,16 @@ def test_the_finest_view_of_the_place_paints_it() -> None:
 
 
 def test_a_frame_in_which_something_stands_before_the_place_is_none() -> None:
-    network, carrier = Asked(), None
+    network, references = Asked(), None
     for nearer in (0.0, 3.0):
-        carrier = Carrier(network)
+        references = ReferencePropagator(network)
         camera = camera_at(1.0, 1.0)
         image, depth = wall(camera)
-        carrier.remember(camera, image, depth - nearer)
+        references.add(camera, image, depth - nearer)
         here = camera_at(0.0, 0.0)
         image, depth = wall(here)
         hole = box((HEIGHT, WIDTH), 50, 70, 70, 90)
-        done, painted = carrier.paint(here, image, hole, depth)
+        done, painted = references.paint(here, image, hole, depth)
         assert painted.any() == (nearer == 0) and np.array_equal(done[~painted], image[~painted])
     assert len(network.given) == 1
 
@@ -82,28 +82,28 @@ def test_nothing_is_painted_without_frames_or_holes() -> None:
     here = camera_at(0.0, 0.0)
     image, depth = wall(here)
     hole = box((HEIGHT, WIDTH), 0, 9, 0, 9)
-    done, painted = Carrier(network).paint(here, image, hole, depth)
+    done, painted = ReferencePropagator(network).paint(here, image, hole, depth)
     assert np.array_equal(done, image) and not painted.any()
-    carrier = Carrier(network)
-    carrier.remember(here, image, depth)
-    done, painted = carrier.paint(here, image, hole & False, depth)
+    references = ReferencePropagator(network)
+    references.add(here, image, depth)
+    done, painted = references.paint(here, image, hole & False, depth)
     assert np.array_equal(done, image) and not painted.any() and not network.given
-    done, painted = carrier.paint(here, image, hole, depth)
+    done, painted = references.paint(here, image, hole, depth)
     assert np.array_equal(painted, hole) and len(network.given) == 1
 
 
 def test_holes_are_painted_each_by_its_own_frame() -> None:
     network = Asked()
-    carrier = Carrier(network)
+    references = ReferencePropagator(network)
     for blue, x in ((10, -9.0), (20, 9.0)):
         camera = camera_at(x, 0.0)
         image, depth = wall(camera)
         image[..., 2] = blue
-        carrier.remember(camera, image, depth)
+        references.add(camera, image, depth)
     here = camera_at(0.0, 0.0)
     image, depth = wall(here)
     left, right, middle = (box((HEIGHT, WIDTH), 40, 60, c, c + 4) for c in (20, 140, 80))
-    done, painted = carrier.paint(here, image, left | right, depth)
+    done, painted = references.paint(here, image, left | right, depth)
     assert np.array_equal(painted, left | right)
     assert (done[left][:, 2] == 10).all() and (done[right][:, 2] == 20).all()
     assert (done[middle][:, 2] == 50).all()

@@ -12,7 +12,7 @@ from tests.inpaint.networks import from_reference
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.holes import FrameTask, open_hole
 from unveil_core.inpaint.frames.keyframes import plan_keyframes
-from unveil_core.inpaint.frames.propagate import Painted, paint_along
+from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.sky import Sky
@@ -63,11 +63,9 @@ def paint(order: str, reference) -> tuple[list[Painted], list[int]]:
         return np.where(mask[..., None], INVENTED, image).astype(np.uint8)
 
     sky, wall, tasks = Sky(torch.zeros(3, 8, 16), np.eye(3)), wall_with_a_gap(), frames()
-    holes = [open_hole(task, wall, None, near=0.1, far=50.0) for task in tasks]
+    holes = [open_hole(task, wall, None) for task in tasks]
     plan = None if order == "independent" else plan_keyframes(holes, range(FRAMES), order=order)
-    done, _ = paint_along(
-        tasks, wall, sky, None, invent, plan=plan, label_count=1, near=0.1, far=50.0, reference=reference
-    )
+    done, _ = propagate_inpainting(tasks, RemainingScene(wall, sky, None, 1), invent, plan=plan, reference=reference)
     return done, asked
 
 

@@ -23,9 +23,9 @@ def test_the_frame_that_shows_most_is_enough() -> None:
     plan = plan_keyframes(holes, [0, 1, 2])
     assert chosen(plan) == [1]
     (key,) = plan.keyframes
-    assert key.pixels == holes[1].mask.sum() and not key.leaves.any()
+    assert key.pixels == holes[1].mask.sum() and not key.deferred.any()
     assert key.area == pytest.approx(3.0, rel=0.06)
-    assert plan.rest.sum() <= 0.02 * holes[1].mask.sum() and plan.turns == (2, 1, 0)
+    assert plan.remaining.sum() <= 0.02 * holes[1].mask.sum() and plan.visit_order == (2, 1, 0)
 
 
 def test_what_one_frame_lacks_another_adds() -> None:
@@ -47,14 +47,14 @@ def test_a_much_sharper_view_wins_though_it_is_earlier() -> None:
     holes = [hole_of(before_wall(0.0, 3.0 + 2 * i), B) for i in range(4)]
     plan = plan_keyframes(holes, range(4))
     assert chosen(plan) == [0]
-    assert plan.rest.sum() == 0
+    assert plan.remaining.sum() == 0
 
 
-def test_a_place_is_left_to_the_view_that_sees_it_much_sharper() -> None:
+def test_a_place_is_deferred_to_the_view_that_sees_it_much_sharper() -> None:
     far, near = hole_of(before_wall(0.0, 8.0), A, B), hole_of(before_wall(0.0, 2.5), B)
     plan = plan_keyframes([near, far], [0, 1])
     assert chosen(plan) == [1, 0]
-    assert np.array_equal(plan.keyframes[0].leaves, shows(far.camera, B))
+    assert np.array_equal(plan.keyframes[0].deferred, shows(far.camera, B))
     assert [k.area for k in plan.keyframes] == pytest.approx([1.0, 1.0], rel=0.15)
     assert chosen(plan_keyframes([near, far], [0, 1], order="forward")) == [1]
 
@@ -66,23 +66,23 @@ def test_given_keyframes_are_kept_and_no_others_taken() -> None:
     assert plan.keyframes[0].pixels == holes[2].mask.sum() and plan.keyframes[1].pixels < 60
     nothing = [*holes[:3], hole_of(before_wall(0.3, 5.0))]
     assert chosen(plan_keyframes(nothing, range(4), given=(3,))) == [3]
-    assert plan_keyframes(nothing, range(4), given=(3,)).rest.tolist() == [int(h.mask.sum()) for h in nothing]
+    assert plan_keyframes(nothing, range(4), given=(3,)).remaining.tolist() == [int(h.mask.sum()) for h in nothing]
 
 
 def test_two_cameras_of_a_rig_need_one_keyframe() -> None:
     left = [hole_of(before_wall(-0.2 + 0.1 * i, 5.0), B) for i in range(3)]
     right = [hole_of(before_wall(0.2 + 0.1 * i, 5.0), B) for i in range(3)]
     plan = plan_keyframes([*left, *right], [0, 1, 2, 0, 1, 2])
-    assert plan.turns == (2, 5, 1, 4, 0, 3)
+    assert plan.visit_order == (2, 5, 1, 4, 0, 3)
     assert len(plan.keyframes) == 1 and plan.keyframes[0].frame in (2, 5)
-    assert plan.rest.sum() <= 40
+    assert plan.remaining.sum() <= 40
 
 
 def test_too_little_makes_no_keyframe() -> None:
     speck = (-0.05, 0.05, -0.05, 0.05)
     holes = [hole_of(before_wall(0.0, 5.0), speck), hole_of(before_wall(0.1, 5.0))]
     plan = plan_keyframes(holes, [0, 1])
-    assert plan.keyframes == () and plan.rest.tolist() == [int(holes[0].mask.sum()), 0]
+    assert plan.keyframes == () and plan.remaining.tolist() == [int(holes[0].mask.sum()), 0]
 
 
 def test_a_frame_that_others_together_make_needless_is_no_keyframe() -> None:
@@ -91,7 +91,7 @@ def test_a_frame_that_others_together_make_needless_is_no_keyframe() -> None:
     below = [(left, right, 0.8, 1.8) for left, right, _, _ in (A, B, C)]
     holes = [hole_of(camera, A, B, C), *(hole_of(camera, p, q) for p, q in zip((A, B, C), below, strict=True))]
     plan = plan_keyframes(holes, range(4))
-    assert chosen(plan) == [3, 2, 1] and plan.rest.sum() == 0
+    assert chosen(plan) == [3, 2, 1] and plan.remaining.sum() == 0
     assert [k.area for k in plan.keyframes] == pytest.approx([2.0] * 3, rel=0.1)
 
 

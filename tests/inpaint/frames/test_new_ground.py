@@ -11,7 +11,7 @@ from tests.ground.test_street import UP, drive_on_circle
 from tests.inpaint.sunny_street import CAR, TEXEL, box_surfels, sunny_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, StreetChart, blur_levels
-from unveil_core.inpaint.frames.holes import FrameTask, look_behind
+from unveil_core.inpaint.frames.holes import FrameTask, background_layers
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.light.relight import relighting_gain
 from unveil_core.surfels.initialize import surfels_from_points
@@ -75,7 +75,7 @@ def test_a_bush_goes_down_to_its_foot_and_what_a_car_left_does_not() -> None:
     shown = []
     for label in (ROAD, HOUSE):
         scene = concatenate([street, replace(box, labels=torch.full_like(box.labels, label))])
-        shown.append(look_behind(task, scene, layer, near=0.1, far=99.0).in_front)
+        shown.append(background_layers(task, scene, layer).in_front)
     pixel, _ = camera.project(np.array([[9.0, -1.8, 0.2], [9.0, -1.8, 0.12], [9.0, -1.8, 0.35], [9.0, 0.5, 0.0]]))
     x, y = pixel.astype(int).T
     assert shown[1][y, x].tolist() == [True, True, True, False]

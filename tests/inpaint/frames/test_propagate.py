@@ -8,16 +8,15 @@ import torch
 from numpy.typing import NDArray
 
 from tests.inpaint.walls import before_wall, task_of, wall_without
-from unveil_core.inpaint.frames.holes import Hole, hole_in_frame, look_behind, open_hole
+from unveil_core.inpaint.frames.holes import Hole, background_layers, hole_in_frame, open_hole
 from unveil_core.inpaint.frames.keyframes import plan_keyframes
-from unveil_core.inpaint.frames.propagate import TINT, Painted, paint_along, tint
+from unveil_core.inpaint.frames.propagate import TINT, Painted, RemainingScene, propagate_inpainting, tint
 from unveil_core.surfels.sky import Sky
 
 WINDOW = (-0.6, 0.6, -0.6, 0.6)
 PAINTS = ((250, 40, 40), (40, 250, 40), (40, 40, 250), (250, 250, 40), (40, 250, 250), (250, 40, 250))
 WALL = wall_without(WINDOW)
 SKY = Sky(torch.zeros(3, 8, 16), np.eye(3))
-NEAR, FAR = 0.2, 100.0
 
 
 class Painter:
@@ -33,10 +32,10 @@ class Painter:
 
 def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[Hole], Painter]:  # type: ignore[no-untyped-def]
     tasks = [task_of(camera, WINDOW) for camera in cameras]
-    holes = [open_hole(task, WALL, None, near=NEAR, far=FAR) for task in tasks]
+    holes = [open_hole(task, WALL, None) for task in tasks]
     plan = None if order == "independent" else plan_keyframes(holes, times, order=order, given=given)
     painter = Painter()
-    painted, seeds = paint_along(tasks, WALL, SKY, None, painter, plan=plan, label_count=1, near=NEAR, far=FAR)
+    painted, seeds = propagate_inpainting(tasks, RemainingScene(WALL, SKY, None, 1), painter, plan=plan)
     assert seeds is not None
     return painted, holes, painter
 
@@ -71,7 +70,7 @@ def test_the_cameras_of_a_rig_show_the_same() -> None:
     assert np.abs(inner_colors(painted, holes) - PAINTS[0]).max() < 25
 
 
-def test_what_is_left_to_a_sharper_view_comes_from_there() -> None:
+def test_what_is_deferred_to_a_sharper_view_comes_from_there() -> None:
     """The last frame sees the whole window from afar, an earlier one its middle from nearby."""
     near, far = before_wall(0.0, 1.0), before_wall(0.0, 6.0)
     painted, holes, _ = paint([near, far], [0, 1], "reverse")
@@ -91,12 +90,12 @@ def test_what_given_keyframes_do_not_show_is_invented_once_all_the_same() -> Non
 
 def test_what_is_filled_already_is_no_hole() -> None:
     task = task_of(before_wall(0.0, 4.0), WINDOW)
-    behind = look_behind(task, WALL, None, near=NEAR, far=FAR)
-    empty = hole_in_frame(task, behind)
+    background = background_layers(task, WALL, None)
+    empty = hole_in_frame(task, background)
     filled = np.zeros_like(empty)
     filled[:36] = True
-    assert empty[:36].any() and np.array_equal(hole_in_frame(task, behind, filled), empty & ~filled)
-    hole = open_hole(task, WALL, None, filled, near=NEAR, far=FAR)
+    assert empty[:36].any() and np.array_equal(hole_in_frame(task, background, filled), empty & ~filled)
+    hole = open_hole(task, WALL, None, filled)
     assert np.array_equal(hole.mask, empty & ~filled) and np.abs(hole.depth - 4.0).max() < 0.3
     assert hole.area().sum() == pytest.approx(0.72, rel=0.15)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
 
 from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.inpaint.light.crowns import complete_crowns
@@ -60,8 +59,3 @@ def test_bushes_stumps_and_nothing_stay_as_they_are() -> None:
     stump = half_tree(10.0, 4.0)[:60]
     for points in (bush, stump, np.zeros((0, 3))):
         assert len(complete_crowns(plants(points), GROUND)) == 0
-
-
-def test_it_is_repeatable() -> None:
-    tree = plants(half_tree(10.0, 4.0))
-    assert torch.equal(complete_crowns(tree, GROUND).means, complete_crowns(tree, GROUND).means)

@@ -13,7 +13,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
-from unveil_core.inpaint.light.scene_light import _lit_at_sunny_walls, light_of_scene
+from unveil_core.inpaint.light.scene_light import light_of_scene, lit_at_sunny_walls
 from unveil_core.inpaint.light.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.light.shadow_map import in_shadow
 from unveil_core.inpaint.light.sun import Sun, sun_towards
@@ -112,7 +112,10 @@ def test_what_is_invented_lies_in_the_sun_or_in_the_shadow_of_what_stays(sun: tu
         return float(np.square(color - truth)[hole].mean())
 
     assert error(lit.color) < 0.5 * error(blind.color)
-    assert error(lit.color) < 0.004
+    # Nine tenths of what the ground there varies, and sun and shade nearly everywhere.
+    assert error(lit.color) < 0.1 * truth[hole].var(axis=0).mean()
+    dark = [c[hole].mean(axis=1) < 0.36 for c in (truth, lit.color)]
+    assert (dark[0] == dark[1]).mean() > 0.95
 
 
 def test_the_cars_shadow_goes_and_the_crowns_stays() -> None:
@@ -227,7 +230,7 @@ def test_a_wall_that_the_sun_shines_on_does_not_shade_its_own_foot() -> None:
     rough[:, columns - 15 : columns - 10] = True
     tree[200:260, columns - 60 : columns - 10] = True
     house[:, 10:14] = True
-    lit = _lit_at_sunny_walls(chart, rough | tree | house, inside, towards, 12)
+    lit = lit_at_sunny_walls(chart, rough | tree | house, inside, towards, 12)
     assert np.array_equal(lit, tree | house)
-    mirrored = _lit_at_sunny_walls(chart, rough | tree | house, inside, towards * [1, -1, 1], 12)
+    mirrored = lit_at_sunny_walls(chart, rough | tree | house, inside, towards * [1, -1, 1], 12)
     assert np.array_equal(mirrored, rough | tree)

@@ -13,7 +13,7 @@ from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import INVENTED, blur_levels
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.new_ground import seed_ground
-from unveil_core.inpaint.frames.propagate import paint_along
+from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
 from unveil_core.surfels.sky import Sky
 
 
@@ -29,12 +29,11 @@ def test_no_light_is_thrown_on_what_stays() -> None:
     car = nothing.copy()
     car[:, :54] = True
     cleaned = []
-    for stands in (None, car):
-        task = FrameTask(camera, picture, nothing, nothing, stands)
+    for kept in (None, car):
+        task = FrameTask(camera, picture, nothing, nothing, kept)
         sky = Sky(torch.zeros(3, 8, 16), np.eye(3))
-        (painted,), _ = paint_along(
-            [task], street, sky, layer, lambda image, _: image, plan=None, label_count=1, near=0.1, far=99.0
-        )
+        scene = RemainingScene(street, sky, layer, 1)
+        (painted,), _ = propagate_inpainting([task], scene, lambda image, _: image, plan=None)
         cleaned.append((painted.image != 100).any(axis=2))
     assert (cleaned[0] & car).sum() > 50
     assert not (cleaned[1] & car).any()

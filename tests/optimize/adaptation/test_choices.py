@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.optimize.adaptation.choices import AdaptSettings, Looks, step_cost
+from unveil_core.optimize.adaptation.choices import AdaptSettings, Looks
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree, lowered
 from unveil_core.optimize.adaptation.probes import HIDDEN_SHARE, hidden_blocks, hide, probe_error, probed_frames
 from unveil_core.optimize.training.parameters import LearningRates
@@ -102,11 +102,6 @@ def test_more_pays_while_the_curve_rises(curve: Callable[[float], float], pays: 
     assert looks.pays() is pays
     gain = looks.gain()
     assert gain is not None and gain == pytest.approx(curve(11.0) - curve(10.0), abs=0.02)
-
-
-def test_cost_rises_with_pixels_and_surfels() -> None:
-    view = views_of(wall(0), 2)[0]
-    assert step_cost(view, 2000) > step_cost(view, 1000) > 0
 
 
 @pytest.mark.parametrize("degree", [0, 2])

@@ -28,7 +28,8 @@ sample streets."""
 TOGETHER_M = 0.16
 """Half length along the street over which columns are compared together, metres: a single column fits by chance."""
 DIFFERENT = 0.5
-"""Squared difference of colours, as shares of the plaster's, at which differences are clipped. Chosen on the two sample streets."""
+"""Squared difference of colours, as shares of the plaster's, at which differences are clipped. Chosen on the two sample
+streets."""
 PLASTER_COST = 0.05
 """Weight of the difference between the plaster's colours: another house may have the same windows. Chosen on the two sample
 streets."""

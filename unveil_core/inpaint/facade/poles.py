@@ -1,4 +1,4 @@
-"""Trunks, poles and signs whose feet a parked car hides: what stands goes on down to the ground."""
+"""Extends poles, signs and trunks whose feet a removed object hides down to the ground."""
 
 from __future__ import annotations
 
@@ -15,26 +15,30 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["feet_of_uprights"]
+__all__ = ["feet_of_poles"]
 
 LOW_M, HIGH_M = 0.25, 2.6
-"""Heights over the ground between which something narrow is looked for, and its foot is missing where it begins above the first,
-metres."""
+"""Height over the ground above which a pole that begins there lacks its foot, and up to which poles are looked for, metres:
+above a kerb, below most crowns and signs."""
 HANGS_M = 2.0
-"""What begins above this hangs, metres."""
+"""Height above which something that begins there hangs, metres: cars hide nothing so high."""
 NARROW_M, LINK_M, LEAST = 0.6, 0.2, 25
-"""Its thickness at most, the gap that still belongs to it, metres, and how many surfels it must have."""
+"""Greatest thickness of a pole or trunk, largest horizontal gap within it, metres, and its fewest surfels. Chosen on the two
+sample streets."""
 FRINGE_M, SLICE_M = 0.1, 0.4
-"""What is left out above where it begins, for there it is mixed with what hid it, and the length that is repeated, metres."""
+"""Length above its lowest surfels that is left out, because its colours are mixed with what hid it, and length above that which
+is repeated downwards, metres. Chosen on the two sample streets."""
 BEHIND = 1.1
-"""Where the scene is farther away than so many times the depth, something else was seen through the place."""
+"""Ratio of the scene's depth to a place's from which on the view saw something else through the place: nothing stands there."""
+FLOOR_M = 0.05
+"""How far under the ground a repeated surfel may lie, metres."""
 
 
-def feet_of_uprights(
+def feet_of_poles(
     standing: Surfels, ground: Ground, cameras: Sequence[Camera], depths: Sequence[NDArray[np.float32]],
     removed: Sequence[NDArray[np.bool_]],
 ) -> Surfels | None:  # fmt: skip
-    """Surfels for the hidden lower ends of what stands upright and is narrow; None where none is hidden.
+    """Surfels for the hidden lower ends of poles and trunks; None where none is hidden.
 
     Args:
         standing: surfels of plants, poles and signs.
@@ -52,15 +56,15 @@ def feet_of_uprights(
     group = connected_points(across, LINK_M)
     parts = []
     for g in np.unique(group):
-        own = np.flatnonzero(group == g)
-        if len(own) < LEAST:
+        members = np.flatnonzero(group == g)
+        if len(members) < LEAST:
             continue
-        begins = float(np.percentile(height[low[own]], 3))
+        begins = float(np.percentile(height[low[members]], 3))
         # Higher up it may carry a crown.
-        own = own[height[low[own]] < begins + (FRINGE_M + SLICE_M)]
-        thick = np.ptp(np.percentile(across[own], [10, 90], axis=0), axis=0).max()
+        members = members[height[low[members]] < begins + (FRINGE_M + SLICE_M)]
+        thick = np.ptp(np.percentile(across[members], [10, 90], axis=0), axis=0).max()
         if thick < NARROW_M and LOW_M < begins < HANGS_M:
-            parts += _repeated(standing, low[own], height[low[own]], begins, path.axes[2])
+            parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
     if not parts:
         return None
     feet = concatenate(parts)
@@ -69,19 +73,19 @@ def feet_of_uprights(
 
 
 def _repeated(
-    standing: Surfels, own: NDArray[np.int64], height: NDArray[np.float64], begins: float, up: NDArray[np.float64]
+    standing: Surfels, index: NDArray[np.int64], height: NDArray[np.float64], begins: float, up: NDArray[np.float64]
 ) -> list[Surfels]:  # fmt: skip
-    """The lowest slice of an upright, again and again down to the ground."""
+    """Copies of a pole's lowest slice, of surfels ``index`` at ``height`` over the ground, down to the ground."""
     start = begins + FRINGE_M
     chosen = (height >= start) & (height < start + SLICE_M)
     if chosen.sum() < LEAST / 5:
         return []
-    part, at = standing.select(torch.from_numpy(own[chosen])), height[chosen]
+    part, at = standing.select(torch.from_numpy(index[chosen])), height[chosen]
     copies = []
     for k in range(1, int(np.ceil(start / SLICE_M)) + 1):
         down = k * SLICE_M
-        stays = torch.from_numpy(at - down > -0.05)
-        copy = part.select(stays)
+        above = torch.from_numpy(at - down > -FLOOR_M)
+        copy = part.select(above)
         copies.append(replace(copy, means=copy.means - down * torch.from_numpy(up).to(copy.means)))
     return copies
 
@@ -92,15 +96,15 @@ def _hidden(
     depths: Sequence[NDArray[np.float32]],
     removed: Sequence[NDArray[np.bool_]],
 ) -> NDArray[np.bool_]:
-    """(N,) bool, what something removed hides in some view, and through which no view saw anything farther off."""
+    """(N,) bool, surfels that a removed object hides in some view, and through which no view saw anything farther away."""
     means = feet.means.detach().double().numpy()
-    asked, through = np.zeros(len(means), dtype=bool), np.zeros(len(means), dtype=bool)
+    hidden, through = np.zeros(len(means), dtype=bool), np.zeros(len(means), dtype=bool)
     for camera, depth, gone in zip(cameras, depths, removed, strict=True):
         pixel, z = camera.project(means)
         inside = np.flatnonzero(camera.in_picture(pixel, z))
         x, y = pixel[inside].astype(np.int64).T
-        asked[inside[gone[y, x]]] = True
+        hidden[inside[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.
         clear = ~grow(gone, border_px(camera.width, 1))[y, x]
         through[inside[clear & (depth[y, x] > BEHIND * z[inside])]] = True
-    return asked & ~through
+    return hidden & ~through

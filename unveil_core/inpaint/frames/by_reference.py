@@ -1,6 +1,6 @@
-"""Painting a hole by the frame that shows the place best: how a network with a reference carries what was invented.
+"""Propagation by a reference network: a hole is inpainted with the frame that shows the place best as the reference.
 
-As *3D StreetUnveiler* (ICLR 2025, section 3.3) carries it with LeftRefill (Cao et al., CVPR 2024).
+As in *3D StreetUnveiler* (ICLR 2025, section 3.3), which uses LeftRefill (Cao et al., CVPR 2024).
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 
-__all__ = ["Carrier", "ReferenceInpainter", "Shown"]
-
+__all__ = ["ReferenceFrame", "ReferenceInpainter", "ReferencePropagator"]
 
 TOLERANCE = 0.1
-"""Relative difference of depth within which two frames show the same place."""
+"""Relative difference of depth within which two frames show the same place. Chosen on the two sample streets."""
 LEAST_SHARE = 0.5
-"""A frame that shows less of a hole than this is no reference for it."""
+"""Share of a hole that a frame must show to be its reference."""
 SHARPEST = 2.0
-"""A view this many times finer than the one to be painted is as good as any finer one."""
+"""Ratio of resolutions from which on a finer reference is no better: the network works at the hole's resolution."""
 LEAST_MARGIN_PX = 32
+"""Least width of the surroundings that the network is given around a hole, pixels."""
 SAMPLES = 2000
-"""Pixels of a hole that are looked up in another frame."""
+"""Pixels of a hole that are looked up in another frame: its share is known to a per cent."""
+SCALE_LIMITS = (0.25, 4.0)
+"""Limits of the ratio by which a place may appear larger in the reference."""
 
 
 class ReferenceInpainter(Protocol):
@@ -38,7 +40,7 @@ class ReferenceInpainter(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ReferenceFrame:
     """A cleaned frame: its camera, image (H, W, 3) uint8, and depth (H, W) along the optical axis, holes included."""
 
     camera: Camera
@@ -46,19 +48,19 @@ class Shown:
     depth: NDArray[np.float32]
 
 
-class Carrier:
-    """A network with a reference, and the cleaned frames that it may be given as such."""
+class ReferencePropagator:
+    """A network with a reference, and the cleaned frames that it may be given as one."""
 
     def __init__(self, inpaint: ReferenceInpainter) -> None:
         self._inpaint = inpaint
-        self._frames: list[Shown] = []
+        self._frames: list[ReferenceFrame] = []
 
-    def remember(self, camera: Camera, image: Picture, depth: NDArray[np.floating]) -> None:
-        """A frame that has invented something."""
-        self._frames.append(Shown(camera, image, depth.astype(np.float32)))
+    def add(self, camera: Camera, image: Picture, depth: NDArray[np.floating]) -> None:
+        """Add a frame that has invented something; see :class:`ReferenceFrame`."""
+        self._frames.append(ReferenceFrame(camera, image, depth.astype(np.float32)))
 
     def paint(self, camera: Camera, image: Picture, hole: Mask, depth: NDArray[np.floating]) -> tuple[Picture, Mask]:
-        """Paint each hole by the frame that shows it best; what none shows is left.
+        """Paint each hole by the frame that shows it best; holes that none shows stay as they are.
 
         Args:
             camera: of the frame; image: (H, W, 3) uint8.
@@ -69,8 +71,8 @@ class Carrier:
         result, painted = image.copy(), np.zeros_like(hole)
         count, component, boxes, _ = cv2.connectedComponentsWithStats(grow(hole, 3).astype(np.uint8), connectivity=8)
         for k in range(1, count):
-            own = hole & (component == k)
-            best = _best(self._frames, camera, own, depth)
+            part_of_hole = hole & (component == k)
+            best = _best(self._frames, camera, part_of_hole, depth)
             if best is None:
                 continue
             frame, pixels, places = best
@@ -81,17 +83,17 @@ class Carrier:
                 slice(max(0, x - margin), min(image.shape[1], x + w + margin)),
             )
             filled = self._inpaint(
-                np.ascontiguousarray(result[part]), np.ascontiguousarray(own[part]),
+                np.ascontiguousarray(result[part]), np.ascontiguousarray(part_of_hole[part]),
                 _around(frame, pixels, part, places),
             )  # fmt: skip
-            result[part] = np.where(own[part][..., None], filled, result[part])
-            painted |= own
+            result[part] = np.where(part_of_hole[part][..., None], filled, result[part])
+            painted |= part_of_hole
         return result, painted
 
 
 def _best(
-    frames: list[Shown], camera: Camera, hole: Mask, depth: NDArray[np.floating]
-) -> tuple[Shown, NDArray[np.float64], NDArray[np.int64]] | None:
+    frames: list[ReferenceFrame], camera: Camera, hole: Mask, depth: NDArray[np.floating]
+) -> tuple[ReferenceFrame, NDArray[np.float64], NDArray[np.int64]] | None:
     """The frame that shows most of a hole, counted by how finely, where it shows sampled pixels of it, (N, 2) as x and y, and
     these pixels, (N, 2) as row and column."""
     rows, columns = np.nonzero(hole)
@@ -115,7 +117,9 @@ def _best(
     return best
 
 
-def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]) -> Picture:
+def _around(
+    frame: ReferenceFrame, pixels: NDArray[np.float64], part: tuple[slice, slice], places: NDArray[np.int64]
+) -> Picture:
     """The part of a frame that shows what a part of another shows: the same place where it lies there, as much around it.
 
     Args:
@@ -126,7 +130,7 @@ def _around(frame: Shown, pixels: NDArray[np.float64], part: tuple[slice, slice]
     # How much larger the place appears in the reference, by its spread; a few pixels have none.
     spread = np.hypot(rows.std(), columns.std())
     ratio = np.hypot(*pixels.std(axis=0)) / spread if spread > 1 and len(pixels) > 8 else 1.0
-    ratio = float(np.clip(ratio, 0.25, 4.0))
+    ratio = float(np.clip(ratio, *SCALE_LIMITS))
     # The hole need not lie in the middle of its part: at the image's border it does not.
     centre_row, centre_column = rows.mean() - part[0].start, columns.mean() - part[1].start
     column, row = pixels.mean(axis=0)

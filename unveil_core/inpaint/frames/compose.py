@@ -1,4 +1,4 @@
-"""The delivery: the photograph wherever nothing was removed, the empty street where it was, and no visible seam."""
+"""Composition of a delivered frame: the photograph where nothing was removed, the empty street elsewhere, blended at the border."""
 
 from __future__ import annotations
 

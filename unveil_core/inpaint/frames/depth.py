@@ -1,4 +1,4 @@
-"""Depth continued into holes."""
+"""Depth completion: continues the depth around a hole into it."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def complete_depth(
         scale, floor = float(inverse[usable].max()), float(inverse[usable].min())
         unknown, part = _around(wanted, ~usable)
         filled = cv2.inpaint(inverse[part] / scale, unknown[part].astype(np.uint8), RADIUS_PX, cv2.INPAINT_NS) * scale
-        own = wanted[part]
-        completed[part][own] = 1.0 / np.maximum(filled[own].astype(np.float64), floor)
+        asked = wanted[part]
+        completed[part][asked] = 1.0 / np.maximum(filled[asked].astype(np.float64), floor)
     return np.minimum(completed, ceiling)
 
 
@@ -47,7 +47,7 @@ def _around(wanted: NDArray[np.bool_], unknown: NDArray[np.bool_]) -> tuple[NDAr
     side = 2 * RADIUS_PX + 1
     joined = cv2.dilate(unknown.astype(np.uint8), np.ones((side, side), np.uint8))
     _, piece = cv2.connectedComponents(joined, connectivity=8)
-    own = unknown & np.isin(piece, np.unique(piece[wanted]))
-    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
+    joining = unknown & np.isin(piece, np.unique(piece[wanted]))
+    rows, columns = np.flatnonzero(joining.any(axis=1)), np.flatnonzero(joining.any(axis=0))
     margin = 2 * RADIUS_PX
-    return own, tuple(slice(max(0, i[0] - margin), i[-1] + margin + 1) for i in (rows, columns))  # type: ignore[return-value]
+    return joining, tuple(slice(max(0, i[0] - margin), i[-1] + margin + 1) for i in (rows, columns))  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""The keyframes of a drive: when its frames were taken, which of them the user names, and what a run tells of them."""
+"""The keyframes of a drive: the times of its frames, the keyframes that the user names, and the record of the plan."""
 
 from __future__ import annotations
 
@@ -47,31 +47,36 @@ def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ..
             numbers[i] = places[f.camera_name] = places.get(f.camera_name, -1) + 1
     found: list[int] = []
     for name in names:
-        own = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
-        if not own and re.fullmatch(r"\d{1,18}", name):
-            own = [i for i, number in enumerate(numbers) if number == int(name)]
-        if not own:
+        matches = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
+        if not matches and re.fullmatch(r"\d{1,18}", name):
+            matches = [i for i, number in enumerate(numbers) if number == int(name)]
+        if not matches:
             known = sorted(number for number in numbers if number is not None)
             raise SettingsError(
                 f"there is no frame {name!r} to be a keyframe",
                 mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
             )
-        found += own
+        found += matches
     return tuple(dict.fromkeys(found))
 
 
 def plan_drive(
-    frames: Sequence[Frame], tasks: Sequence[FrameTask], left: Surfels, layer: GroundLayer | None, *, order: str,
-    names: Sequence[str] = (), near: float, far: float, progress: Progress = no_progress,
-) -> Plan | None:  # fmt: skip
+    frames: Sequence[Frame],
+    tasks: Sequence[FrameTask],
+    remaining: Surfels,
+    layer: GroundLayer | None,
+    *,
+    order: str,
+    names: Sequence[str] = (),
+    progress: Progress = no_progress,
+) -> Plan | None:
     """The keyframes of a drive, see :func:`unveil_core.inpaint.frames.keyframes.plan_keyframes`.
 
     Args:
         frames, tasks: as many, in the same order.
-        left: the scene without the removed; layer: its ground, or None.
+        remaining: the scene without the removed; layer: its ground, or None.
         order: "reverse", "forward", or "independent", which has no plan.
         names: the user's keyframes; none = chosen here.
-        near, far: metres.
     Raises:
         SettingsError: there is no frame of that name.
     """
@@ -80,7 +85,7 @@ def plan_drive(
     given = named_frames(frames, names) if names else None
     holes = []
     for done, task in enumerate(tasks):
-        holes.append(open_hole(task, left, layer, near=near, far=far))
+        holes.append(open_hole(task, remaining, layer))
         progress(done + 1, len(tasks), "choosing keyframes")
     return plan_keyframes(holes, instants(frames), order=order, given=given)
 
@@ -95,9 +100,9 @@ def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: 
             {
                 "camera": frames[k.frame].camera_name, "frame": frames[k.frame].name,
                 "newly_shown_m2": round(k.area, 3), "newly_shown_px": k.pixels,
-                "left_to_sharper_px": int(k.leaves.sum()),
+                "deferred_to_sharper_px": int(k.deferred.sum()),
             }
             for k in keyframes
         ],
-        "left_to_each_frame_px": None if plan is None else int(plan.rest.sum()),
+        "remaining_px": None if plan is None else int(plan.remaining.sum()),
     }  # fmt: skip

@@ -1,9 +1,9 @@
 """Keyframes: the few frames that invent what nobody saw, for themselves and for all others.
 
 *3D StreetUnveiler*, section 3.3, inpaints keyframes from the last to the first and carries their content along. Here they
-are chosen by how much unobserved surface each newly shows: greedily, what a chosen frame would carry to the others, as surfels
-on its completed depth, is no hole there any more. A place counts for a frame only if no other sees it much sharper. Frames
-that would newly show too little are no keyframes. All cameras of a rig are planned together.
+are chosen greedily, by how much unobserved surface each newly shows: what a chosen frame carries to the others, as surfels on its
+completed depth, no longer counts there. A place counts for a frame only if no other sees it much sharper. Frames that would newly
+show too little are no keyframes. All cameras of a rig are planned together.
 """
 
 from __future__ import annotations
@@ -23,12 +23,18 @@ from unveil_core.inpaint.frames.holes import Hole
 __all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
 
 MUCH_SHARPER = 1.25
-"""A view that resolves a place so many times finer has it to itself, be it earlier."""
+"""Ratio of resolutions from which on a place is left to the sharper view, even if that comes later in the order. Chosen on the two
+sample streets."""
 AS_MUCH = 0.8
-"""A frame that newly shows so large a share of what the best one does may be chosen in its place, if it is met before."""
+"""Share of what the best frame newly shows from which on a frame that comes earlier in the order is chosen in its place. Chosen on
+the two sample streets."""
 LEAST_SHARE = 0.01
-"""Of the area that all keyframes invent; a frame that newly shows less is none."""
+"""Share of the area that all keyframes invent below which a frame is no keyframe."""
+LEAST_PX = 40
+"""Pixels at 384x256, in proportion in larger images, below which what a frame newly shows makes it no keyframe. Chosen on the two
+sample streets."""
 LARGEST_SEED_PX = 12
+"""Radius at which a carried surfel is drawn at most, pixels: it bounds the time, and what is so close hides a frame anyway."""
 ASKED_PX = 3000
 """Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
 
@@ -40,13 +46,13 @@ class Keyframe:
     Attributes:
         frame: its index.
         area: of the surface that it newly shows at its turn, as it faces the camera, square metres; pixels: their number.
-        leaves: (H, W) bool, pixels that it leaves to a later keyframe, which sees the place much sharper.
+        deferred: (H, W) bool, pixels that are left to a later keyframe, which sees the place much sharper.
     """
 
     frame: int
     area: float
     pixels: int
-    leaves: Mask
+    deferred: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +61,13 @@ class Plan:
 
     Attributes:
         keyframes: in that order.
-        turns: indices of all frames in the order in which time is walked.
-        rest: (N,) int, pixels of each frame's hole that no keyframe is expected to fill.
+        visit_order: indices of all frames, by time in the plan's direction.
+        remaining: (N,) int, pixels of each frame's hole that no keyframe is expected to fill.
     """
 
     keyframes: tuple[Keyframe, ...]
-    turns: tuple[int, ...]
-    rest: NDArray[np.int64]
+    visit_order: tuple[int, ...]
+    remaining: NDArray[np.int64]
 
 
 def plan_keyframes(
@@ -70,43 +76,40 @@ def plan_keyframes(
     *,
     order: str = "reverse",
     given: Sequence[int] | None = None,
-    least_px: int = 40,
 ) -> Plan:
     """Choose the frames that invent, and their order.
 
     Args:
         holes: of all frames, one per frame, empty masks included; times: (N,) when they were taken.
-        order: "reverse", last to first, a place left to the view that sees it much sharper; "forward", first to last, each
-            place invented where it is met, for comparison.
+        order: "reverse", last to first, a place deferred to the view that sees it much sharper; "forward", first to last, each
+            place invented in the first frame that shows it, for comparison.
         given: indices that are keyframes, and no others.
-        least_px: a frame that would newly show fewer pixels is no keyframe, unless given; at 384x256, in proportion in larger
-            images.
     """
     late = np.asarray(times, dtype=np.float64) * (1.0 if order == "reverse" else -1.0)
     areas = [hole.area() for hole in holes]
     counts = [np.ones(len(a), dtype=bool) for a in areas]
-    least = np.array([area_px(hole.mask.shape, least_px) for hole in holes])
+    least = np.array([area_px(hole.mask.shape, LEAST_PX) for hole in holes])
     if given is None:
         if order == "reverse":
             counts = [~sharper_elsewhere(hole, [h for h in holes if h is not hole]) for hole in holes]
         chosen = _greedy(holes, areas, counts, late, least)
     else:
         chosen = list(given)
-    turns = sorted(range(len(holes)), key=lambda i: (-late[i], i))
-    chosen = [i for i in turns if i in chosen]
+    visit_order = sorted(range(len(holes)), key=lambda i: (-late[i], i))
+    chosen = [i for i in visit_order if i in chosen]
     free = [np.ones(len(a), dtype=bool) for a in areas]
     keyframes = []
     for turn, i in enumerate(chosen):
-        own = free[i]
+        invents = free[i]
         if order == "reverse":
-            own = own & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
-        if given is None and own.sum() < least[i]:
-            continue  # what it was chosen for, frames chosen after it and met before it show together
-        leaves = np.zeros_like(holes[i].mask)
-        leaves[holes[i].mask] = free[i] & ~own
-        keyframes.append(Keyframe(i, float(areas[i][own].sum()), int(own.sum()), leaves))
-        _take(holes, i, own, free)
-    return Plan(tuple(keyframes), tuple(turns), np.array([int(f.sum()) for f in free], dtype=np.int64))
+            invents = invents & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
+        if given is None and invents.sum() < least[i]:
+            continue  # frames that were chosen later and come earlier show together what it was chosen for
+        deferred = np.zeros_like(holes[i].mask)
+        deferred[holes[i].mask] = free[i] & ~invents
+        keyframes.append(Keyframe(i, float(areas[i][invents].sum()), int(invents.sum()), deferred))
+        _take(holes, i, invents, free)
+    return Plan(tuple(keyframes), tuple(visit_order), np.array([int(f.sum()) for f in free], dtype=np.int64))
 
 
 def _greedy(
@@ -129,15 +132,15 @@ def _greedy(
         chosen.append(i)
         taken += newly[i]
         for j in _take(holes, i, free[i] & counts[i], free):
-            own = free[j] & counts[j]
-            newly[j], pixels[j] = float(areas[j][own].sum()), int(own.sum())
+            new = free[j] & counts[j]
+            newly[j], pixels[j] = float(areas[j][new].sum()), int(new.sum())
 
 
-def _take(holes: Sequence[Hole], i: int, own: Mask, free: list[Mask]) -> list[int]:
-    """Mark in ``free`` what frame ``i`` carries to each frame when it invents its pixels ``own``; returns the frames changed."""
+def _take(holes: Sequence[Hole], i: int, invents: Mask, free: list[Mask]) -> list[int]:
+    """Mark in ``free`` what frame ``i`` carries to each frame when it invents these of its pixels; returns the frames changed."""
     changed = []
-    free[i] = free[i] & ~own
-    points, size = holes[i].points()[own], holes[i].depth[own] / holes[i].camera.fx
+    free[i] = free[i] & ~invents
+    points, size = holes[i].points()[invents], holes[i].depth[invents] / holes[i].camera.fx
     for j, hole in enumerate(holes):
         if j == i:
             changed.append(j)

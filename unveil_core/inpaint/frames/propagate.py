@@ -1,8 +1,8 @@
-"""Inpainting along the drive, in reversed time: keyframes, last to first, invent each unobserved place once, for all frames.
+"""Inpainting in reversed time: keyframes, last to first, invent each unobserved place once, and surfels carry it to all frames.
 
-*3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time meets it first at
-its best resolution. What is invented becomes surfels on the completed depth; all other frames render them and invent only
-what is still empty. The ground is not invented here: it comes from the street chart, the same for all frames.
+*3D StreetUnveiler*, section 3.3. A forward drive sees a place last from nearest, so going back in time starts with its best
+resolution. What is invented becomes surfels on the completed depth; all other frames render them and invent only what is still
+empty. The ground is not invented here: it comes from the chart, the same for all frames.
 """
 
 from __future__ import annotations
@@ -17,11 +17,19 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import area_px, border_px, grow
+from unveil_core.geometry.images import area_px, border_px, grow, within
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.frames.by_reference import Carrier, ReferenceInpainter
-from unveil_core.inpaint.frames.holes import SOLID, Behind, FrameTask, hole_in_frame, look_behind, missing_depth
+from unveil_core.inpaint.frames.by_reference import ReferenceInpainter, ReferencePropagator
+from unveil_core.inpaint.frames.holes import (
+    SOLID,
+    BackgroundLayers,
+    FrameTask,
+    background_layers,
+    hole_in_frame,
+    missing_depth,
+)
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
@@ -29,20 +37,23 @@ from unveil_core.raster import render
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["Painted", "paint_along", "tint"]
-
+__all__ = ["Painted", "RemainingScene", "propagate_inpainting", "tint"]
 
 RING_PX = 14
-"""How far around the mask the photograph's own ground is compared with the chart, pixels at 384, in proportion in wider images."""
+"""Width of the ring around the mask in which the photograph's ground is compared with the chart, pixels at 384, in proportion in
+wider images. Chosen on the two sample streets."""
 LEAST_RING_PX = 30
-"""Fewer pixels of it, at 384x256, say nothing."""
+"""Fewest pixels of that ring for a comparison, at 384x256."""
+LEAST_SEEDS_PX = 40
+"""Fewest invented pixels of a frame that is no keyframe that become surfels, at 384x256. Chosen on the two sample streets."""
 TINT = 0.05
-"""A photograph may differ so much from the chart by shade and texture alone; from there on it counts as exposure, in full at
-twice as much. Levels from 0 to 1."""
+"""Difference between photograph and chart, levels from 0 to 1, that shade and texture may make; beyond, it counts as exposure, in
+full at twice as much. Chosen on the two sample streets."""
 FINE_TEXELS = 4.0
-"""A pixel that covers more of the chart along the street starts to be taken from it."""
+"""Length of a pixel's footprint on the ground, texels (0.16 m), from which on relit pixels are taken from the chart, wholly at
+twice as much: they mix shadow and light. Chosen on the two sample streets."""
 STEEP = 0.1
-"""Where a gain changes by a larger share within a border's width, the border of a shadow lies."""
+"""Relative change of the gain within a border's width that makes the border of a shadow. Chosen on the two sample streets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,162 +73,165 @@ class Painted:
     shadow: NDArray[np.bool_]
 
 
-def paint_along(
+@dataclass(frozen=True, eq=False)
+class RemainingScene:
+    """The scene without the removed objects, before anything is invented frame by frame.
+
+    Attributes:
+        surfels: what remains; sky: behind it.
+        ground: the filled ground, None where the scene has none.
+        label_count: number of labels K.
+    """
+
+    surfels: Surfels
+    sky: Sky
+    ground: GroundLayer | None
+    label_count: int
+
+
+def propagate_inpainting(
     tasks: Sequence[FrameTask],
-    left: Surfels,
-    sky: Sky,
-    layer: GroundLayer | None,
+    scene: RemainingScene,
     single_image: SingleImageInpainter,
     *,
     plan: Plan | None,
-    label_count: int,
-    near: float,
-    far: float,
-    least_px: int = 40,
     reference: ReferenceInpainter | None = None,
     progress: Progress = no_progress,
 ) -> tuple[list[Painted], Surfels | None]:
-    """Clean all frames: keyframes invent, in the order of their plan; then all others take that over.
+    """Clean all frames: keyframes invent, in the order of their plan, and all others take that over.
 
     Args:
         tasks: frames.
-        left: the scene without the removed surfels.
-        sky: its sky.
-        layer: the ground, or None where the scene has none.
+        scene: without the removed objects.
         single_image: invents what nobody saw and is not ground.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
-        label_count: K; near, far: metres.
-        least_px: a frame that is no keyframe puts no fewer invented pixels than this into the scene; at 384x256, in
-            proportion in larger images.
-        reference: paints what another frame has invented, by that frame; the surfels alone carry it by default.
+        reference: inpaints what another frame has invented, with that frame as its reference; by default only surfels carry it.
     Returns:
         one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
     """
-    carrier = Carrier(reference) if reference is not None and plan is not None else None
-    view = _View(left, sky, layer, single_image, carrier, label_count, near, far)
+    references = ReferencePropagator(reference) if reference is not None and plan is not None else None
+    painter = _Painter(scene, single_image, references)
     painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
     if plan is None:
         for done, index in enumerate(reversed(range(len(tasks)))):
-            painted[index], own = view.paint(tasks[index], left, least_px=least_px)
-            seeds += own
+            painted[index], new = painter.paint(tasks[index], scene.surfels, least_px=LEAST_SEEDS_PX)
+            seeds += new
             progress(done + 1, len(tasks), "inpainting")
         return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
-    scene = left
+    surfels = scene.surfels
     total = len(plan.keyframes) + len(tasks)
     for done, key in enumerate(plan.keyframes):
-        painted[key.frame], own = view.paint(tasks[key.frame], scene, key.leaves, least_px=1)
-        if own:
-            seeds += own
-            scene = concatenate([left, *seeds])
+        painted[key.frame], new = painter.paint(tasks[key.frame], surfels, key.deferred, least_px=1)
+        if new:
+            seeds += new
+            surfels = concatenate([scene.surfels, *seeds])
         progress(done + 1, total, "inpainting keyframes")
-    whole = {k.frame for k in plan.keyframes if not k.leaves.any()}
-    for done, index in enumerate(plan.turns):
+    complete = {k.frame for k in plan.keyframes if not k.deferred.any()}
+    for done, index in enumerate(plan.visit_order):
         first = painted[index]
-        if index not in whole or first is None:
+        if index not in complete or first is None:
             # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
-            again, own = view.paint(tasks[index], scene, least_px=least_px)
+            again, new = painter.paint(tasks[index], surfels, least_px=LEAST_SEEDS_PX)
             painted[index] = again if first is None else _over(first, again)
-            if own:
-                seeds += own
-                scene = concatenate([left, *seeds])
+            if new:
+                seeds += new
+                surfels = concatenate([scene.surfels, *seeds])
         progress(len(plan.keyframes) + done + 1, total, "inpainting")
     return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
 
 
 def _over(first: Painted, again: Painted) -> Painted:
-    """A keyframe that left places to others: what it invented itself, over what it takes from them."""
-    own = first.invented
-    return replace(again, image=np.where(own[..., None], first.image, again.image), invented=own | again.invented)
+    """A keyframe that deferred places to others: what it invented itself, over what it takes from them."""
+    image = np.where(first.invented[..., None], first.image, again.image)
+    return replace(again, image=image, invented=first.invented | again.invented)
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
-    """What stays the same from frame to frame, see :func:`paint_along`."""
+class _Painter:
+    """What stays the same from frame to frame, see :func:`propagate_inpainting`."""
 
-    left: Surfels
-    sky: Sky
-    layer: GroundLayer | None
+    scene: RemainingScene
     single_image: SingleImageInpainter
-    carrier: Carrier | None
-    label_count: int
-    near: float
-    far: float
+    references: ReferencePropagator | None
 
     def paint(
-        self, task: FrameTask, scene: Surfels, leaves: NDArray[np.bool_] | None = None, *, least_px: int
+        self, task: FrameTask, surfels: Surfels, deferred: NDArray[np.bool_] | None = None, *, least_px: int
     ) -> tuple[Painted, list[Surfels]]:
         """Clean one frame.
 
         Args:
-            scene: without the removed, with what was invented so far.
-            leaves: (H, W) pixels of the hole that are to be invented by another frame.
-            least_px: invented pixels become surfels if they are so many, see :func:`paint_along`.
+            surfels: the remaining scene, with what was invented so far.
+            deferred: (H, W) pixels of the hole that are to be invented by another frame.
+            least_px: invented pixels become surfels if they are so many at 384x256, in proportion in larger images.
         Returns:
             the frame, and the surfels of what it invented.
         """
-        image, shadow, behind = self._known(task, scene)
-        empty = hole_in_frame(task, behind)
-        own = empty if leaves is None else empty & ~leaves
+        image, shadow, background = self._known(task, surfels)
+        empty = hole_in_frame(task, background)
+        invented = empty if deferred is None else empty & ~deferred
         seeds: list[Surfels] = []
         depth = None
-        rest = empty
-        if self.carrier is not None:
-            depth = missing_depth(behind, empty)
+        unpainted = empty
+        if self.references is not None:
+            depth = missing_depth(background, empty)
             # What surfels carry here from another frame is a hole as well, to be painted by that frame.
-            image, carried = self.carrier.paint(task.camera, image, self._bare_hole(task), depth)
-            rest = empty & ~carried
-        if own.any():
-            image = fill_around(self.single_image, image, rest)
-            if int(own.sum()) >= area_px(own.shape, least_px):
-                depth = missing_depth(behind, empty) if depth is None else depth
-                label = _nearest_label(scene, task.camera, empty, self.label_count, self.near, self.far)
-                seeds = [seed_pixels(task.camera, image, depth, label, own, sh_degree=self.left.sh_degree)]
-                if self.carrier is not None:
-                    self.carrier.remember(task.camera, image, depth)
-        return Painted(image, behind.ground, own, shadow), seeds
+            image, by_reference = self.references.paint(task.camera, image, self._bare_hole(task), depth)
+            unpainted = empty & ~by_reference
+        if invented.any():
+            image = fill_around(self.single_image, image, unpainted)
+            if int(invented.sum()) >= area_px(invented.shape, least_px):
+                depth = missing_depth(background, empty) if depth is None else depth
+                label = _nearest_label(surfels, task.camera, empty, self.scene.label_count)
+                sh_degree = self.scene.surfels.sh_degree
+                seeds = [seed_pixels(task.camera, image, depth, label, invented, sh_degree=sh_degree)]
+                if self.references is not None:
+                    self.references.add(task.camera, image, depth)
+        return Painted(image, background.from_chart, invented, shadow), seeds
 
     def _bare_hole(self, task: FrameTask) -> NDArray[np.bool_]:
         """(H, W) the hole as it is before anything is invented."""
-        return hole_in_frame(task, look_behind(task, self.left, self.layer, None, near=self.near, far=self.far))
+        return hole_in_frame(task, background_layers(task, self.scene.surfels, self.scene.ground))
 
-    def _known(self, task: FrameTask, scene: Surfels) -> tuple[NDArray[np.uint8], NDArray[np.bool_], Behind]:
-        """The frame with what the scene and the chart know (H, W, 3) uint8, the shadows taken from it, what lies behind."""
-        layer = self.layer
+    def _known(
+        self, task: FrameTask, surfels: Surfels
+    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], BackgroundLayers]:
+        """The frame (H, W, 3) uint8 filled as far as scene and chart know it, the pixels relit (H, W), and the background."""
+        layer = self.scene.ground
         border = border_px(task.camera.width)
-        ring = grow(task.removed, max(RING_PX, round(RING_PX * task.camera.width / 384))) & ~grow(task.removed, border)
+        ring = within(task.removed, RING_PX * max(1.0, task.camera.width / 384)) & ~grow(task.removed, border)
         around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), border)
-        behind = look_behind(task, scene, layer, around, near=self.near, far=self.far)
-        out, solid, ground = behind.out, behind.solid, behind.ground
-        background = self.sky.render(task.camera).numpy()
+        background = background_layers(task, surfels, layer, around)
+        out, solid, from_chart = background.rendered, background.solid, background.from_chart
+        sky = self.scene.sky.render(task.camera).numpy()
         share = np.where(solid, np.maximum(out["alpha"], SOLID), 1.0)[..., None]
-        fill = np.where(solid[..., None], out["rgb"] / share, out["rgb"] + (1 - out["alpha"])[..., None] * background)
+        fill = np.where(solid[..., None], out["rgb"] / share, out["rgb"] + (1 - out["alpha"])[..., None] * sky)
         shadow = np.zeros_like(task.removed)
         gain = np.ones_like(fill)
         original = task.image.astype(np.float32) / 255
-        look = behind.look
-        if look is not None:
-            plain = ring & look.covered & ~behind.in_front & ~look.shadow & _shows_ground(look.depth, out)
-            fill[ground] = look.color[ground] + tint(original, look.color, plain)
-            on_ground = look.replaced | _shows_ground(look.depth, out)
+        ground = background.chart
+        if ground is not None:
+            plain = ring & ground.covered & ~background.in_front & ~ground.shadow & _shows_ground(ground.depth, out)
+            fill[from_chart] = ground.color[from_chart] + tint(original, ground.color, plain)
+            on_ground = ground.replaced | _shows_ground(ground.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
-            shadow = grow(look.shadow, border) & look.covered & ~behind.in_front & ~task.removed & on_ground
-            if task.stands is not None:
-                shadow &= ~task.stands  # the foot of a car that stays lies hardly before the ground
-            gain[shadow] = look.gain[shadow]
-            over = shadow & look.replaced
-            original[over] = look.color[over]
+            shadow = grow(ground.shadow, border) & ground.covered & ~background.in_front & ~task.removed & on_ground
+            if task.kept is not None:
+                shadow &= ~task.kept  # the foot of a car that stays lies hardly before the ground
+            gain[shadow] = ground.gain[shadow]
+            over = shadow & ground.replaced
+            original[over] = ground.color[over]
             gain[over] = 1.0  # the chart shows it lit already
         relit = np.clip(original * gain, 0, 1)
-        if look is not None and shadow.any():
+        if ground is not None and shadow.any():
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
-            distant = np.clip((look.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
+            distant = np.clip((ground.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
             # Nor does it show the penumbra, which no two views have in the same pixel: relit, it would be an outline.
-            distant = np.maximum(distant, _steep(look.gain, border)[shadow])[:, None]
-            held = _held(relit[shadow], look.color[shadow])
-            relit[shadow] = held * (1 - distant) + look.color[shadow] * distant
+            distant = np.maximum(distant, _steep(ground.gain, border)[shadow])[:, None]
+            held = _held(relit[shadow], ground.color[shadow])
+            relit[shadow] = held * (1 - distant) + ground.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
-        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, behind
+        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background
 
 
 def tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
@@ -254,12 +268,10 @@ def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.f
     return np.isfinite(ground_depth) & (np.abs(out["depth"] - ground_depth) < 0.2 * ground_depth)
 
 
-def _nearest_label(
-    scene: Surfels, camera: Camera, mask: NDArray[np.bool_], label_count: int, near: float, far: float
-) -> NDArray[np.int64]:
+def _nearest_label(scene: Surfels, camera: Camera, mask: NDArray[np.bool_], label_count: int) -> NDArray[np.int64]:
     """(H, W) the rendered label, continued into ``mask`` from the nearest pixel outside."""
     with torch.no_grad():
-        out = render(scene, camera, ("alpha", "semantics"), label_count=label_count, near=near, far=far)
+        out = render(scene, camera, ("alpha", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M)
     assert out.semantics is not None and out.alpha is not None
     label = out.semantics.argmax(dim=2).numpy()
     unknown = grow(mask, 1) | (out.alpha.numpy() < 0.5)

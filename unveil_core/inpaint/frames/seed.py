@@ -1,4 +1,4 @@
-"""Carrying what was invented from one view to the others: as surfels on the completed depth."""
+"""New surfels for invented pixels, on the completed depth: they carry what one view invents to all others."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from unveil_core.inpaint.light.shadow_map import in_shadow
 from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["light_of_scene"]
+__all__ = ["light_of_scene", "lit_at_sunny_walls"]
 
 COARSE_M = 0.2
 """Cells of the grid that the sun is first looked for on, metres: the shadows of roofs and trees, not of posts."""
@@ -180,10 +180,10 @@ def _cast_on_chart(chart: StreetChart, casters: Surfels, sun: Sun) -> NDArray[np
     # No light comes through chinks, nor between a wall and the ground at its foot.
     chinks = disc(CHINK_M / chart.texel)
     plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside
-    return _lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel))
+    return lit_at_sunny_walls(chart, plane, inside, sun.towards, round(AT_FOOT_M / chart.texel))
 
 
-def _lit_at_sunny_walls(
+def lit_at_sunny_walls(
     chart: StreetChart, plane: NDArray[np.bool_], inside: NDArray[np.bool_], towards: NDArray[np.float64], width: int
 ) -> NDArray[np.bool_]:
     """The shadows (A, B) without those that lie only along the ground's border on the side away from the sun: a wall there, which

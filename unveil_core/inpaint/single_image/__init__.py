@@ -1,1 +1,1 @@
-"""Inpainters of one image: patches, OpenCV's, networks as ONNX files."""
+"""Single-image inpainters behind one protocol: PatchMatch, OpenCV's classical methods, networks in ONNX files."""

@@ -1,4 +1,4 @@
-"""Parts of an image to be filled one at a time by something that takes pictures of limited size."""
+"""Crops: parts of an image around its holes, for an inpainter that takes images of limited size."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ import numpy as np
 
 from unveil_core.base.types import Mask
 
-__all__ = ["Window", "windows"]
-
+__all__ = ["Crop", "crops"]
 
 CONTEXT_SHARE = 16
-"""A hole needs the limit over this of known pixels on each side, else it counts as larger than the window."""
+"""A hole needs known pixels on each side, as many as the limit divided by this (64 of 1024), or it counts as too large for a crop
+at full resolution."""
 CONTEXT_LEAST_PX = 64
-"""What is shown around a hole where the size is free: this much, or as much as the hole is wide."""
+"""Least width of the surroundings shown around a hole where the size is free, pixels; as much as the hole is wide, if that is
+more."""
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class Crop:
     """A part of an image.
 
     Attributes:
         part: rows and columns of the image.
         size: (height, width) at which it is to be shown; smaller than the part only if its hole is larger than the limit.
-        own: bool, of the part's shape: the pixels to take from this window.
+        pixels: bool, of the part's shape: the pixels to take from this crop.
     """
 
     part: tuple[slice, slice]
     size: tuple[int, int]
-    own: Mask
+    pixels: Mask
 
 
-def windows(mask: Mask, limit: tuple[int, int], *, whole: bool) -> Iterator[Window]:
-    """Parts around as many holes as they can hold with their surroundings; a hole larger than the limit has a part of its own,
-    shown smaller.
+def crops(mask: Mask, limit: tuple[int, int], *, whole: bool) -> Iterator[Crop]:
+    """Crops that each hold as many holes as fit with their surroundings; a hole larger than the limit gets one that is reduced.
 
     Args:
         mask: (H, W) to be filled; limit: (height, width) of what can be shown.
         whole: parts are of exactly the limit's size, or the image's where that is less; else only as large as the
             surroundings of their holes ask for.
     """
-    for own, box in _groups(mask, limit):
+    for pixels, box in _groups(mask, limit):
         spans = box[:2], box[2:]
         if any(_extent(*span, most, total) > most for span, most, total in zip(spans, limit, mask.shape, strict=True)):
-            yield _reduced(own, box, limit)
+            yield _reduced(pixels, box, limit)
             continue
         sizes = [
             most if whole else min(most, (high - low) + 2 * max(CONTEXT_LEAST_PX, high - low))
@@ -55,7 +55,7 @@ def windows(mask: Mask, limit: tuple[int, int], *, whole: bool) -> Iterator[Wind
         ]
         rows = _along(*spans[0], sizes[0], mask.shape[0])
         columns = _along(*spans[1], sizes[1], mask.shape[1])
-        yield Window((rows, columns), (_length(rows), _length(columns)), own[rows, columns])
+        yield Crop((rows, columns), (_length(rows), _length(columns)), pixels[rows, columns])
 
 
 def _extent(low: int, high: int, limit: int, total: int) -> int:
@@ -75,27 +75,27 @@ def _length(span: slice) -> int:
     return int(span.stop - span.start)
 
 
-def _reduced(own: Mask, box: tuple[int, int, int, int], limit: tuple[int, int]) -> Window:
+def _reduced(pixels: Mask, box: tuple[int, int, int, int], limit: tuple[int, int]) -> Crop:
     """A part with half as much again as its hole on each axis, shown so small that it fits."""
     spans = [1.5 * (box[1] - box[0]), 1.5 * (box[3] - box[2])]
     scale = max(spans[0] / limit[0], spans[1] / limit[1], 1.0)
-    rows = _along(box[0], box[1], math.ceil(limit[0] * scale), own.shape[0])
-    columns = _along(box[2], box[3], math.ceil(limit[1] * scale), own.shape[1])
+    rows = _along(box[0], box[1], math.ceil(limit[0] * scale), pixels.shape[0])
+    columns = _along(box[2], box[3], math.ceil(limit[1] * scale), pixels.shape[1])
     height, width = (
         max(1, min(most, round(_length(span) / scale))) for span, most in zip((rows, columns), limit, strict=True)
     )
-    return Window((rows, columns), (height, width), own[rows, columns])
+    return Crop((rows, columns), (height, width), pixels[rows, columns])
 
 
 def _groups(mask: Mask, limit: tuple[int, int]) -> Iterator[tuple[Mask, tuple[int, int, int, int]]]:
-    """Holes that fit into one window together: their pixels (H, W), and their box (top, bottom, left, right)."""
+    """Holes that fit into one crop together: their pixels (H, W), and their box (top, bottom, left, right)."""
     count, component, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     x, y, w, h = (stats[:, k].astype(np.int64) for k in range(4))
     boxes = np.stack([y, y + h, x, x + w], axis=1)
     waiting = np.arange(1, count)
     while len(waiting):
         box = boxes[waiting[0]]
-        # Many specks: only those that a window from this hole could reach are looked at one by one.
+        # Many specks: only those that a crop from this hole could reach are looked at one by one.
         low, high = np.minimum(boxes[waiting], box), np.maximum(boxes[waiting], box)
         near = (high[:, 1] - low[:, 0] <= limit[0]) & (high[:, 3] - low[:, 2] <= limit[1])
         taken = [0]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.onnx_files import check_readable, open_onnx, short
 from unveil_core.base.types import Mask, Picture
-from unveil_core.inpaint.single_image.crops import Window, windows
+from unveil_core.inpaint.single_image.crops import Crop, crops
 from unveil_core.inpaint.single_image.onnx_signature import (
     BOTH,
     IMAGE,
@@ -26,8 +26,8 @@ from unveil_core.inpaint.single_image.onnx_signature import (
     REFERENCE,
     Port,
     SignatureProblem,
+    describe,
     read_ports,
-    told,
 )
 
 __all__ = ["OnnxReference", "OnnxSingleImage", "load_reference", "load_single_image"]
@@ -64,7 +64,7 @@ def load_reference(path: Path) -> OnnxReference:
 
 
 class OnnxSingleImage:
-    """Fills each hole in a window around it: native resolution, unless the hole is larger than what the network takes."""
+    """Fills each hole in a crop around it: native resolution, unless the hole is larger than what the network takes."""
 
     def __init__(self, network: _Network) -> None:
         self._network = network
@@ -74,9 +74,9 @@ class OnnxSingleImage:
         _check(image, mask)
         result = image.copy()
         network = self._network
-        for window in windows(mask, network.limit, whole=network.fixed):
-            filled = _shown(network, window, image, mask, None)
-            result[window.part][window.own] = filled[window.own]
+        for crop in crops(mask, network.limit, whole=network.fixed):
+            filled = _shown(network, crop, image, mask, None)
+            result[crop.part][crop.pixels] = filled[crop.pixels]
         return result
 
 
@@ -94,7 +94,7 @@ class OnnxReference:
         if not mask.any():
             return image.copy()
         size = _within(mask.shape, self._network.limit)
-        whole = Window((slice(0, mask.shape[0]), slice(0, mask.shape[1])), size, mask)
+        whole = Crop((slice(0, mask.shape[0]), slice(0, mask.shape[1])), size, mask)
         filled = _shown(self._network, whole, image, mask, reference)
         return np.where(mask[..., None], filled, image).astype(np.uint8)
 
@@ -112,15 +112,15 @@ def _within(shape: tuple[int, ...], limit: tuple[int, int]) -> tuple[int, int]:
     return max(1, min(limit[0], round(shape[0] * scale))), max(1, min(limit[1], round(shape[1] * scale)))
 
 
-def _shown(network: _Network, window: Window, image: Picture, mask: Mask, reference: Picture | None) -> Picture:
+def _shown(network: _Network, crop: Crop, image: Picture, mask: Mask, reference: Picture | None) -> Picture:
     """What a network makes of a part of an image, (h, w, 3) of the part's own size."""
-    part, hole = image[window.part], mask[window.part]
+    part, hole = image[crop.part], mask[crop.part]
     full = hole.shape
     known = np.where(hole[..., None], 0, part).astype(np.uint8)
-    if window.size != full:
-        known, hole = _resized(known, window.size), _resized(hole.astype(np.float32), window.size) > 0
+    if crop.size != full:
+        known, hole = _resized(known, crop.size), _resized(hole.astype(np.float32), crop.size) > 0
     filled = network.fill(known, hole, reference)
-    if window.size == full:
+    if crop.size == full:
         return filled
     # Along the hole's border the larger picture mixes pixels of both sides: outside, those that are known.
     return cv2.resize(np.where(hole[..., None], filled, known), full[::-1], interpolation=cv2.INTER_CUBIC)
@@ -238,7 +238,7 @@ class _Network:
                 self._output, self._output_last = k, shape != (1, 3, *size)
                 return
         shapes = " and ".join(str(getattr(a, "shape", type(a).__name__)) for a in answers)
-        outputs = told(self._session.get_outputs())
+        outputs = describe(self._session.get_outputs())
         raise self.error(f"gives {shapes} as {outputs}, not an image (1, 3, {size[0]}, {size[1]})")
 
 

@@ -1,6 +1,6 @@
 """Which input of an inpainting network is the image, which the mask, which the reference, and how each wants its pixels.
 
-Told from names (``mask``; ``reference``, ``ref``, ``exemplar``, ``example``) and from the number of channels: 3 colours, 1 mask,
+By names (``mask``; ``reference``, ``ref``, ``exemplar``, ``example``) and by the number of channels: 3 colours, 1 mask,
 4 the image that is black in its holes and then the mask. The last is LaMa as a bare network (Suvorov et al., *Resolution-robust
 large mask inpainting with Fourier convolutions*, 2022), the first two LaMa with what its authors put around it.
 """
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "read_ports", "told"]
+__all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "describe", "read_ports"]
 
 IMAGE, MASK, BOTH, REFERENCE = "image", "mask", "image and mask", "reference"
 CHANNELS = {IMAGE: 3, MASK: 1, BOTH: 4, REFERENCE: 3}
@@ -79,14 +79,14 @@ def read_ports(inputs: Sequence[Any], *, reference: bool) -> list[Port]:
         if reference and roles in painted:
             raise SignatureProblem("takes no reference: give it with --inpainter")
         hint = " of which none is called reference" if roles in (sorted([IMAGE, IMAGE, MASK]),) else ""
-        raise SignatureProblem(f"has the inputs {told(inputs)}{hint}")
+        raise SignatureProblem(f"has the inputs {describe(inputs)}{hint}")
     sizes = {(p.height, p.width) for p in ports if p.role != REFERENCE}
     if len(sizes) > 1:
-        raise SignatureProblem(f"wants image and mask of different sizes: {told(inputs)}")
+        raise SignatureProblem(f"wants image and mask of different sizes: {describe(inputs)}")
     return ports
 
 
-def told(values: Sequence[Any]) -> str:
+def describe(values: Sequence[Any]) -> str:
     """Inputs or outputs of a session in words."""
     words = []
     for v in values:
@@ -98,26 +98,26 @@ def told(values: Sequence[Any]) -> str:
 def _port(given: Any) -> Port:
     name, shape = given.name, list(given.shape or ())
     if given.type not in TYPES:
-        raise SignatureProblem(f"wants {told([given])}, and is given float, float16, double or uint8")
+        raise SignatureProblem(f"wants {describe([given])}, and is given float, float16, double or uint8")
     dtype = TYPES[given.type]
     if len(shape) != 4:
-        raise SignatureProblem(f"wants {told([given])}, and is given four dimensions (1, C, H, W) or (1, H, W, C)")
+        raise SignatureProblem(f"wants {describe([given])}, and is given four dimensions (1, C, H, W) or (1, H, W, C)")
     if isinstance(shape[0], int) and shape[0] != 1:
-        raise SignatureProblem(f"wants {shape[0]} images at a time in {told([given])}, and is given one")
+        raise SignatureProblem(f"wants {shape[0]} images at a time in {describe([given])}, and is given one")
     counts = set(CHANNELS.values())
     last = shape[1] not in counts and shape[3] in counts
     channels = shape[3] if last else shape[1]
     if isinstance(channels, int) and channels not in counts:
-        raise SignatureProblem(f"wants {told([given])}, neither an image (3 channels) nor a mask (1) nor both (4)")
+        raise SignatureProblem(f"wants {describe([given])}, neither an image (3 channels) nor a mask (1) nor both (4)")
     role = _role(name, channels if isinstance(channels, int) else None)
     if channels != CHANNELS[role] and isinstance(channels, int):
-        raise SignatureProblem(f"wants {told([given])}: a {role} has {CHANNELS[role]} channels, not {channels}")
+        raise SignatureProblem(f"wants {describe([given])}: a {role} has {CHANNELS[role]} channels, not {channels}")
     if dtype is np.bool_ and role != MASK:
-        raise SignatureProblem(f"wants {told([given])}: only a mask can be bool")
+        raise SignatureProblem(f"wants {describe([given])}: only a mask can be bool")
     height, width = (d if isinstance(d, int) else None for d in (shape[1:3] if last else shape[2:4]))
     for side in (height, width):
         if side is not None and side < SMALLEST_PX:
-            raise SignatureProblem(f"wants {told([given])}: fewer than {SMALLEST_PX} pixels on a side")
+            raise SignatureProblem(f"wants {describe([given])}: fewer than {SMALLEST_PX} pixels on a side")
     return Port(name, role, last, dtype, height, width)
 
 

@@ -1,4 +1,4 @@
-"""OpenCV's classical fillings, so that they fill the same picture the same way each time.
+"""OpenCV's classical inpainting methods, made reproducible: the same image always gives the same result.
 
 * Telea, *An image inpainting technique based on the fast marching method* (2004), and Bertalmio et al., *Navier-Stokes, fluid
   dynamics, and image and video inpainting* (2001).
@@ -19,15 +19,16 @@ from unveil_core.base.types import Mask, Picture
 
 __all__ = ["classic", "fsr", "shift_map"]
 
-
 WHOLE_IMAGE_PX = 400_000
 """Above this many pixels the patch offsets are looked for around each hole only: the whole image costs about 1 s at
 384x256 and grows faster than its area."""
 SMALLEST_PX = 8
 """Smaller pictures are left to Telea's method: there is nothing to learn from."""
 PATCH_PX, LEAST_PATCHES = 8, 64
-"""Shift-map compares patches of this side. With hardly any that is known in full it compares what is in no picture."""
+"""Side of the patches that shift-map compares, pixels, as in OpenCV, and how many of them must be known in full: with fewer there
+is nothing to compare."""
 TRIES = 4
+"""Times that shift-map is run again at most until the same answer has come twice."""
 FSR_CONTEXT_PX = 48
 """FSR looks no farther than the block of pixels it works on: a hole is given this much of its surroundings."""
 FSR_NOTHING = (0, 135, 0)
@@ -48,24 +49,24 @@ def shift_map(image: Picture, mask: Mask, *, settled: bool = True) -> Picture:
         return image.copy()
     result = image.copy()
     unfilled = np.zeros_like(mask)
-    for window, part in _windows(mask):
-        lab = cv2.cvtColor(image[window], cv2.COLOR_RGB2Lab)
+    for crop, part in _crops(mask):
+        lab = cv2.cvtColor(image[crop], cv2.COLOR_RGB2Lab)
         # What lies in the hole must not matter.
-        lab[mask[window]] = 0
-        filled = _by_offsets(lab, mask[window])
+        lab[mask[crop]] = 0
+        filled = _by_offsets(lab, mask[crop])
         for _ in range(TRIES if settled else 0):
-            again = _by_offsets(lab, mask[window])
+            again = _by_offsets(lab, mask[crop])
             if np.array_equal(again, filled):
                 break
             filled = again
         # Black with zero chroma offset, (0, 0, 0) in 8-bit Lab, is no colour that an image can have.
-        unfilled[window] |= part & (filled == 0).all(axis=2)
-        result[window][part] = cv2.cvtColor(filled, cv2.COLOR_Lab2RGB)[part]
+        unfilled[crop] |= part & (filled == 0).all(axis=2)
+        result[crop][part] = cv2.cvtColor(filled, cv2.COLOR_Lab2RGB)[part]
     return classic(result, unfilled, 3, cv2.INPAINT_TELEA) if unfilled.any() else result
 
 
 def _by_offsets(lab: Picture, mask: Mask) -> Picture:
-    """What OpenCV makes of a window (H, W, 3) in CIELab; 0 where it fails."""
+    """What OpenCV makes of a crop (H, W, 3) in CIELab; 0 where it fails."""
     filled = np.zeros_like(lab)
     known = cv2.erode((~mask).astype(np.uint8), np.ones((PATCH_PX, PATCH_PX), np.uint8), borderValue=0)
     if np.count_nonzero(known) >= LEAST_PATCHES:
@@ -94,19 +95,19 @@ def fsr(image: Picture, mask: Mask) -> Picture:
         return image.copy()
     result = image.copy()
     unfilled = np.zeros_like(mask)
-    for window, part in _apart(mask, FSR_CONTEXT_PX):
-        bgr = np.ascontiguousarray(image[window][..., ::-1])
+    for crop, part in _apart(mask, FSR_CONTEXT_PX):
+        bgr = np.ascontiguousarray(image[crop][..., ::-1])
         filled = np.zeros_like(bgr) + np.array(FSR_NOTHING, np.uint8)
         if min(bgr.shape[:2]) >= SMALLEST_PX:  # it reads beyond the ends of narrow ones
-            valid = np.where(mask[window], 0, 255).astype(np.uint8)
+            valid = np.where(mask[crop], 0, 255).astype(np.uint8)
             cv2.xphoto.inpaint(bgr, valid, filled, cv2.xphoto.INPAINT_FSR_FAST)
-        unfilled[window] |= part & (filled == FSR_NOTHING).all(axis=2)
-        result[window][part] = filled[..., ::-1][part]
+        unfilled[crop] |= part & (filled == FSR_NOTHING).all(axis=2)
+        result[crop][part] = filled[..., ::-1][part]
     return classic(result, unfilled, 3, cv2.INPAINT_TELEA) if unfilled.any() else result
 
 
-def _windows(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Mask]]:
-    """The whole image, or where that is too slow a window around each component, with the pixels to take from it."""
+def _crops(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Mask]]:
+    """The whole image, or where that is too slow a crop around each component, with the pixels to take from it."""
     if mask.size <= WHOLE_IMAGE_PX:
         yield (slice(0, mask.shape[0]), slice(0, mask.shape[1])), mask
         return
@@ -114,25 +115,25 @@ def _windows(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Mask]]:
 
 
 def _around_each(mask: Mask, margin_of: Callable[[int], int]) -> Iterator[tuple[tuple[slice, slice], Mask]]:
-    """A window around each component, with a margin by its longer side, and the component's pixels in it."""
+    """A crop around each component, with a margin by its longer side, and the component's pixels in it."""
     height, width = mask.shape
     count, component, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
     for k in range(1, count):
         x, y, w, h = (int(v) for v in stats[k, :4])
         margin = margin_of(max(w, h))
-        window = (
+        crop = (
             slice(max(0, y - margin), min(height, y + h + margin)),
             slice(max(0, x - margin), min(width, x + w + margin)),
         )
-        yield window, component[window] == k
+        yield crop, component[crop] == k
 
 
 def _apart(mask: Mask, context: int) -> Iterator[tuple[tuple[slice, slice], Mask]]:
-    """Windows around holes that are farther apart than their context reaches, with the pixels to take from each: many specks
+    """Crops around holes that are farther apart than their context reaches, with the pixels to take from each: many specks
     that lie together are one."""
     near = cv2.dilate(mask.astype(np.uint8), np.ones((2 * context + 1,) * 2, np.uint8))
     count, component, stats, _ = cv2.connectedComponentsWithStats(near, connectivity=8)
     for k in range(1, count):
         x, y, w, h = (int(v) for v in stats[k, :4])
-        window = (slice(y, y + h), slice(x, x + w))
-        yield window, mask[window] & (component[window] == k)
+        crop = (slice(y, y + h), slice(x, x + w))
+        yield crop, mask[crop] & (component[crop] == k)

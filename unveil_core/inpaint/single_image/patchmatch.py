@@ -1,4 +1,4 @@
-"""Filling a hole of one image with patches of its own surroundings.
+"""PatchMatch: fills a hole of one image with patches of its own surroundings.
 
 Coarse to fine: every patch that touches the hole looks for its nearest patch among the known ones (Barnes et al. 2009,
 *PatchMatch*: propagation and random search), then every hole pixel takes what the patches over it say (Wexler et al.
@@ -20,9 +20,9 @@ from unveil_core.base.types import Float32, Mask
 __all__ = ["PatchFillSettings", "patch_fill"]
 
 RADIUS = 3
-"""Patches are 7x7."""
+"""Half the side of a patch, pixels: patches are 7x7."""
 LEAST_SPREAD = np.float32(4.0)
-"""Squared levels: matches that differ by less are as good as exact."""
+"""Least spread of the votes, squared levels of 255: matches that differ by less than two levels are as good as exact."""
 
 
 @dataclass(frozen=True)

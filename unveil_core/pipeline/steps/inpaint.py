@@ -11,12 +11,11 @@ from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.onnx_files import files_of
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
-from unveil_core.inpaint.frames.propagate import paint_along
+from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import drive_continued, drive_ground_layer, drive_views
@@ -82,23 +81,21 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
         goes_on, layer = drive_continued(drive, scene, left, layer, views)
     # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.
     known = concatenate([left, *goes_on])
-    stands = [
-        np.isin(labels, scene.removable_labels) & ~mask for labels, mask in zip(views.labels, removed, strict=True)
-    ]
-    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i], stands[i]) for i, f in enumerate(drive.frames)]
+    kept = [np.isin(labels, scene.removable_labels) & ~mask for labels, mask in zip(views.labels, removed, strict=True)]
+    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i], kept[i]) for i, f in enumerate(drive.frames)]
     network = context.settings.networks.get("reference_inpainter")
     order, names = context.settings.order, context.settings.keyframes
-    plan = plan_drive(
-        drive.frames, tasks, known, layer, order=order, names=names, near=NEAR_M, far=FAR_M,
+    plan = plan_drive(drive.frames, tasks, known, layer, order=order, names=names, progress=context.progress)
+    record = plan_json(plan, drive.frames, order=order, given=bool(names))
+    write_json_atomic(context.output("inpaint/keyframes.json"), record)
+    painted, seeds = propagate_inpainting(
+        tasks,
+        RemainingScene(known, sky, layer, len(scene.labels)),
+        inpainter(context.settings.inpainter),
+        plan=plan,
+        reference=None if network is None else load_reference(network),
         progress=context.progress,
-    )  # fmt: skip
-    told = plan_json(plan, drive.frames, order=order, given=bool(names))
-    write_json_atomic(context.output("inpaint/keyframes.json"), told)
-    painted, seeds = paint_along(
-        tasks, known, sky, layer, inpainter(context.settings.inpainter), label_count=len(scene.labels),
-        near=NEAR_M, far=FAR_M, plan=plan,
-        reference=None if network is None else load_reference(network), progress=context.progress,
-    )  # fmt: skip
+    )
     for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
         save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
