@@ -11,7 +11,7 @@ from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.street_chart import StreetChart, blur_levels
+from unveil_core.inpaint.chart.street_chart import StreetChart
 
 
 def camera_of(width: int) -> Camera:
@@ -34,7 +34,7 @@ def shadowed() -> StreetChart:
 @pytest.mark.parametrize("width", [384, 768, 1920, 3840])
 def test_all_ground_in_shadow_is_asked_for(width: int) -> None:
     chart, camera = shadowed(), camera_of(width)
-    layer = GroundLayer(chart, blur_levels(chart.color), blur_levels(chart.gain))
+    layer = GroundLayer(chart)
     asked = grow(layer.shadow_pixels(camera), border_px(width))
     looked = np.random.default_rng(0).random(asked.shape) < min(1.0, 1e5 / asked.size)
     truth = layer.sample(camera, looked)
@@ -54,7 +54,7 @@ def test_feet_have_no_gaps(width: int) -> None:
     chart, camera = shadowed(), camera_of(width)
     across, up = np.meshgrid(np.arange(-0.12, 0.13, 0.04), np.arange(0.05, 0.4, 0.04))
     feet = np.stack([np.full(across.size, 5.5), across.ravel() + 0.5, up.ravel()], axis=1)
-    layer = GroundLayer(chart, blur_levels(chart.color), blur_levels(chart.gain), feet=feet)
+    layer = GroundLayer(chart, feet=feet)
     shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), 6.0))
     rows, columns = np.nonzero(shown)
     assert len(rows) == (np.ptp(rows) + 1) * (np.ptp(columns) + 1) > 50 * (width / 384) ** 2

@@ -148,9 +148,9 @@ def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
         ground, 0.1, 0.0, 0.0, none, np.zeros((4, 4), np.int16), np.zeros((4, 4), np.uint8), none,
         np.zeros((4, 4), np.float32), np.zeros((4, 4), bool),
     )  # fmt: skip
-    layer = GroundLayer(chart, [none], [none], feet=means)
+    layer = GroundLayer(chart, feet=means)
     shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), float(z.mean())))
     assert shown[pixels[:, 1], pixels[:, 0]].all()
     assert shown.sum() < 3 * len(np.unique(pixels, axis=0)) + 9
     assert not layer.foot_pixels(camera, np.full((camera.height, camera.width), 3.0)).any()
-    assert not GroundLayer(chart, [none], [none]).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()
+    assert not GroundLayer(chart).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()

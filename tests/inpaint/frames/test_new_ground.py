@@ -10,7 +10,7 @@ import torch
 from tests.ground.test_street import UP, drive_on_circle
 from tests.inpaint.sunny_street import CAR, TEXEL, box_surfels, sunny_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, StreetChart, blur_levels
+from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, StreetChart
 from unveil_core.inpaint.frames.holes import FrameTask, background_layers
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.light.relight import relighting_gain
@@ -68,7 +68,7 @@ def test_a_bush_goes_down_to_its_foot_and_what_a_car_left_does_not() -> None:
     camera = drive_on_circle(np.inf, 0.0)[0].resized(192, 128)
     box = box_surfels(np.array([[9.0, -3.0, 0.0], [10.0, -1.0, 0.4]]))
     whole = replace(chart, source=np.where(chart.source == OUTSIDE, OUTSIDE, INVENTED).astype(np.uint8))
-    layer = GroundLayer(whole, blur_levels(whole.color), blur_levels(whole.gain), ground_labels=(ROAD,))
+    layer = GroundLayer(whole, ground_labels=(ROAD,))
     everything = np.ones((camera.height, camera.width), bool)
     task = FrameTask(camera, np.zeros((*everything.shape, 3), np.uint8), everything, everything)
     street = seed_ground(whole, np.ones_like(whole.source, bool), spacing=0.1, sh_degree=0, default_label=ROAD)

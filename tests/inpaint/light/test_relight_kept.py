@@ -10,7 +10,7 @@ import torch
 from tests.ground.test_street import drive_on_circle
 from tests.inpaint.sunny_street import TEXEL, sunny_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.street_chart import INVENTED, blur_levels
+from unveil_core.inpaint.chart.street_chart import INVENTED
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.new_ground import seed_ground
 from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
@@ -24,7 +24,7 @@ def test_no_light_is_thrown_on_what_stays() -> None:
     whole = replace(chart, gain=gain, source=np.full_like(chart.source, INVENTED))
     camera = drive_on_circle(np.inf, 0.0)[0].resized(108, 72)
     street = seed_ground(whole, np.ones(gain.shape[:2], bool), spacing=0.15, sh_degree=0, default_label=0)
-    layer = GroundLayer(whole, blur_levels(whole.color), blur_levels(whole.gain))
+    layer = GroundLayer(whole)
     nothing, picture = np.zeros((72, 108), bool), np.full((72, 108, 3), 100, np.uint8)
     car = nothing.copy()
     car[:, :54] = True

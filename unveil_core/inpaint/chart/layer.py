@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.inpaint.chart.street_chart import RELIT_GAIN, StreetChart, sample_chart
-from unveil_core.inpaint.light.sun import Sun
+from unveil_core.inpaint.chart.street_chart import RELIT_GAIN, StreetChart, blur_levels, sample_chart
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
@@ -55,19 +55,25 @@ class GroundPixels:
 
 @dataclass(frozen=True, eq=False)
 class GroundLayer:
-    """A filled chart with its blur levels, and the sun that shone on it, where that is known.
+    """A filled chart as frames sample it.
 
     Attributes:
+        chart: filled.
         feet: (N, 3) world positions just above the ground of poles and trunks whose feet were hidden.
         ground_labels: compact labels of the ground; none where the scene has no classes.
     """
 
     chart: StreetChart
-    colors: list[Float32]
-    gains: list[Float32]
-    sun: Sun | None = None
     feet: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     ground_labels: tuple[int, ...] = ()
+
+    @cached_property
+    def _colors(self) -> list[Float32]:
+        return blur_levels(self.chart.color)
+
+    @cached_property
+    def _gains(self) -> list[Float32]:
+        return blur_levels(self.chart.gain)
 
     def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(H, W) pixels that show one of the ``feet``, where the depth (H, W) says that nothing is before it."""
@@ -138,8 +144,8 @@ class GroundLayer:
             extent[hit] = across / grazing / self.chart.texel
             level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)
             footprint = direction[:, :2] * (across / grazing / level)[:, None]
-            color[hit] = sample_chart(self.colors, self.chart, at, footprint, across)
-            gain[hit] = sample_chart(self.gains, self.chart, at, footprint, across)
+            color[hit] = sample_chart(self._colors, self.chart, at, footprint, across)
+            gain[hit] = sample_chart(self._gains, self.chart, at, footprint, across)
             row, column, on_chart = self.chart.index_of(street[hit])
             covered[hit] = on_chart & (self.chart.source[row, column] > 0)
             replaced[hit] = on_chart & self.chart.replaced[row, column]

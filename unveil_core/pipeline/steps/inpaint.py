@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,22 +11,26 @@ import torch
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.onnx_files import files_of
+from unveil_core.base.types import Mask
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
+from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
-from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
+from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
-from unveil_core.inpaint.street_scene import drive_continued, drive_ground_layer, drive_views
+from unveil_core.inpaint.street_scene import Removal, Views, complete_scene, drive_views, empty_ground_chart
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import load_sky
+from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
@@ -33,25 +39,96 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = ["STAGE"]
 
 
-def run(context: StageContext) -> None:
+def run(context: StageContext) -> Facts:
     """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows; surfels/seeds.ply, and of full.ply's surfels
-    those that they take the place of and those whose shadow went: surfels/displaced.npy, surfels/relit.npy."""
-    inpaint_with(context)
+    those that they replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns where the sun was
+    found."""
+    return inpaint_with(context)
 
 
-def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
+def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     """The stage (see :func:`run`).
 
     Args:
         charts: False leaves out what is known of the street before anything is invented: then everything that nobody saw is
-            invented in the pictures, as in the paper.
+            invented in the images, as in the paper.
     """
+    given = _read(context)
+    drive, scene, surfels, gone = given.drive, given.scene, given.removal.surfels, given.removal.gone
+    street = read_ground(context.workspace.ground_npz).street if charts else None
+    chart, sun = None, None
+    displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
+    if street is not None:
+        chart, sun = empty_ground_chart(
+            drive,
+            scene,
+            street,
+            given.removal,
+            given.views,
+            shadows=context.settings.shadows != "off",
+            sun=context.settings.sun,
+            progress=context.progress,
+        )
+        cameras = [f.camera for f in drive.frames]
+        anew = new_ground(chart, surfels.means.double().numpy()[gone], cameras, given.views.removed)
+        displaced = ~gone & displaced_by(chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
+        relit = ground_relit(chart, surfels)
+    remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
+    parts: list[Surfels] = []
+    layer = None
+    if street is not None and chart is not None:
+        parts, feet = complete_scene(drive, scene, street, remaining, given.views)
+        parts += [] if feet is None else [feet]
+        layer = GroundLayer(
+            chart,
+            feet=np.zeros((0, 3)) if feet is None else feet.means.double().numpy(),
+            ground_labels=scene.labels.indices(GROUND_CLASSES),
+        )
+    # What follows from the seen part of a house or a pole is known before anything is invented.
+    known = RemainingScene(concatenate([remaining, *parts]), given.sky, layer, len(scene.labels))
+    painted, seeds = _propagate(context, given, known)
+    for frame, result, shadow in zip(drive.frames, painted, given.shaded, strict=True):
+        write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
+        save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
+    parts += [] if seeds is None else [seeds]
+    if chart is not None:
+        spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
+        label = scene.labels.index("road") or 0
+        parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=remaining.sh_degree, default_label=label))
+    seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
+    write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
+    save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
+    save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
+    if sun is None:
+        return {"sun": None}
+    numbers = {"azimuth_deg": sun.azimuth, "elevation_deg": sun.elevation, "score": sun.score}
+    return {"sun": {name: round(value, 3) for name, value in numbers.items()}}
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What the stage reads: the drive, the chosen labels, what is removed, the frames, and what nobody saw of each.
+
+    Attributes:
+        shaded: (H, W) bool per frame, shadows of moving objects; unobserved: (H, W) bool per frame.
+    """
+
+    drive: Drive
+    scene: SceneLabels
+    removal: Removal
+    sky: Sky
+    views: Views
+    shaded: Sequence[Mask]
+    unobserved: Sequence[Mask]
+
+
+def _read(context: StageContext) -> _Given:
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
-    sky = load_sky(workspace.root / "surfels/sky.npz")
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
+    removal = Removal(surfels, gone, load_array(workspace.root / "surfels/instances.npy"))
     exposures = read_exposures(workspace.exposure_json)
     images = [exposures.read(f) for f in drive.frames]
     removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
@@ -59,60 +136,33 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> None:
     shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
     removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
     views = drive_views(drive, scene, surfels, images, removed)
-    street = read_ground(workspace.ground_npz).street
-    layer = (
-        drive_ground_layer(
-            drive, scene, street, surfels, gone, load_array(workspace.root / "surfels/instances.npy"), views,
-            shadows=context.settings.shadows != "off", sun=context.settings.sun, progress=context.progress,
-        )
-        if charts and street is not None
-        else None
-    )  # fmt: skip
-    cameras = [f.camera for f in drive.frames]
-    displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
-    if layer is not None:
-        places = surfels.means.double().numpy()[gone]
-        anew = new_ground(layer.chart, places, cameras, removed)
-        displaced = ~gone & displaced_by(layer.chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
-        relit = ground_relit(layer.chart, surfels)
-    left = surfels.select(torch.from_numpy(~(gone | displaced)))
-    goes_on: list[Surfels] = []
-    if layer is not None:
-        goes_on, layer = drive_continued(drive, scene, left, layer, views)
-    # What the rest of a house or a trunk tells of what is hidden of it is known before anything is invented.
-    known = concatenate([left, *goes_on])
-    kept = [np.isin(labels, scene.removable_labels) & ~mask for labels, mask in zip(views.labels, removed, strict=True)]
-    tasks = [FrameTask(f.camera, images[i], removed[i], unobserved[i], kept[i]) for i, f in enumerate(drive.frames)]
-    network = context.settings.networks.get("reference_inpainter")
-    order, names = context.settings.order, context.settings.keyframes
-    plan = plan_drive(drive.frames, tasks, known, layer, order=order, names=names, progress=context.progress)
-    record = plan_json(plan, drive.frames, order=order, given=bool(names))
+    return _Given(drive, scene, removal, load_sky(workspace.root / "surfels/sky.npz"), views, shaded, unobserved)
+
+
+def _propagate(context: StageContext, given: _Given, known: RemainingScene) -> tuple[list[Painted], Surfels | None]:
+    """Choose the keyframes, record them, and clean all frames."""
+    frames, views, settings = given.drive.frames, given.views, context.settings
+    kept = [
+        np.isin(labels, given.scene.removable_labels) & ~mask
+        for labels, mask in zip(views.labels, views.removed, strict=True)
+    ]
+    tasks = [
+        FrameTask(f.camera, views.images[i], views.removed[i], given.unobserved[i], kept[i])
+        for i, f in enumerate(frames)
+    ]
+    order, names = settings.order, settings.keyframes
+    plan = plan_drive(frames, tasks, known.surfels, known.ground, order=order, names=names, progress=context.progress)
+    record = plan_json(plan, frames, order=order, given=bool(names))
     write_json_atomic(context.output("inpaint/keyframes.json"), record)
-    painted, seeds = propagate_inpainting(
+    network = settings.networks.get("reference_inpainter")
+    return propagate_inpainting(
         tasks,
-        RemainingScene(known, sky, layer, len(scene.labels)),
-        inpainter(context.settings.inpainter),
+        known,
+        inpainter(settings.inpainter),
         plan=plan,
         reference=None if network is None else load_reference(network),
         progress=context.progress,
     )
-    for frame, result, shadow in zip(drive.frames, painted, shaded, strict=True):
-        write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
-        save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
-    parts = [*goes_on, *([] if seeds is None else [seeds])]
-    if layer is not None:
-        preset = REOPTIMIZE_PRESETS[context.settings.quality]
-        default = scene.labels.index("road")
-        parts.append(
-            seed_ground(
-                layer.chart, anew, spacing=preset.ground_spacing_m,
-                sh_degree=left.sh_degree, default_label=0 if default is None else default,
-            )
-        )  # fmt: skip
-    seeds = concatenate(parts) if parts else left.select(torch.zeros(len(left), dtype=torch.bool))
-    write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
-    save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
-    save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
 
 
 def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
