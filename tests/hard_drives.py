@@ -30,17 +30,28 @@ def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500,
         image, kind = drawn[x]
         cv2.imwrite(str(folder / f"images/{i:03d}.png"), image)
         cv2.imwrite(str(folder / f"semantics/{i:03d}.png"), kind)
-        frames.append({
-            "file_path": f"images/{i:03d}.png", "semantic_path": f"semantics/{i:03d}.png",
-            "transform_matrix": pose.tolist(),
-        })  # fmt: skip
+        frames.append(
+            {
+                "file_path": f"images/{i:03d}.png",
+                "semantic_path": f"semantics/{i:03d}.png",
+                "transform_matrix": pose.tolist(),
+            }
+        )
         cloud.append(lidar(pose, rays, generator))
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
     width, height = WIDTH // shrink, HEIGHT // shrink
     document = {
-        "w": width, "h": height, "fl_x": FOCAL / shrink, "fl_y": FOCAL / shrink, "cx": width / 2, "cy": height / 2,
-        "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
-    }  # fmt: skip
+        "w": width,
+        "h": height,
+        "fl_x": FOCAL / shrink,
+        "fl_y": FOCAL / shrink,
+        "cx": width / 2,
+        "cy": height / 2,
+        "metric": True,
+        "ply_file_path": "points.ply",
+        "semantic_classes": "cityscapes",
+        "frames": frames,
+    }
     path = folder / "transforms.json"
     path.write_text(json.dumps(document))
     return path

@@ -147,18 +147,23 @@ def make_moving_street(folder: Path, street: Street, *, instances: bool = False,
         cv2.imwrite(str(folder / f"truth/removed/{i:02d}.png"), np.where(number > 0, 255, 0).astype(np.uint8))
         cv2.imwrite(str(folder / f"instances/{i:02d}.png"), number.astype(np.uint16))
         entry: dict[str, object] = {
-            "file_path": f"images/{i:02d}.png", "transform_matrix": pose_at(i).tolist(), "semantic_path": f"semantics/{i:02d}.png",
-        }  # fmt: skip
+            "file_path": f"images/{i:02d}.png",
+            "transform_matrix": pose_at(i).tolist(),
+            "semantic_path": f"semantics/{i:02d}.png",
+        }
         if instances:
             entry["instance_path"] = f"instances/{i:02d}.png"
         if boxes:
             entry["boxes"] = [
                 {
-                    "id": identity, "class": "car" if of_box == CAR else "person", "centre": ((low + high) / 2).tolist(),
-                    "size": (high - low).tolist(), "yaw": 0.0,
+                    "id": identity,
+                    "class": "car" if of_box == CAR else "person",
+                    "centre": ((low + high) / 2).tolist(),
+                    "size": (high - low).tolist(),
+                    "yaw": 0.0,
                 }
                 for low, high, of_box, identity in there
-            ]  # fmt: skip
+            ]
         frames.append(entry)
         points, on = lidar(i, there, 2500, generator)
         cloud.append(points)
@@ -166,8 +171,20 @@ def make_moving_street(folder: Path, street: Street, *, instances: bool = False,
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
     np.save(folder / "on_mover.npy", np.concatenate(owner))
     path = folder / "transforms.json"
-    path.write_text(json.dumps({
-        "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2,
-        "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "frames": frames,
-    }))  # fmt: skip
+    path.write_text(
+        json.dumps(
+            {
+                "w": WIDTH,
+                "h": HEIGHT,
+                "fl_x": FOCAL,
+                "fl_y": FOCAL,
+                "cx": WIDTH / 2,
+                "cy": HEIGHT / 2,
+                "metric": True,
+                "ply_file_path": "points.ply",
+                "semantic_classes": "cityscapes",
+                "frames": frames,
+            }
+        )
+    )
     return path

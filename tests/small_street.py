@@ -151,10 +151,18 @@ def make_small_street(folder: Path, *, masks_only: bool = False) -> Path:
     write_free_truth(folder)
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
     document = {
-        "w": WIDTH, "h": HEIGHT, "fl_x": FOCAL, "fl_y": FOCAL, "cx": WIDTH / 2, "cy": HEIGHT / 2,
-        "camera_model": "PINHOLE", "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes",
+        "w": WIDTH,
+        "h": HEIGHT,
+        "fl_x": FOCAL,
+        "fl_y": FOCAL,
+        "cx": WIDTH / 2,
+        "cy": HEIGHT / 2,
+        "camera_model": "PINHOLE",
+        "metric": True,
+        "ply_file_path": "points.ply",
+        "semantic_classes": "cityscapes",
         "frames": frames,
-    }  # fmt: skip
+    }
     path = folder / "transforms.json"
     path.write_text(json.dumps(document))
     return path

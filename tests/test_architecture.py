@@ -46,9 +46,10 @@ def test_no_folder_has_too_many_modules() -> None:
 def test_no_import_points_up() -> None:
     place = {name: k for k, name in enumerate(ORDER)} | {"__main__": -1}
     wrong = [
-        i for i in INSIDE
+        i
+        for i in INSIDE
         if package_of(i.module) and package_of(i.target) and place[package_of(i.module)] > place[package_of(i.target)]
-    ]  # fmt: skip
+    ]
     assert wrong == []
 
 

@@ -35,9 +35,7 @@ def free_number(taken: Iterable[int]) -> int:
     return max([FIRST_NUMBER - 1, *taken]) + 1
 
 
-def new_marker(
-    collection: bpy.types.Collection, number: int, class_name: str, box: SceneBox
-) -> bpy.types.Object:  # fmt: skip
+def new_marker(collection: bpy.types.Collection, number: int, class_name: str, box: SceneBox) -> bpy.types.Object:
     """A wire cube around something, in the drive's collection of marks; size and turn are the object's own."""
     drive = blocks.drive_of(collection)
     place = blocks.child_collection(collection, "marks", "Marked")

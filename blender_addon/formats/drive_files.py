@@ -140,6 +140,13 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     placed[:3, :3] = pose[:3, :3].T
     placed[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return DriveFrame(
-        str(entry["name"]), drive.workspace / "drive" / entry["image"], int(entry["width"]), int(entry["height"]),
-        float(entry["fx"]), float(entry["fy"]), float(entry["cx"]), float(entry["cy"]), placed @ FLIP,
-    )  # fmt: skip
+        str(entry["name"]),
+        drive.workspace / "drive" / entry["image"],
+        int(entry["width"]),
+        int(entry["height"]),
+        float(entry["fx"]),
+        float(entry["fy"]),
+        float(entry["cx"]),
+        float(entry["cy"]),
+        placed @ FLIP,
+    )

@@ -13,9 +13,19 @@ from typing import Any
 import bpy
 
 __all__ = [
-    "child_collection", "drive_collection", "drive_of", "ensure", "ensure_file", "ensure_object", "find", "mark", "remove",
-    "same_place", "strips", "workspace_of",
-]  # fmt: skip
+    "child_collection",
+    "drive_collection",
+    "drive_of",
+    "ensure",
+    "ensure_file",
+    "ensure_object",
+    "find",
+    "mark",
+    "remove",
+    "same_place",
+    "strips",
+    "workspace_of",
+]
 
 DRIVE, ROLE, WORKSPACE = "unveil_drive", "unveil_role", "unveil_workspace"
 

@@ -17,9 +17,14 @@ from . import blocks, drive_scene, meshes, plates, versions, view
 __all__ = ["FOLDERS", "load"]
 
 FOLDERS = {
-    "clean": "frames", "render": "renders", "inpainted": "inpainted", "regions": "regions", "removed": "masks/removed",
-    "shadows": "masks/shadows", "unobserved": "masks/unobserved",
-}  # fmt: skip
+    "clean": "frames",
+    "render": "renders",
+    "inpainted": "inpainted",
+    "regions": "regions",
+    "removed": "masks/removed",
+    "shadows": "masks/shadows",
+    "unobserved": "masks/unobserved",
+}
 """Where the workspace keeps each kind of plate."""
 CLIPS = ("clean", "regions", "removed", "unobserved")
 """Kinds that become movie clips, too, for tracking and compositing."""

@@ -49,13 +49,21 @@ class UnveilSettings(bpy.types.PropertyGroup):
         default="auto",
     )
     sun_azimuth: FloatProperty(
-        name="Azimuth", subtype="ANGLE", default=math.radians(135), soft_min=0, soft_max=2 * math.pi,
+        name="Azimuth",
+        subtype="ANGLE",
+        default=math.radians(135),
+        soft_min=0,
+        soft_max=2 * math.pi,
         description="Direction towards the sun, clockwise from the y axis (north)",
-    )  # fmt: skip
+    )
     sun_elevation: FloatProperty(
-        name="Elevation", subtype="ANGLE", default=math.radians(40), min=math.radians(0.1), max=math.pi / 2,
+        name="Elevation",
+        subtype="ANGLE",
+        default=math.radians(40),
+        min=math.radians(0.1),
+        max=math.pi / 2,
         description="Height of the sun above the horizon",
-    )  # fmt: skip
+    )
     movers: EnumProperty(
         name="Moving things",
         items=(
@@ -77,9 +85,10 @@ class UnveilSettings(bpy.types.PropertyGroup):
         name="Keyframes", description="Frames that invent what nobody saw, as 3,7; empty: chosen automatically"
     )
     inpainter: StringProperty(
-        name="Inpainter", default="exemplar",
+        name="Inpainter",
+        default="exemplar",
         description="For what is neither ground nor seen: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
-    )  # fmt: skip
+    )
     reference_inpainter: StringProperty(
         name="Reference inpainter",
         subtype="FILE_PATH",

@@ -19,9 +19,7 @@ from .panels import Section
 
 __all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
 
-ICONS = {
-    "to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR",
-}  # fmt: skip
+ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR"}
 
 
 class UNVEIL_PT_work(Section, bpy.types.Panel):
@@ -100,8 +98,15 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
         more.prop(settings, "show_more", toggle=True, icon="PREFERENCES")
         if settings.show_more:
             for name in (
-                "movers", "device", "seed", "max_side", "keyframes", "order", "inpainter", "reference_inpainter",
-            ):  # fmt: skip
+                "movers",
+                "device",
+                "seed",
+                "max_side",
+                "keyframes",
+                "order",
+                "inpainter",
+                "reference_inpainter",
+            ):
                 column.prop(settings, name)
         self._stages(context)
 

@@ -21,9 +21,17 @@ class UNVEIL_UL_classes(bpy.types.UIList):
     bl_idname = "UNVEIL_UL_classes"
 
     def draw_item(
-        self, context: Any, layout: Any, data: Any, item: Any, icon: int, active_data: Any, active_property: str,
-        index: int = 0, flt_flag: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        context: Any,
+        layout: Any,
+        data: Any,
+        item: Any,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+        index: int = 0,
+        flt_flag: int = 0,
+    ) -> None:
         row = layout.row(align=True)
         row.prop(item, "chosen", text="")
         row.label(text=item.name, icon_value=previews.chip(item.name))
@@ -48,9 +56,17 @@ class UNVEIL_UL_objects(bpy.types.UIList):
     bl_idname = "UNVEIL_UL_objects"
 
     def draw_item(
-        self, context: Any, layout: Any, data: Any, item: Any, icon: int, active_data: Any, active_property: str,
-        index: int = 0, flt_flag: int = 0,
-    ) -> None:  # fmt: skip
+        self,
+        context: Any,
+        layout: Any,
+        data: Any,
+        item: Any,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+        index: int = 0,
+        flt_flag: int = 0,
+    ) -> None:
         columns = _columns(layout)
         row = columns[0]
         if item.moves:

@@ -30,9 +30,10 @@ class UnveilPreferences(bpy.types.AddonPreferences):
     bl_idname = ADDON
 
     python: StringProperty(
-        name="Python", subtype="FILE_PATH",
+        name="Python",
+        subtype="FILE_PATH",
         description="The Python that has unveil, or its virtual environment; empty: found in the usual places",
-    )  # fmt: skip
+    )
     install_from: StringProperty(
         name="Install from",
         description="What Create environment installs: a wheel, a source folder, an address; empty: what came with the add-on",

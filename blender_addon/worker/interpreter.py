@@ -195,9 +195,15 @@ def _ask(command: list[str], timeout_s: float) -> tuple[dict[str, object], str]:
     """The JSON that a command prints last, and what went wrong."""
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=timeout_s,
-            env=worker_environment(), stdin=subprocess.DEVNULL,
-        )  # fmt: skip
+            command,
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            timeout=timeout_s,
+            env=worker_environment(),
+            stdin=subprocess.DEVNULL,
+        )
     except subprocess.TimeoutExpired:
         return {}, f"no answer within {timeout_s:g} s"
     except OSError as error:

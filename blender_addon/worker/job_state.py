@@ -111,9 +111,10 @@ class JobState:
             self.metrics = {}
         self.stage, self.message, self.done, self.total = stage, message, done, total
         numbers = {
-            k: float(v) for k, v in event.items()
+            k: float(v)
+            for k, v in event.items()
             if k not in NOT_SHOWN and isinstance(v, int | float) and not isinstance(v, bool)
-        }  # fmt: skip
+        }
         self.metrics = numbers or self.metrics
         if message in ("done", "up to date"):
             self.ended[stage] = message

@@ -29,9 +29,14 @@ LINGER_S = 0.5
 """What others of its group have to end after the worker has."""
 WINDOWS = os.name == "nt"
 BLENDERS_OWN = (
-    "PYTHONHOME", "PYTHONPATH", "PYTHONSTARTUP", "PYTHONEXECUTABLE", "PYTHONUSERBASE", "PYTHONNOUSERSITE",
+    "PYTHONHOME",
+    "PYTHONPATH",
+    "PYTHONSTARTUP",
+    "PYTHONEXECUTABLE",
+    "PYTHONUSERBASE",
+    "PYTHONNOUSERSITE",
     "__PYVENV_LAUNCHER__",
-)  # fmt: skip
+)
 
 _running: set[Job] = set()
 
@@ -70,9 +75,17 @@ class Job:
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if WINDOWS else {"start_new_session": True}  # type: ignore[attr-defined]
         self._process = subprocess.Popen(
-            self.command, cwd=cwd, env=worker_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace", **group,
-        )  # fmt: skip
+            self.command,
+            cwd=cwd,
+            env=worker_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            **group,
+        )
         self._readers = [
             threading.Thread(target=self._read, args=(stream,), name="unveil-job", daemon=True)
             for stream in (self._process.stdout, self._process.stderr)

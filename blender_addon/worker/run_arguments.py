@@ -22,17 +22,27 @@ def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> l
         absolute: makes Blender's ``//paths`` absolute.
     """
     return [
-        "--quality", settings.quality,
-        "--device", settings.device,
-        "--seed", str(settings.seed),
-        "--shadows", _shadows(settings),
-        "--movers", settings.movers,
-        "--order", settings.order,
-        "--keyframes", settings.keyframes.strip() or "auto",
-        "--inpainter", _inpainter(settings, absolute),
-        "--reference-inpainter", _file(settings.reference_inpainter, absolute) or "none",
-        "--max-side", str(settings.max_side) if settings.max_side else "auto",
-    ]  # fmt: skip
+        "--quality",
+        settings.quality,
+        "--device",
+        settings.device,
+        "--seed",
+        str(settings.seed),
+        "--shadows",
+        _shadows(settings),
+        "--movers",
+        settings.movers,
+        "--order",
+        settings.order,
+        "--keyframes",
+        settings.keyframes.strip() or "auto",
+        "--inpainter",
+        _inpainter(settings, absolute),
+        "--reference-inpainter",
+        _file(settings.reference_inpainter, absolute) or "none",
+        "--max-side",
+        str(settings.max_side) if settings.max_side else "auto",
+    ]
 
 
 def selection_arguments(chosen: Sequence[str]) -> list[str]:

@@ -84,9 +84,10 @@ def test_normals_are_those_of_normal_maps(everything: Path, workspace: Path) -> 
     column = np.broadcast_to(np.arange(depth.shape[1]), depth.shape)
     middle = depth.shape[1] / 2
     for name, where, world in (
-        ("road", kind == ROAD, (0, 0, 1)), ("left", (kind == BUILDING) & (column < middle - 8), (0, -1, 0)),
+        ("road", kind == ROAD, (0, 0, 1)),
+        ("left", (kind == BUILDING) & (column < middle - 8), (0, -1, 0)),
         ("right", (kind == BUILDING) & (column > middle + 8), (0, 1, 0)),
-    ):  # fmt: skip
+    ):
         near = cv2.erode((where & (depth < 15)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         assert near.sum() > 150, name
         assert np.median(normal[near] @ (axes @ world)) > 0.98, name

@@ -32,10 +32,13 @@ def test_a_box_knows_what_lies_in_it() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"id": 0}, "id 0"), ({"size": [4.0, 0.0, 1.0]}, "not positive"), ({"centre": [1.0, 2.0]}, "three numbers"),
-        ({"yaw": float("nan")}, "not finite"), ({"class": ""}, "class is empty"),
+        ({"id": 0}, "id 0"),
+        ({"size": [4.0, 0.0, 1.0]}, "not positive"),
+        ({"centre": [1.0, 2.0]}, "three numbers"),
+        ({"yaw": float("nan")}, "not finite"),
+        ({"class": ""}, "class is empty"),
     ],
-)  # fmt: skip
+)
 def test_a_bad_box_is_one_line(change: dict[str, Any], told: str) -> None:
     with pytest.raises(DriveError, match=rf"t\.json: box 0 of frame 00: .*{told}"):
         read_boxes([{**BOX, **change}], Path("t.json"), "00")

@@ -66,9 +66,16 @@ def test_nerfstudios_camera_path(drive: Drive, tmp_path: Path) -> None:
     pose[:3, 3] += UTM
     fov = 2 * math.degrees(math.atan(HEIGHT / 2 / FOCAL))
     entries = [{"camera_to_world": pose.ravel().tolist(), "fov": fov, "aspect": 1}, {"camera_to_world": pose.tolist()}]
-    path = written(tmp_path, {
-        "camera_type": "perspective", "render_width": WIDTH, "render_height": HEIGHT, "camera_path": entries, "fps": 24,
-    })  # fmt: skip
+    path = written(
+        tmp_path,
+        {
+            "camera_type": "perspective",
+            "render_width": WIDTH,
+            "render_height": HEIGHT,
+            "camera_path": entries,
+            "fps": 24,
+        },
+    )
     views = read_camera_path(path, drive)
     assert [v.name for v in views] == ["0000", "0001"]
     for view in views:
@@ -79,9 +86,16 @@ def test_a_workspaces_own_cameras(drive: Drive, tmp_path: Path) -> None:
     frame = drive.frames[3]
     c = frame.camera
     entry = {
-        "name": frame.name, "camera": "front", "width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx,
-        "cy": c.cy, "world_to_camera": c.world_to_camera.tolist(),
-    }  # fmt: skip
+        "name": frame.name,
+        "camera": "front",
+        "width": c.width,
+        "height": c.height,
+        "fx": c.fx,
+        "fy": c.fy,
+        "cx": c.cx,
+        "cy": c.cy,
+        "world_to_camera": c.world_to_camera.tolist(),
+    }
     (view,) = read_camera_path(written(tmp_path, {"to_world": drive.to_world.to_json(), "frames": [entry]}), drive)
     assert (view.name, view.track) == (frame.name, "front")
     same(view.camera, c)

@@ -57,9 +57,19 @@ def test_reduced_labels_are_not_shifted_against_the_photograph(tmp_path: Path, w
     write_points(PointCloud(np.random.default_rng(0).normal(size=(50, 3)), None), tmp_path / "points.ply")
     lens = {"k1": -0.05, "k2": 0.01, "p1": 0.0, "p2": 0.0} if model == "OPENCV" else {}
     document = {
-        "w": SIZE[0], "h": SIZE[1], "fl_x": 1370.0, "fl_y": 1370.0, "cx": 960.0, "cy": 640.0, "camera_model": model, **lens,
-        "semantic_classes": "cityscapes", "metric": True, "ply_file_path": "points.ply", "frames": [frame],
-    }  # fmt: skip
+        "w": SIZE[0],
+        "h": SIZE[1],
+        "fl_x": 1370.0,
+        "fl_y": 1370.0,
+        "cx": 960.0,
+        "cy": 640.0,
+        "camera_model": model,
+        **lens,
+        "semantic_classes": "cityscapes",
+        "metric": True,
+        "ply_file_path": "points.ply",
+        "frames": [frame],
+    }
     (tmp_path / "transforms.json").write_text(json.dumps(document))
     done = import_drive(open_drive(tmp_path), tmp_path / "ws" / "drive", max_side=width).frames[0]
     assert done.semantic_path is not None and done.instance_path is not None and done.mask_path is not None

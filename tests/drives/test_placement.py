@@ -123,13 +123,16 @@ def test_what_is_given_decides(street: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "scale", "source"),
     [
-        ({"metric": True, "applied_scale": 0.5}, 1.0, "metric"), ({"metric": False, "applied_scale": 1.0}, None, "camera height"),
-        ({"applied_scale": 1.0}, 1.0, "applied_scale"), ({"applied_scale": 0.5}, 0.5, "applied_scale"),
+        ({"metric": True, "applied_scale": 0.5}, 1.0, "metric"),
+        ({"metric": False, "applied_scale": 1.0}, None, "camera height"),
+        ({"applied_scale": 1.0}, 1.0, "applied_scale"),
+        ({"applied_scale": 0.5}, 0.5, "applied_scale"),
         # The cameras would stand 160 m above the ground: it brought something else than metres to the poses.
         ({"applied_scale": 0.01}, None, "camera height"),
-        ({"depth_unit_scale_factor": 0.001}, 1.0, "depth unit"), ({}, None, "camera height"),
+        ({"depth_unit_scale_factor": 0.001}, 1.0, "depth unit"),
+        ({}, None, "camera height"),
     ],
-)  # fmt: skip
+)
 def test_what_a_transforms_json_tells_of_its_scale(street: Path, keys: dict, scale: float | None, source: str) -> None:
     def tell(document: dict) -> None:
         document.pop("metric")

@@ -35,8 +35,10 @@ def make_tiny_drive(
             (folder / name).mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(folder / f"images/{i:02d}.png"), image)
         entry: dict[str, object] = {
-            "file_path": f"images/{i:02d}.png", "transform_matrix": camera_to_world(i, shift).tolist(), "timestamp": 0.1 * i,
-        }  # fmt: skip
+            "file_path": f"images/{i:02d}.png",
+            "transform_matrix": camera_to_world(i, shift).tolist(),
+            "timestamp": 0.1 * i,
+        }
         label = np.full((24, 32), ROAD, np.uint8)
         label[:10] = SKY
         label[12:18, 18:26] = CAR
@@ -52,9 +54,17 @@ def make_tiny_drive(
     colors = generator.integers(0, 255, (400, 3), dtype=np.uint8)
     write_points(PointCloud(points, colors), folder / "points.ply")
     document = {
-        "w": 32, "h": 24, "fl_x": 25.0, "fl_y": 26.0, "cx": 16.0, "cy": 12.0, "camera_model": "PINHOLE",
-        "metric": True, "ply_file_path": "points.ply", "frames": frames,
-    }  # fmt: skip
+        "w": 32,
+        "h": 24,
+        "fl_x": 25.0,
+        "fl_y": 26.0,
+        "cx": 16.0,
+        "cy": 12.0,
+        "camera_model": "PINHOLE",
+        "metric": True,
+        "ply_file_path": "points.ply",
+        "frames": frames,
+    }
     path = folder / "transforms.json"
     path.write_text(json.dumps(document))
     return path

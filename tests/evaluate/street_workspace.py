@@ -48,20 +48,31 @@ def write_drive(folder: Path, count: int, width: int, height: int, *, truth: boo
         pose[:3, 1:3] *= -1
         frames.append(
             {
-                "file_path": f"images/{name}.png", "semantic_path": f"semantics/{name}.png",
-                "instance_path": f"instances/{name}.png", "transform_matrix": pose.tolist(), "camera": "front",
+                "file_path": f"images/{name}.png",
+                "semantic_path": f"semantics/{name}.png",
+                "instance_path": f"instances/{name}.png",
+                "transform_matrix": pose.tolist(),
+                "camera": "front",
             }
-        )  # fmt: skip
+        )
     points = np.concatenate([cameras[0].unproject(cast(cameras[0])["depth"])[height // 2 :: 4, ::4].reshape(-1, 3)])
     points = points + OFFSET + rng.normal(0, 1e-3, points.shape)
     header = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {len(points)}\n"
     header += "property double x\nproperty double y\nproperty double z\nend_header\n"
     (folder / "points.ply").write_bytes(header.encode() + points.astype("<f8").tobytes())
     document = {
-        "camera_model": "PINHOLE", "w": width, "h": height, "fl_x": cameras[0].fx, "fl_y": cameras[0].fy,
-        "cx": cameras[0].cx, "cy": cameras[0].cy, "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes",
+        "camera_model": "PINHOLE",
+        "w": width,
+        "h": height,
+        "fl_x": cameras[0].fx,
+        "fl_y": cameras[0].fy,
+        "cx": cameras[0].cx,
+        "cy": cameras[0].cy,
+        "metric": True,
+        "ply_file_path": "points.ply",
+        "semantic_classes": "cityscapes",
         "frames": frames,
-    }  # fmt: skip
+    }
     (folder / "transforms.json").write_text(json.dumps(document))
     return cameras
 
@@ -73,9 +84,15 @@ def unseen(full: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def build_workspace(
-    root: Path, *, count: int = 3, width: int = 96, height: int = 64, truth: bool = True, step: float = 1.2,
+    root: Path,
+    *,
+    count: int = 3,
+    width: int = 96,
+    height: int = 64,
+    truth: bool = True,
+    step: float = 1.2,
     error: float = 4.0,
-) -> Path:  # fmt: skip
+) -> Path:
     """A workspace whose delivery is the truth plus noise of ``error`` levels inside the mask; returns its folder."""
     drive, workspace = root / "drive_on_disk", root / "workspace"
     cameras = write_drive(drive, count, width, height, truth=truth, step=step)
@@ -103,7 +120,8 @@ def build_workspace(
     write_json_atomic(
         workspace / "workspace.json",
         {
-            "format": 1, "drive": str(drive),
+            "format": 1,
+            "drive": str(drive),
             "settings": {"remove": ["vehicle"], "instances": [], "quality": "standard", "device": "auto", "seed": 0},
             "versions": {"unveil": "0.1.0", "python": "3.11", "torch": "2.13"},
             "stages": {
@@ -111,7 +129,7 @@ def build_workspace(
                 for k, name in enumerate(stages)
             },
         },
-    )  # fmt: skip
+    )
     return workspace
 
 
@@ -120,10 +138,15 @@ def write_instances(workspace: Path, cameras: list[Camera]) -> None:
     entries = []
     for number, car in enumerate(CARS, start=1):
         entry: dict[str, object] = {
-            "id": number, "class": "car", "surfels": 900 + number, "removed": True, "thumbnail": None,
+            "id": number,
+            "class": "car",
+            "surfels": 900 + number,
+            "removed": True,
+            "thumbnail": None,
             "box": {"centre": [car.x, car.y, car.height / 2], "size": [4.0, 1.8, car.height], "yaw": 0.0},
-            "first_frame": "0000", "last_frame": f"{len(cameras) - 1:04d}",
-        }  # fmt: skip
+            "first_frame": "0000",
+            "last_frame": f"{len(cameras) - 1:04d}",
+        }
         seen = cast(cameras[0], CARS)
         rows, columns = np.nonzero(seen["car"] == number)
         if len(rows) and number < len(CARS):

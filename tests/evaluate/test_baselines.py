@@ -74,10 +74,13 @@ def test_the_same_again(fill) -> None:
 def test_masks_of_every_kind(fill, name: str) -> None:
     image = np.random.default_rng(0).integers(1, 255, (40, 48, 3), dtype=np.uint8)
     masks = {
-        "none": np.zeros((40, 48), dtype=bool), "all": np.ones((40, 48), dtype=bool),
-        "one valid": ~box((40, 48), 20, 26, 20, 26), "half": box((40, 48), 0, 40, 0, 40),
-        "border": ~box((40, 48), 3, 37, 3, 45), "one pixel": box((40, 48), 5, 6, 5, 6),
-    }  # fmt: skip
+        "none": np.zeros((40, 48), dtype=bool),
+        "all": np.ones((40, 48), dtype=bool),
+        "one valid": ~box((40, 48), 20, 26, 20, 26),
+        "half": box((40, 48), 0, 40, 0, 40),
+        "border": ~box((40, 48), 3, 37, 3, 45),
+        "one pixel": box((40, 48), 5, 6, 5, 6),
+    }
     mask = masks[name]
     result = fill(image, mask)
     assert result.shape == image.shape

@@ -146,8 +146,12 @@ def test_long_drives_fill_some_frames_only(finished: Path, monkeypatch: pytest.M
     monkeypatch.setattr("unveil_core.evaluate.baselines.BASELINE_FRAMES", 2)
     methods = run_evaluation(finished)["truth"]["regions"]["removed"]["methods"]
     assert {name: m["frames"] for name, m in methods.items()} == {
-        "ours": 3, "render": 3, "input": 3, "telea": 2, "shift_map": 2
-    }  # fmt: skip
+        "ours": 3,
+        "render": 3,
+        "input": 3,
+        "telea": 2,
+        "shift_map": 2,
+    }
 
 
 def test_exact_delivery_is_json(workspace: Path, tmp_path: Path) -> None:

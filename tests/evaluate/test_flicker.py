@@ -66,9 +66,11 @@ def test_a_moving_view_of_a_static_scene_hardly_flickers_and_the_wrong_motion_sh
     pictures = lambda f: {"ours": wall(f.camera)}  # noqa: E731
     right = measure_flicker(frames, plane_depth, everywhere, pictures)["methods"]["ours"]["absolute"]
     still = measure_flicker(
-        [replace(f, camera=camera_at(0)) for f in frames], plane_depth, everywhere,
+        [replace(f, camera=camera_at(0)) for f in frames],
+        plane_depth,
+        everywhere,
         lambda f: {"ours": wall(frames[int(f.name)].camera)},
-    )["methods"]["ours"]["absolute"]  # fmt: skip
+    )["methods"]["ours"]["absolute"]
     assert right < 0.6  # rounding to levels, twice
     assert still > 8 * right
 
@@ -183,9 +185,13 @@ def test_rendered_depth_is_that_of_the_surface() -> None:
     x, y = np.meshgrid(np.arange(-5, 5, 0.1), np.arange(-5, 5, 0.1))
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, DISTANCE)], axis=1)
     surfels = surfels_from_points(
-        points, np.full((len(points), 3), 128, np.uint8), np.zeros(len(points), np.int64),
-        np.tile([0.0, 0.0, -1.0], (len(points), 1)), np.full(len(points), 0.1), opacity=0.95,
-    )  # fmt: skip
+        points,
+        np.full((len(points), 3), 128, np.uint8),
+        np.zeros(len(points), np.int64),
+        np.tile([0.0, 0.0, -1.0], (len(points), 1)),
+        np.full(len(points), 0.1),
+        opacity=0.95,
+    )
     grid = rendered_depth(surfels, camera_at(0.0), near=0.2, far=100.0)
     assert np.allclose(grid.depth, DISTANCE, atol=0.01)
     nothing = rendered_depth(surfels.select(torch.zeros(len(points), dtype=torch.bool)), camera_at(0), near=0.2, far=9)

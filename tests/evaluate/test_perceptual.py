@@ -278,11 +278,13 @@ FIXED = [helper.make_node("ReduceMean", ["a"], ["out"], keepdims=1)]
         (lambda f: color_model(f, ".onnx"), "it has 1 inputs and 1 outputs"),
         (lambda f: scripted(f / "pair.pt", Pair()), "it gives a tuple, not a tensor"),
         (lambda f: scripted(f / "nan.pt", Nothing()), "gives values that are not finite"),
-        (lambda f: save_onnx(f / "map.onnx", ("a", "b"), [helper.make_node("Sub", ["a", "b"], ["out"])]),
-         "map.onnx: gives (1, 3, 40, 70) values, not one"),
+        (
+            lambda f: save_onnx(f / "map.onnx", ("a", "b"), [helper.make_node("Sub", ["a", "b"], ["out"])]),
+            "map.onnx: gives (1, 3, 40, 70) values, not one",
+        ),
         (lambda f: save_onnx(f / "fixed.onnx", ("a", "b"), FIXED, (1, 3, 64, 64)), "Got: 40 Expected: 64"),
     ],
-)  # fmt: skip
+)
 def test_bad_models_are_one_line(make, line: str, tmp_path: Path, images: np.ndarray, capfd) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(SettingsError, match=r"give a model that takes two images") as caught:
         LpipsModel(make(tmp_path))(images[0], images[1])
@@ -296,10 +298,12 @@ def test_bad_models_are_one_line(make, line: str, tmp_path: Path, images: np.nda
     [
         (lambda f: difference_model(f, ".pt"), "does not take (1, 3, 299, 299)"),
         (lambda f: difference_model(f, ".onnx"), "it has 2 inputs and 1 outputs"),
-        (lambda f: save_onnx(f / "map.onnx", ("a",), [helper.make_node("Identity", ["a"], ["out"])]),
-         "gives (1, 3, 299, 299) values for one image, not (1, D)"),
+        (
+            lambda f: save_onnx(f / "map.onnx", ("a",), [helper.make_node("Identity", ["a"], ["out"])]),
+            "gives (1, 3, 299, 299) values for one image, not (1, D)",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_features_are_one_line(make, line: str, tmp_path: Path, images: np.ndarray) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(SettingsError, match=r"\(N, 3, 299, 299\)") as caught:
         FeatureModel(make(tmp_path))(images[0])

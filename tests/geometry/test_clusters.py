@@ -36,14 +36,27 @@ def refines(fine: np.ndarray, coarse: np.ndarray) -> bool:
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(
-    seed=st.integers(0, 2**32 - 1), count=st.integers(1, 400), dimensions=st.sampled_from([2, 3]),
-    radius=st.sampled_from([1e-3, 0.4, 1.0, 70.0]), extent=st.floats(0.1, 30.0), clumps=st.integers(0, 20),
-    thick=st.floats(0.0, 0.5), offset=st.sampled_from([0.0, -17.3, 6e6]), stray=st.booleans(),
-)  # fmt: skip
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 400),
+    dimensions=st.sampled_from([2, 3]),
+    radius=st.sampled_from([1e-3, 0.4, 1.0, 70.0]),
+    extent=st.floats(0.1, 30.0),
+    clumps=st.integers(0, 20),
+    thick=st.floats(0.0, 0.5),
+    offset=st.sampled_from([0.0, -17.3, 6e6]),
+    stray=st.booleans(),
+)
 def test_the_same_clusters_as_by_all_pairs(
-    seed: int, count: int, dimensions: int, radius: float, extent: float, clumps: int, thick: float, offset: float,
+    seed: int,
+    count: int,
+    dimensions: int,
+    radius: float,
+    extent: float,
+    clumps: int,
+    thick: float,
+    offset: float,
     stray: bool,
-) -> None:  # fmt: skip
+) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(0, extent, (count, dimensions))
     if clumps:  # dense about few places

@@ -105,11 +105,15 @@ def test_upright_axes(up: Float64) -> None:
 @pytest.mark.parametrize(
     ("scale", "rotation", "translation"),
     [
-        (0.0, np.eye(3), np.zeros(3)), (-1.0, np.eye(3), np.zeros(3)), (float("nan"), np.eye(3), np.zeros(3)),
-        (1.0, 2 * np.eye(3), np.zeros(3)), (1.0, np.diag([1.0, 1, -1]), np.zeros(3)), (1.0, np.eye(2), np.zeros(3)),
+        (0.0, np.eye(3), np.zeros(3)),
+        (-1.0, np.eye(3), np.zeros(3)),
+        (float("nan"), np.eye(3), np.zeros(3)),
+        (1.0, 2 * np.eye(3), np.zeros(3)),
+        (1.0, np.diag([1.0, 1, -1]), np.zeros(3)),
+        (1.0, np.eye(2), np.zeros(3)),
         (1.0, np.eye(3), np.array([0, np.inf, 0])),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_similarity_says_so(scale: float, rotation: Float64, translation: Float64) -> None:
     with pytest.raises(ValueError):
         Similarity(scale, rotation, translation)

@@ -41,10 +41,17 @@ def damaged(**changes: object) -> dict[str, np.ndarray]:
     street = WHOLE.street
     assert street is not None
     arrays = {
-        "axes": PATH.axes, "path_nodes": PATH.nodes, "path_heading": PATH.heading, "path_start": PATH.start,
-        "path_step": PATH.step, "street_height": street.height, "street_first": np.array([street.s_start, street.t_start]),
-        "street_cell": np.array([1.0, 0.1]), "street_limits": np.stack([street.right, street.left]), **changes,
-    }  # fmt: skip
+        "axes": PATH.axes,
+        "path_nodes": PATH.nodes,
+        "path_heading": PATH.heading,
+        "path_start": PATH.start,
+        "path_step": PATH.step,
+        "street_height": street.height,
+        "street_first": np.array([street.s_start, street.t_start]),
+        "street_cell": np.array([1.0, 0.1]),
+        "street_limits": np.stack([street.right, street.left]),
+        **changes,
+    }
     return {k: np.asarray(v) for k, v in arrays.items() if v is not None}
 
 

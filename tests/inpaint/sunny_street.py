@@ -33,9 +33,14 @@ def box_surfels(box: np.ndarray, *, open_below: float = 0.0, spacing: float = 0.
     kept = points[:, 2] >= open_below
     count = int(kept.sum())
     return surfels_from_points(
-        points[kept], np.full((count, 3), 90, np.uint8), np.zeros(count, np.int64), normal[kept],
-        np.full(count, spacing), opacity=0.95, scale_factor=0.6,
-    )  # fmt: skip
+        points[kept],
+        np.full((count, 3), 90, np.uint8),
+        np.zeros(count, np.int64),
+        normal[kept],
+        np.full(count, spacing),
+        opacity=0.95,
+        scale_factor=0.6,
+    )
 
 
 def blocked(points: np.ndarray, box: np.ndarray, towards_sun: np.ndarray) -> np.ndarray:
@@ -63,10 +68,17 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     ground = fit_ground(path, path.to_world(points))
     rows, columns = int(28 / TEXEL), int(14 / TEXEL)
     empty = StreetChart(
-        ground, TEXEL, -1.0, -7.0, np.zeros((rows, columns, 3), np.float32), np.zeros((rows, columns), np.int16),
-        np.full((rows, columns), OBSERVED, np.uint8), np.ones((rows, columns, 3), np.float32),
-        np.full((rows, columns), 5.0, np.float32), np.zeros((rows, columns), bool),
-    )  # fmt: skip
+        ground,
+        TEXEL,
+        -1.0,
+        -7.0,
+        np.zeros((rows, columns, 3), np.float32),
+        np.zeros((rows, columns), np.int16),
+        np.full((rows, columns), OBSERVED, np.uint8),
+        np.ones((rows, columns, 3), np.float32),
+        np.full((rows, columns), 5.0, np.float32),
+        np.zeros((rows, columns), bool),
+    )
     world = empty.world(*(i.ravel() for i in np.indices((rows, columns))))
     street = path.to_street(world).reshape(rows, columns, 3)
     color = paint(street[..., 0], street[..., 1])
@@ -84,8 +96,16 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     # What the car hides from a camera on the road's axis.
     hidden = footprint | ((plan[..., 1] < CAR[1, 1]) & (plan[..., 0] > 9) & (plan[..., 0] < 16) & (plan[..., 1] > -6))
     chart = StreetChart(
-        ground, TEXEL, -1.0, -7.0, np.where(hidden[..., None], 0, seen).astype(np.float32), empty.label,
-        np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8), empty.gain, empty.nearest, empty.replaced,
-    )  # fmt: skip
+        ground,
+        TEXEL,
+        -1.0,
+        -7.0,
+        np.where(hidden[..., None], 0, seen).astype(np.float32),
+        empty.label,
+        np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8),
+        empty.gain,
+        empty.nearest,
+        empty.replaced,
+    )
     kept = concatenate([box_surfels(box, spacing=0.2) for box in (CROWN, HOUSE)])
     return chart, truth, footprint, kept, box_surfels(CAR, spacing=0.2)

@@ -26,9 +26,13 @@ def wall(depth_m: float) -> Surfels:
     """A gray wall before the camera, a surfel per pixel."""
     shape = (24, 32)
     return seed_pixels(
-        CAMERA, np.full((*shape, 3), 128, np.uint8), np.full(shape, depth_m), np.zeros(shape, np.int64),
-        np.ones(shape, bool), sh_degree=0,
-    )  # fmt: skip
+        CAMERA,
+        np.full((*shape, 3), 128, np.uint8),
+        np.full(shape, depth_m),
+        np.zeros(shape, np.int64),
+        np.ones(shape, bool),
+        sh_degree=0,
+    )
 
 
 def again(surfels: Surfels, movable: np.ndarray, settings: ReoptimizeSettings, **more: object) -> Surfels:
@@ -52,9 +56,7 @@ def test_an_expected_depth_draws_the_surface_to_it() -> None:
     expected[:, 16:] = 4.2
     weighted = replace(SETTINGS, weights=replace(SETTINGS.weights, depth=10.0))
     free = render_numpy(again(start, everything, SETTINGS), CAMERA, near=0.2, far=100.0)["depth"]
-    drawn = render_numpy(
-        again(start, everything, weighted, depths=[expected]), CAMERA, near=0.2, far=100.0
-    )["depth"]  # fmt: skip
+    drawn = render_numpy(again(start, everything, weighted, depths=[expected]), CAMERA, near=0.2, far=100.0)["depth"]
     right, left = np.s_[4:-4, 19:-4], np.s_[4:-4, 4:12]
     assert drawn[right].mean() - free[right].mean() > 0.015
     assert abs(drawn[left].mean() - free[left].mean()) < 0.01

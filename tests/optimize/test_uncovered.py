@@ -24,9 +24,13 @@ def lower_wall() -> Surfels:
     x, y = np.meshgrid(np.arange(-6.5, 6.5, 0.125), np.arange(0.1, 4.5, 0.125))
     points = np.stack([x, y, np.full_like(x, 10.0)], axis=-1).reshape(-1, 3)
     return surfels_from_points(
-        points, np.full((len(points), 3), 90, np.uint8), np.full(len(points), WALL),
-        np.repeat([[0.0, 0.0, -1.0]], len(points), axis=0), np.full(len(points), 0.15), opacity=0.9,
-    )  # fmt: skip
+        points,
+        np.full((len(points), 3), 90, np.uint8),
+        np.full(len(points), WALL),
+        np.repeat([[0.0, 0.0, -1.0]], len(points), axis=0),
+        np.full(len(points), 0.15),
+        opacity=0.9,
+    )
 
 
 def picture() -> tuple[np.ndarray, np.ndarray]:

@@ -36,9 +36,7 @@ def without_labels(path: Path) -> Path:
 def box(number: int = 1001, grow: float = 0.3, **more: object) -> dict:
     """The car's box as a person draws it: a little larger, its floor a little under the street."""
     centre, size = (LOW + HIGH) / 2, HIGH - LOW
-    return {
-        "id": number, "centre": centre.tolist(), "size": (size + grow).tolist(), "yaw": 0.0, **more,
-    }  # fmt: skip
+    return {"id": number, "centre": centre.tolist(), "size": (size + grow).tolist(), "yaw": 0.0, **more}
 
 
 def objects_of(workspace: Workspace) -> dict:

@@ -138,9 +138,18 @@ def test_stages_read_and_write_what_they_declare(
 
 def test_the_workspace_is_complete(done: Workspace) -> None:
     for name in (
-        "labels.json", "instances.json", "metrics.json", "surfels/full.ply", "surfels/empty.ply", "meshes/full.ply",
-        "meshes/empty.ply", "meshes/empty.glb", "report/index.html", "events.jsonl", "inpaint/keyframes.json",
-    ):  # fmt: skip
+        "labels.json",
+        "instances.json",
+        "metrics.json",
+        "surfels/full.ply",
+        "surfels/empty.ply",
+        "meshes/full.ply",
+        "meshes/empty.ply",
+        "meshes/empty.glb",
+        "report/index.html",
+        "events.jsonl",
+        "inpaint/keyframes.json",
+    ):
         assert (done.root / name).stat().st_size > 0, name
     (car,) = json.loads((done.root / "instances.json").read_text())
     assert car["id"] == 5 and car["class"] == "car" and car["removed"]
@@ -184,8 +193,13 @@ def test_the_same_seed_gives_the_same_files_after_a_kill_too(done: Workspace, st
 def test_another_choice_redoes_only_what_depends_on_it(done: Workspace, street: Path, tmp_path: Path) -> None:
     ran: list[str] = []
     shutil.copytree(done.root, tmp_path / "ws")
-    run(street, tmp_path / "ws", replace(DRAFT, shadows="off"), until="inpaint",
-        reporter=lambda e: ran.append(str(e["stage"])) if e["message"] == "started" else None)  # fmt: skip
+    run(
+        street,
+        tmp_path / "ws",
+        replace(DRAFT, shadows="off"),
+        until="inpaint",
+        reporter=lambda e: ran.append(str(e["stage"])) if e["message"] == "started" else None,
+    )
     assert "reconstruct" not in ran and "inpaint" in ran
 
 

@@ -191,8 +191,9 @@ def start(root: Path, slow: float) -> subprocess.Popen:  # type: ignore[type-arg
 def files(root: Path) -> dict[str, bytes]:
     return {
         str(p.relative_to(root)): p.read_bytes()
-        for p in sorted(root.rglob("*")) if p.is_file() and not p.name.startswith(".") and p.parent != root
-    }  # fmt: skip
+        for p in sorted(root.rglob("*"))
+        if p.is_file() and not p.name.startswith(".") and p.parent != root
+    }
 
 
 def test_killed_anywhere_it_goes_on_to_the_same_result(tmp_path: Path) -> None:
@@ -218,11 +219,15 @@ def test_an_interrupted_move_is_finished(tmp_path: Path) -> None:
     (partial / "sum").mkdir(parents=True)
     (partial / "sum/total.json").write_text("new")
     (root / ".journal.json").write_text(
-        json.dumps({
-            "stage": "total", "partial": partial.name, "outputs": list(STAGES[1].outputs),
-            "record": {"status": "done", "input_hash": "of the new one"},
-        })
-    )  # fmt: skip
+        json.dumps(
+            {
+                "stage": "total",
+                "partial": partial.name,
+                "outputs": list(STAGES[1].outputs),
+                "record": {"status": "done", "input_hash": "of the new one"},
+            }
+        )
+    )
 
     recover(Workspace.open(root))
     assert (root / "sum/total.json").read_text() == "new"

@@ -21,9 +21,13 @@ def row_of_surfels(labels: list[int]) -> Surfels:
     means = torch.zeros(count, 3)
     means[:, 0] = torch.arange(count) * 0.1
     return Surfels(
-        means, torch.ones(count, 4), torch.zeros(count, 2), torch.zeros(count), torch.zeros(count, 1, 3),
+        means,
+        torch.ones(count, 4),
+        torch.zeros(count, 2),
+        torch.zeros(count),
+        torch.zeros(count, 1, 3),
         torch.tensor(labels),
-    )  # fmt: skip
+    )
 
 
 def scene(removed: tuple[str, ...], instances: tuple[int, ...] = ()) -> SceneLabels:
@@ -50,9 +54,13 @@ def bus_seen_from_close_by(floor: float) -> tuple[Surfels, np.ndarray]:
     labels[: len(rear)] = np.where(np.arange(len(rear)) % 5 == 0, 0, 2)
     count = len(means)
     surfels = Surfels(
-        torch.from_numpy(means).float(), torch.ones(count, 4), torch.zeros(count, 2), torch.zeros(count),
-        torch.zeros(count, 1, 3), torch.from_numpy(labels),
-    )  # fmt: skip
+        torch.from_numpy(means).float(),
+        torch.ones(count, 4),
+        torch.zeros(count, 2),
+        torch.zeros(count),
+        torch.zeros(count, 1, 3),
+        torch.from_numpy(labels),
+    )
     return surfels, np.arange(count) < len(rear)
 
 

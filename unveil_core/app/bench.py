@@ -36,9 +36,16 @@ def _raster(arguments: argparse.Namespace) -> dict[str, Any]:
     plan = Plan(yardstick=_yardstick(arguments))
     if arguments.quick:
         plan = replace(
-            plan, size=(96, 64), count=3000, rounds=2, counts=(1000, 3000), sizes=((48, 32), (96, 64)), tiles=4,
-            small=(48, 32), small_count=300,
-        )  # fmt: skip
+            plan,
+            size=(96, 64),
+            count=3000,
+            rounds=2,
+            counts=(1000, 3000),
+            sizes=((48, 32), (96, 64)),
+            tiles=4,
+            small=(48, 32),
+            small_count=300,
+        )
     plan = replace(plan, size=arguments.size or plan.size, count=arguments.surfels or plan.count)
 
     def progress(done: int, total: int, message: str = "", **_: float) -> None:
@@ -80,9 +87,11 @@ def _pipeline(arguments: argparse.Namespace) -> dict[str, Any]:
     from unveil_core.bench.pipeline import bench_pipeline
 
     settings = RunSettings(
-        quality=arguments.quality, inpainter=arguments.inpainter, seed=arguments.seed,
+        quality=arguments.quality,
+        inpainter=arguments.inpainter,
+        seed=arguments.seed,
         reference_inpainter=arguments.reference_inpainter,
-    )  # fmt: skip
+    )
     with reporting(False) as reporter:  # on standard error; the result is what goes to standard output
         return bench_pipeline(
             arguments.drive,
@@ -143,11 +152,19 @@ def _pipeline_table(measured: dict[str, Any]) -> str:
             continue
         of = row["regions"]
         values = (
-            row["seconds"], row["own_seconds"], row["peak_memory_mb"],
-            *(of.get(region, {}).get(figure) for region, figure in (
-                ("removed", "psnr"), ("removed", "ssim"), ("unseen", "psnr"), ("seen_elsewhere", "psnr"),
-            )),
-        )  # fmt: skip
+            row["seconds"],
+            row["own_seconds"],
+            row["peak_memory_mb"],
+            *(
+                of.get(region, {}).get(figure)
+                for region, figure in (
+                    ("removed", "psnr"),
+                    ("removed", "ssim"),
+                    ("unseen", "psnr"),
+                    ("seen_elsewhere", "psnr"),
+                )
+            ),
+        )
         digits = (1, 1, 0, 1, 2, 1, 1)
         cells = "".join(
             f"{'' if v is None else format(v, f'.{d}f'):>{width}}"

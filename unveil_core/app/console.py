@@ -28,9 +28,8 @@ def reporting(as_json: bool) -> Iterator[Reporter]:
 
 def _text(event: dict[str, object]) -> str:
     metrics = "  ".join(
-        f"{k} {v:g}" for k, v in event.items()
-        if isinstance(v, float | int) and k not in ("t", "done", "total")
-    )  # fmt: skip
+        f"{k} {v:g}" for k, v in event.items() if isinstance(v, float | int) and k not in ("t", "done", "total")
+    )
     return "  ".join(p for p in (str(event["message"]), metrics) if p)
 
 
@@ -45,9 +44,12 @@ def _bar() -> Iterator[Reporter]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (
-        TextColumn("[bold]{task.description:<12}"), BarColumn(32), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("[bold]{task.description:<12}"),
+        BarColumn(32),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
         TextColumn("[dim]{task.fields[note]}"),
-    )  # fmt: skip
+    )
     with Progress(*columns, console=Console(stderr=True), refresh_per_second=8) as progress:
         tasks = {}
 

@@ -12,9 +12,18 @@ from importlib.metadata import PackageNotFoundError, version
 __all__ = ["examine"]
 
 _PACKAGES = (
-    "torch", "numpy", "numba", "opencv-contrib-python-headless", "scipy", "scikit-image", "trimesh", "fast-simplification",
-    "onnxruntime", "triton", "bpy",
-)  # fmt: skip
+    "torch",
+    "numpy",
+    "numba",
+    "opencv-contrib-python-headless",
+    "scipy",
+    "scikit-image",
+    "trimesh",
+    "fast-simplification",
+    "onnxruntime",
+    "triton",
+    "bpy",
+)
 
 
 def examine() -> dict[str, object]:
@@ -67,9 +76,13 @@ def _render_once() -> dict[str, object]:
     camera = Camera(32, 32, 30.0, 30.0, 16.0, 16.0, np.eye(4))
     means = torch.tensor([[0.0, 0.0, 2.0], [0.3, 0.1, 3.0]], requires_grad=True)
     surfels = Surfels(
-        means, torch.tensor([[1.0, 0, 0, 0]] * 2), torch.full((2, 2), -1.0), torch.ones(2), torch.zeros(2, 1, 3),
+        means,
+        torch.tensor([[1.0, 0, 0, 0]] * 2),
+        torch.full((2, 2), -1.0),
+        torch.ones(2),
+        torch.zeros(2, 1, 3),
         torch.zeros(2, dtype=torch.int64),
-    )  # fmt: skip
+    )
     started = time.monotonic()
     out = render(surfels, camera, ("rgb", "alpha", "depth"))
     assert out.alpha is not None and out.depth is not None

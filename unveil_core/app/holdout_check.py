@@ -38,8 +38,13 @@ __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
 CARS, MOST_CARS = 2, 9
 NEEDED = (
-    "drive/cameras.json", "labels.json", "surfels/full.ply", "ground/ground.npz", "masks/removed", "masks/shadows",
-)  # fmt: skip
+    "drive/cameras.json",
+    "labels.json",
+    "surfels/full.ply",
+    "ground/ground.npz",
+    "masks/removed",
+    "masks/shadows",
+)
 COLUMNS = {"removed": "behind the cars", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
 
 
@@ -55,9 +60,14 @@ class _Scene:
 
 
 def check_footage(
-    source: str | Path, output: str | Path | None = None, *, cars: int = CARS, settings: RunSettings | None = None,
-    quality: str | None = None, reporter: Reporter = silent,
-) -> dict[str, Any]:  # fmt: skip
+    source: str | Path,
+    output: str | Path | None = None,
+    *,
+    cars: int = CARS,
+    settings: RunSettings | None = None,
+    quality: str | None = None,
+    reporter: Reporter = silent,
+) -> dict[str, Any]:
     """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
 
     Args:
@@ -99,11 +109,12 @@ def check_footage(
     recorded = RunSettings.from_json(footage.state().get("settings", {}))
     ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(scene.cars)))
     chosen = replace(
-        recorded, quality=quality or recorded.quality,
+        recorded,
+        quality=quality or recorded.quality,
         # The images are what they are to be already.
         max_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
-    )  # fmt: skip
+    )
     workspace = run(folder / "drive", folder / "workspace", chosen, until="reoptimize", reporter=reporter)
     progress = _progress(reporter)
     known = seen_elsewhere(scene.sights, pixels, far=FAR_M, progress=progress)
@@ -128,9 +139,10 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
     street = read_ground(workspace.ground_npz).street
     if street is None:
         raise WorkspaceError(
-            "there is no room for a virtual car: no ground was found", path=workspace.root,
+            "there is no room for a virtual car: no ground was found",
+            path=workspace.root,
             mend="give a drive that shows the street",
-        )  # fmt: skip
+        )
     sights, removed = [], []
     for done, frame in enumerate(drive.frames):
         shape = (frame.camera.height, frame.camera.width)
@@ -151,10 +163,17 @@ def _progress(reporter: Reporter) -> Callable[..., None]:
         now = time.monotonic()
         if done >= total or now - last[0] > 0.2:
             last[0] = now
-            reporter({
-                "t": round(time.time(), 3), "stage": "holdout", "done": done, "total": total, "message": message,
-                "level": "info", **metrics,
-            })  # fmt: skip
+            reporter(
+                {
+                    "t": round(time.time(), 3),
+                    "stage": "holdout",
+                    "done": done,
+                    "total": total,
+                    "message": message,
+                    "level": "info",
+                    **metrics,
+                }
+            )
 
     return progress
 

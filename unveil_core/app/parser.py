@@ -100,18 +100,25 @@ def _add_evaluate(verbs: _Verbs) -> None:
     p.add_argument("--lpips", type=Path, default=None, metavar="FILE", help="your LPIPS network, TorchScript or ONNX")
     p.add_argument("--fid", type=Path, default=None, metavar="FILE", help="your network of features for FID, likewise")
     p.add_argument(
-        "--holdout-masks", action="store_true",
+        "--holdout-masks",
+        action="store_true",
         help="put virtual cars in front of visible street, remove them, compare; takes a drive, too",
-    )  # fmt: skip
+    )
     p.add_argument("--cars", type=int, default=None, metavar="N", help="virtual cars (2)")
     p.add_argument(
-        "--quality", default=None, choices=QUALITIES,
+        "--quality",
+        default=None,
+        choices=QUALITIES,
         help="of the run with the virtual cars, by default the workspace's",
-    )  # fmt: skip
+    )
     p.add_argument(
-        "-o", "--output", type=Path, default=None, metavar="DIR",
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="DIR",
         help="of the run with the virtual cars, by default WORKSPACE_holdout",
-    )  # fmt: skip
+    )
     _add_common(p)
 
 
@@ -122,9 +129,12 @@ def _add_render(verbs: _Verbs) -> None:
     p.add_argument("workspace", type=Path)
     p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
     p.add_argument(
-        "--path", type=Path, default=None, metavar="FILE",
+        "--path",
+        type=Path,
+        default=None,
+        metavar="FILE",
         help="cameras: transforms.json or nerfstudio's camera path; by default the drive's own",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--beside", type=float, default=0.0, metavar="METRES", help="to the right of the path (left: negative)"
     )
@@ -154,9 +164,11 @@ def _add_bench(verbs: _Verbs) -> None:
         "--without", type=_names, default=(), metavar="LOSSES", help="losses to leave out, as normal,distortion"
     )
     p.add_argument(
-        "--variant", default=None, metavar="NAME",
+        "--variant",
+        default=None,
+        metavar="NAME",
         help="fixed, soft_labels, ellipsoids, random_start, no_growth or no_pruning, for comparison",
-    )  # fmt: skip
+    )
     p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
     p.add_argument(
         "--rows", type=_names, default=(), metavar="NAMES", help="of the pipeline's baselines; all by default"
@@ -185,9 +197,10 @@ def _add_common(p: argparse.ArgumentParser) -> None:
     p.add_argument("--json", action="store_true", help="JSON lines on standard output")
     p.add_argument("--debug", action="store_true", help="show tracebacks")
     p.add_argument(
-        "--end-with-stdin", action="store_true",
+        "--end-with-stdin",
+        action="store_true",
         help="cancel when standard input closes: when the program that started this one ends",
-    )  # fmt: skip
+    )
 
 
 def _add_settings(p: argparse.ArgumentParser) -> None:
@@ -202,9 +215,11 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--remove", type=_names, metavar="CLASSES", help="classes or groups: vehicle,human,dynamic")
     add("--instances", type=_ids, metavar="IDS", help="single objects, as 3,7")
     add(
-        "--marked", metavar="FILE.json|none", type=_file_or_none,
+        "--marked",
+        metavar="FILE.json|none",
+        type=_file_or_none,
         help="objects without labels: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
-    )  # fmt: skip
+    )
     add("--quality", choices=QUALITIES)
     add("--device", choices=("auto", "cpu", "cuda"))
     add("--seed", type=int)
@@ -217,37 +232,42 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
     add("--max-side", type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
     add(
-        "--shadows", metavar="auto|off|AZIMUTH,ELEVATION",
+        "--shadows",
+        metavar="auto|off|AZIMUTH,ELEVATION",
         help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
-    )  # fmt: skip
-    add(
-        "--movers", choices=MOVERS,
-        help="remove dynamic objects from every frame, or treat them as static",
-    )  # fmt: skip
+    )
+    add("--movers", choices=MOVERS, help="remove dynamic objects from every frame, or treat them as static")
     add("--iterations", type=int, metavar="N", help="steps of the reconstruction")
     add("--sh-degree", type=int, metavar="L", help="degree of colour by direction, 0 to 3")
     add("--splats", type=int, metavar="N", help="surfels at most")
     add(
-        "--no-adaptation", dest="adapt", action="store_false",
+        "--no-adaptation",
+        dest="adapt",
+        action="store_false",
         help="use the limits of the quality instead of choosing by held-out error",
-    )  # fmt: skip
+    )
     _add_inpainters(
         p,
         "for holes that no frame shows and that are not ground: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",
     )
     add("--order", choices=ORDERS, help="of the frames in which holes are filled; for comparison")
     add(
-        "--keyframes", type=_keyframes, metavar="auto|N,N,...",
+        "--keyframes",
+        type=_keyframes,
+        metavar="auto|N,N,...",
         help="frames in which unobserved content is invented, by number or stem",
-    )  # fmt: skip
+    )
 
 
 def _add_inpainters(p: argparse.ArgumentParser, text: str) -> None:
     p.add_argument("--inpainter", default=argparse.SUPPRESS, metavar="NAME|FILE.onnx", help=text)
     p.add_argument(
-        "--reference-inpainter", default=argparse.SUPPRESS, metavar="FILE.onnx|none", type=_file_or_none,
+        "--reference-inpainter",
+        default=argparse.SUPPRESS,
+        metavar="FILE.onnx|none",
+        type=_file_or_none,
         help="propagates invented content: from image, mask and a frame that shows the place to an image",
-    )  # fmt: skip
+    )
 
 
 # Types of arguments

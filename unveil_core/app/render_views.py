@@ -19,6 +19,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
+from unveil_core.pipeline.graph import STAGES
 from unveil_core.raster import render
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -34,9 +35,12 @@ __all__ = ["PLANES", "STATES", "render_views"]
 STATES = ("empty", "full")
 PLANES = ("rgb", "depth", "normal", "alpha", "semantics")
 _NEEDS = {
-    "rgb": ("rgb", "alpha"), "depth": ("alpha", "median_depth"), "normal": ("alpha", "normal"), "alpha": ("alpha",),
+    "rgb": ("rgb", "alpha"),
+    "depth": ("alpha", "median_depth"),
+    "normal": ("alpha", "normal"),
+    "alpha": ("alpha",),
     "semantics": ("alpha", "semantics"),
-}  # fmt: skip
+}
 DEPTH_STEPS_PER_M = 256
 SOLID = 0.5
 """Where less light is stopped, the sky is seen: no depth, no normal, and the sky's label."""
@@ -86,12 +90,7 @@ def render_views(
     _check_settings(state, planes, beside, above)
     _check_output(workspace, output)
     drive = read_imported(workspace.drive_dir)
-    views = drive_path(drive) if path is None else read_camera_path(path, drive)
-    along = None
-    if path is None and beside and workspace.ground_npz.is_file():
-        # Along the street, not from frame to frame: where a car stands or creeps, that would be its jitter.
-        along = read_ground(workspace.ground_npz).path.direction_at(np.stack([v.camera.centre for v in views]))
-    views = shifted(views, beside=beside, above=above, along=along)
+    views = _views(workspace, drive, path, beside, above)
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
     several = len({v.track for v in views}) > 1
@@ -103,11 +102,20 @@ def render_views(
                 write_image_atomic(output / plane / f"{name}.png", picture)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
-        told = {"metric": True} if drive.scale_source == "metric" else {}
-        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", **told, "frames": frames})
+        scale = {"metric": True} if drive.scale_source == "metric" else {}
+        write_json_atomic(output / "transforms.json", {"camera_model": "PINHOLE", **scale, "frames": frames})
     except OSError as error:
         raise UnveilError(f"cannot be written: {error.strerror}", path=output) from error
     return len(views)
+
+
+def _views(workspace: Workspace, drive: Drive, path: Path | None, beside: float, above: float) -> tuple[View, ...]:
+    views = drive_path(drive) if path is None else read_camera_path(path, drive)
+    along = None
+    if path is None and beside and workspace.ground_npz.is_file():
+        # Along the street, not from frame to frame: where a car stands or creeps, that would be its jitter.
+        along = read_ground(workspace.ground_npz).path.direction_at(np.stack([v.camera.centre for v in views]))
+    return shifted(views, beside=beside, above=above, along=along)
 
 
 def _check_settings(state: str, planes: Sequence[str], beside: float, above: float) -> None:
@@ -127,19 +135,7 @@ def _check_output(workspace: Workspace, output: Path) -> None:
     if output.exists() and not output.is_dir():
         raise SettingsError("is a file", path=output, mend="name a folder")
     root, target = workspace.root.resolve(), output.resolve()
-    taken = (
-        "drive",
-        "surfels",
-        "ground",
-        "instances",
-        "masks",
-        "regions",
-        "inpainted",
-        "renders",
-        "frames",
-        "meshes",
-        "report",
-    )
+    taken = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
     if target == root or any(target.is_relative_to(root / name) for name in taken):
         raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
 
@@ -159,9 +155,8 @@ def _pictures(
     needed = tuple(dict.fromkeys(n for p in planes for n in _NEEDS[p]))
     with torch.no_grad():
         out = render(
-            surfels, camera, needed, near=NEAR_M, far=FAR_M,
-            label_count=None if scene is None else len(scene.labels),
-        )  # fmt: skip
+            surfels, camera, needed, near=NEAR_M, far=FAR_M, label_count=None if scene is None else len(scene.labels)
+        )
     found = {n: getattr(out, n).numpy() for n in needed}
     alpha = found["alpha"]
     solid = alpha > SOLID
@@ -202,7 +197,14 @@ def _described(view: View, name: str, planes: Sequence[str], drive: Drive) -> di
     keys = {"depth": "depth_file_path", "semantics": "semantic_path"}
     files = {keys.get(p, "file_path"): f"{p}/{name}.png" for p in planes if p in keys}
     return {
-        "file_path": f"{'rgb' if 'rgb' in planes else planes[0]}/{name}.png", **files, "camera": view.track,
-        "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+        "file_path": f"{'rgb' if 'rgb' in planes else planes[0]}/{name}.png",
+        **files,
+        "camera": view.track,
+        "w": camera.width,
+        "h": camera.height,
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
         "transform_matrix": pose.tolist(),
-    }  # fmt: skip
+    }

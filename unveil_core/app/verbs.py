@@ -114,9 +114,13 @@ def _check_footage(arguments: argparse.Namespace) -> int:
             raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
     with reporting(arguments.json) as reporter:
         found = check_footage(
-            arguments.workspace, arguments.output, cars=CARS if arguments.cars is None else arguments.cars,
-            settings=RunSettings(quality=arguments.quality or "standard"), quality=arguments.quality, reporter=reporter,
-        )  # fmt: skip
+            arguments.workspace,
+            arguments.output,
+            cars=CARS if arguments.cars is None else arguments.cars,
+            settings=RunSettings(quality=arguments.quality or "standard"),
+            quality=arguments.quality,
+            reporter=reporter,
+        )
     print(json.dumps({"holdout": found}) if arguments.json else "\n".join(holdout_lines(found)))
     return 0
 
@@ -128,15 +132,28 @@ def _render(arguments: argparse.Namespace) -> int:
     with reporting(arguments.json) as reporter:
 
         def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
-            reporter({
-                "t": round(time.time(), 3), "stage": "render", "done": done, "total": total, "message": message,
-                "level": "info", **metrics,
-            })  # fmt: skip
+            reporter(
+                {
+                    "t": round(time.time(), 3),
+                    "stage": "render",
+                    "done": done,
+                    "total": total,
+                    "message": message,
+                    "level": "info",
+                    **metrics,
+                }
+            )
 
         views = render_views(
-            Workspace.open(arguments.workspace), arguments.output, state=arguments.state, path=arguments.path,
-            beside=arguments.beside, above=arguments.above, planes=arguments.planes, progress=progress,
-        )  # fmt: skip
+            Workspace.open(arguments.workspace),
+            arguments.output,
+            state=arguments.state,
+            path=arguments.path,
+            beside=arguments.beside,
+            above=arguments.above,
+            planes=arguments.planes,
+            progress=progress,
+        )
     print(json.dumps({"folder": str(arguments.output), "views": views}) if arguments.json else arguments.output)
     return 0
 
@@ -146,9 +163,12 @@ def _export(arguments: argparse.Namespace) -> int:
     from unveil_core.workspace.workspace import Workspace
 
     path = export_mesh(
-        Workspace.open(arguments.workspace), to=arguments.to, state=arguments.state, triangles=arguments.triangles,
+        Workspace.open(arguments.workspace),
+        to=arguments.to,
+        state=arguments.state,
+        triangles=arguments.triangles,
         output=arguments.output,
-    )  # fmt: skip
+    )
     print(json.dumps({"file": str(path)}) if arguments.json else path)
     return 0
 

@@ -33,9 +33,7 @@ def _flicker(drive: Drive, frames: Sequence[Picture], removed: Sequence[Mask]) -
         path = truth_file(folder, frame)
         return None if path is None else read_depth(path, frame.camera)
 
-    found = measure_flicker(
-        drive.frames, depth_of, lambda f: removed[place[f]], lambda f: {"row": frames[place[f]]}
-    )  # fmt: skip
+    found = measure_flicker(drive.frames, depth_of, lambda f: removed[place[f]], lambda f: {"row": frames[place[f]]})
     return {"flicker": found["methods"]["row"]["absolute"]} if found else {}
 
 
@@ -81,16 +79,19 @@ def measure_frames(
             entry[2] += int(mask.sum())
     if not sums:
         raise WorkspaceError(
-            "has no true images of the empty street to compare with", path=drive.truth_root or drive.root,
+            "has no true images of the empty street to compare with",
+            path=drive.truth_root or drive.root,
             mend="put them into truth/images beside the drive",
-        )  # fmt: skip
+        )
     figures: dict[str, Any] = {"regions": {}, "changed_outside": outside}
     for name in REGIONS:
         squared, similarity, pixels = sums.get(name, (0.0, 0.0, 0))
         if pixels:
             figures["regions"][name] = {
-                "psnr": rounded(psnr_of_mse(squared / pixels)), "ssim": rounded(similarity / pixels), "pixels": pixels,
-            }  # fmt: skip
+                "psnr": rounded(psnr_of_mse(squared / pixels)),
+                "ssim": rounded(similarity / pixels),
+                "pixels": pixels,
+            }
     for figure in FILM_FIGURES if film is None else film:
         figures.update({name: rounded(value) for name, value in figure(drive, frames, compared).items()})
     return figures

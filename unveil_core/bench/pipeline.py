@@ -36,9 +36,15 @@ DONE, NEEDS_WEIGHTS = "done", "needs weights"
 
 
 def bench_pipeline(
-    drive: Path, settings: RunSettings, *, rows: tuple[str, ...] = (), scene: Path | None = None, keep: Path | None = None,
-    reference: ReferenceInpainter | None = None, reporter: Reporter = silent,
-) -> dict[str, Any]:  # fmt: skip
+    drive: Path,
+    settings: RunSettings,
+    *,
+    rows: tuple[str, ...] = (),
+    scene: Path | None = None,
+    keep: Path | None = None,
+    reference: ReferenceInpainter | None = None,
+    reporter: Reporter = silent,
+) -> dict[str, Any]:
     """Run rows on one drive and compare what they deliver with the true empty street.
 
     The scene is reconstructed once, and every row begins with it or with the masks alone; what a row builds on counts for it.
@@ -87,12 +93,17 @@ def bench_pipeline(
             if keep is not None:
                 _keep_frames(footage, frames, keep / name)
     return {
-        "machine": before, "drive": (drive.parent if drive.suffix == ".json" else drive).name, "frames": len(footage.drive.frames),
+        "machine": before,
+        "drive": (drive.parent if drive.suffix == ".json" else drive).name,
+        "frames": len(footage.drive.frames),
         "size": [footage.drive.frames[0].camera.width, footage.drive.frames[0].camera.height],
-        "quality": settings.quality, "seed": settings.seed, "inpainter": _named(settings.inpainter),
+        "quality": settings.quality,
+        "seed": settings.seed,
+        "inpainter": _named(settings.inpainter),
         "reference_inpainter": settings.reference_inpainter and _named(settings.reference_inpainter),
-        "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()}, "rows": measured,
-    }  # fmt: skip
+        "scene": {n: {k: s[k] for k in ("seconds", "peak_memory_mb")} for n, s in stages.items()},
+        "rows": measured,
+    }
 
 
 def _missing_weights(row: Row, settings: RunSettings, reference: ReferenceInpainter | None) -> str | None:

@@ -175,9 +175,16 @@ def _salted(drive: Drive, scene: SceneLabels, share: float, folder: Path, seed: 
 
 
 def bench_reconstruction(
-    path: Path, *, quality: str = "standard", every: int = 8, without: tuple[str, ...] = (), variant: str | None = None,
-    salt: float = 0.0, seed: int = 0, progress: Progress = no_progress,
-) -> dict[str, Any]:  # fmt: skip
+    path: Path,
+    *,
+    quality: str = "standard",
+    every: int = 8,
+    without: tuple[str, ...] = (),
+    variant: str | None = None,
+    salt: float = 0.0,
+    seed: int = 0,
+    progress: Progress = no_progress,
+) -> dict[str, Any]:
     """Reconstruct a drive without every n-th frame, and measure.
 
     Args:
@@ -216,14 +223,22 @@ def bench_reconstruction(
     seconds, cpu_seconds = time.perf_counter() - begun, time.process_time() - begun_cpu
     surfels, sky = done.surfels, done.sky
     return {
-        "machine": before, "drive": path.name, "quality": quality, "without": list(without),
-        "variant": variant, "salt": salt, "seed": seed,
-        "seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds, 1), "surfels": len(surfels),
+        "machine": before,
+        "drive": path.name,
+        "quality": quality,
+        "without": list(without),
+        "variant": variant,
+        "salt": salt,
+        "seed": seed,
+        "seconds": round(seconds, 1),
+        "cpu_seconds": round(cpu_seconds, 1),
+        "surfels": len(surfels),
         "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(
             surfels, sky, held, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity
         ),
         "geometry": _geometry(drive, scene, surfels, training.frames)
-        | _unobserved_iou(drive, scene, surfels, training.frames), "choices": done.choices,
-    }  # fmt: skip
+        | _unobserved_iou(drive, scene, surfels, training.frames),
+        "choices": done.choices,
+    }

@@ -63,8 +63,12 @@ class TrackedBox:
     def to_json(self) -> dict[str, object]:
         """As :func:`read_boxes` reads it."""
         return {
-            "id": self.id, "class": self.class_name, "centre": list(self.centre), "size": list(self.size), "yaw": self.yaw,
-        }  # fmt: skip
+            "id": self.id,
+            "class": self.class_name,
+            "centre": list(self.centre),
+            "size": list(self.size),
+            "yaw": self.yaw,
+        }
 
 
 def _three(value: object) -> tuple[float, float, float]:

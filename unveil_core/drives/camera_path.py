@@ -184,9 +184,14 @@ def _frame_camera(entry: dict[str, Any], top: dict[str, Any], path: Path, name: 
     fx = width / (2 * math.tan(angle / 2)) if fx is None and angle is not None else float(fx or 0)
     fy, cx, cy = (_number(entry, top, n) for n in ("fl_y", "cx", "cy"))
     camera = Camera(
-        int(width), int(height), fx, fx if fy is None else fy, width / 2 if cx is None else cx,
-        height / 2 if cy is None else cy, pose,
-    )  # fmt: skip
+        int(width),
+        int(height),
+        fx,
+        fx if fy is None else fy,
+        width / 2 if cx is None else cx,
+        height / 2 if cy is None else cy,
+        pose,
+    )
     return _checked(camera, path, name)
 
 
@@ -229,6 +234,7 @@ def _check_near(views: Sequence[View], drive: Drive, path: Path) -> None:
     away = min(float(np.linalg.norm(centres - v.camera.centre, axis=1).min()) for v in views)
     if away > reach:
         raise DriveError(
-            f"its nearest view is {away:.0f} m away from the drive", path=path,
+            f"its nearest view is {away:.0f} m away from the drive",
+            path=path,
             mend="poses are camera-to-world in the coordinates of the drive's own file",
-        )  # fmt: skip
+        )

@@ -31,7 +31,12 @@ def read_imported(folder: Path) -> Drive:
                 name=e["name"],
                 camera_name=e["camera"],
                 camera=Camera(
-                    int(e["width"]), int(e["height"]), float(e["fx"]), float(e["fy"]), float(e["cx"]), float(e["cy"]),
+                    int(e["width"]),
+                    int(e["height"]),
+                    float(e["fx"]),
+                    float(e["fy"]),
+                    float(e["cx"]),
+                    float(e["cy"]),
                     np.array(e["world_to_camera"], dtype=np.float64),
                 ),
                 image_path=folder / e["image"],
@@ -42,7 +47,7 @@ def read_imported(folder: Path) -> Drive:
                 boxes=read_boxes(e.get("boxes"), path, e["name"]),
             )
             for e in data["frames"]
-        )  # fmt: skip
+        )
         return Drive(
             root=folder,
             frames=frames,

@@ -58,9 +58,15 @@ def localized(drive: Drive, placement: Placement | None = None) -> Drive:
     )
     points = replace(drive.points, positions=step.to_local(drive.points.positions))
     return replace(
-        drive, frames=frames, points=points, to_world=drive.to_world.after(step), units_per_metre=1.0,
-        scale_source=placement.scale_source, up=UP, up_source=placement.up_source,
-    )  # fmt: skip
+        drive,
+        frames=frames,
+        points=points,
+        to_world=drive.to_world.after(step),
+        units_per_metre=1.0,
+        scale_source=placement.scale_source,
+        up=UP,
+        up_source=placement.up_source,
+    )
 
 
 def _maps(frame: Frame, target: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -131,11 +137,18 @@ def import_drive(
             entries.append(_import_frame(frame, partial, max_side))
             progress(done + 1, len(drive.frames), "importing")
         write_points(drive.points, partial / "points.ply")
-        write_json_atomic(partial / "cameras.json", {
-            "source": str(drive.root), "to_world": drive.to_world.to_json(), "scale_source": drive.scale_source,
-            "up_source": drive.up_source, "semantic_classes": drive.semantic_classes,
-            "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()), "frames": entries,
-        })  # fmt: skip
+        write_json_atomic(
+            partial / "cameras.json",
+            {
+                "source": str(drive.root),
+                "to_world": drive.to_world.to_json(),
+                "scale_source": drive.scale_source,
+                "up_source": drive.up_source,
+                "semantic_classes": drive.semantic_classes,
+                "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
+                "frames": entries,
+            },
+        )
         shutil.rmtree(destination, ignore_errors=True)
         partial.rename(destination)
     except BaseException:
@@ -154,10 +167,17 @@ def _import_frame(frame: Frame, folder: Path, max_side: int | None) -> dict[str,
     if changed or suffix not in (".png", ".jpg", ".jpeg"):
         suffix = ".png"
     entry: dict[str, object] = {
-        "name": frame.name, "camera": frame.camera_name, "width": target.width, "height": target.height,
-        "fx": target.fx, "fy": target.fy, "cx": target.cx, "cy": target.cy,
-        "world_to_camera": target.world_to_camera.tolist(), "timestamp": frame.timestamp,
-    }  # fmt: skip
+        "name": frame.name,
+        "camera": frame.camera_name,
+        "width": target.width,
+        "height": target.height,
+        "fx": target.fx,
+        "fy": target.fy,
+        "cx": target.cx,
+        "cy": target.cy,
+        "world_to_camera": target.world_to_camera.tolist(),
+        "timestamp": frame.timestamp,
+    }
     if frame.boxes:
         entry["boxes"] = [box.to_json() for box in frame.boxes]
     kinds = (

@@ -107,7 +107,7 @@ class Placement:
                 "SCALE UNKNOWN: units are taken as metres, since no ground was found below the cameras; "
                 "--scale UNITS_PER_METRE decides"
             ),
-        }  # fmt: skip
+        }
         ups = {
             "given": f"up is {self.up_name}, as given",
             "told": f"up is {self.up_name}, as the drive says",
@@ -119,9 +119,11 @@ class Placement:
     def to_json(self) -> dict[str, object]:
         """What is recorded of it."""
         return {
-            "units_per_metre": self.to_world.scale, "scale_source": self.scale_source, "up": self.to_world.up.tolist(),
+            "units_per_metre": self.to_world.scale,
+            "scale_source": self.scale_source,
+            "up": self.to_world.up.tolist(),
             "up_source": self.up_source,
-        }  # fmt: skip
+        }
 
 
 def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = None) -> Placement:

@@ -13,10 +13,22 @@ from unveil_core.drives.drive import PointCloud
 
 __all__ = ["read_points", "write_points"]
 
-SCANNED = frozenset((
-    "intensity", "reflectance", "reflectivity", "ring", "laser_id", "laser_number", "beam", "scan_angle", "scan_angle_rank",
-    "gps_time", "number_of_returns", "return_number",
-))  # fmt: skip
+SCANNED = frozenset(
+    (
+        "intensity",
+        "reflectance",
+        "reflectivity",
+        "ring",
+        "laser_id",
+        "laser_number",
+        "beam",
+        "scan_angle",
+        "scan_angle_rank",
+        "gps_time",
+        "number_of_returns",
+        "return_number",
+    )
+)
 """Properties that only laser scanners write, in lower case; CloudCompare puts ``scalar_`` before them."""
 
 

@@ -83,9 +83,10 @@ def run_evaluation(
     scores = _score_frames(Sources(workspace_root, truth, networks), drive, progress)
     if truth_root is not None and not any(s.scores for s in scores):
         raise WorkspaceError(
-            "none of the drive's frames has a true image here", path=Path(truth_root) / "images",
+            "none of the drive's frames has a true image here",
+            path=Path(truth_root) / "images",
             mend="name the true images like the drive's frames",
-        )  # fmt: skip
+        )
     metrics = summary(scores)
     recorded = metrics.get("truth", {}).get("regions", {})
     by_frame = {f: s for f, s in zip(drive.frames, scores, strict=True)}
@@ -106,8 +107,9 @@ def _check_networks(networks: Networks, drive: Drive, truth: Path | None, root: 
     if there < (1 if networks.features is None else 2):
         raise WorkspaceError(
             f"{'FID' if networks.features is not None else 'LPIPS'} needs true images of the empty street, and has {there}",
-            path=root, mend="give a folder of them with --truth",
-        )  # fmt: skip
+            path=root,
+            mend="give a folder of them with --truth",
+        )
 
 
 def _score_frames(sources: Sources, drive: Drive, progress: Progress) -> list[FrameScores]:

@@ -139,8 +139,9 @@ def _read_delivery(root: Path, frame: Frame) -> _Delivery:
     if delivered.shape != photograph.shape:
         raise WorkspaceError(
             f"the delivered frame is {delivered.shape[1]}x{delivered.shape[0]}, the image {shape[1]}x{shape[0]}",
-            path=delivered_path, mend="run `unveil reoptimize` again",
-        )  # fmt: skip
+            path=delivered_path,
+            mend="run `unveil reoptimize` again",
+        )
     removed, shadows, unobserved = (
         workspace_mask(root / "masks" / name, frame, shape) for name in ("removed", "shadows", "unobserved")
     )

@@ -102,9 +102,11 @@ def _pooled(groups: Iterable[dict[str, list[tuple[float, float, int]]]]) -> dict
         if scores:
             squared, similar, pixels = (sum(column) for column in zip(*scores, strict=True))
             found[region] = {
-                "psnr": psnr_of_mse(squared / pixels), "ssim": similar / pixels, "pixels": int(pixels),
+                "psnr": psnr_of_mse(squared / pixels),
+                "ssim": similar / pixels,
+                "pixels": int(pixels),
                 "views": len(scores),
-            }  # fmt: skip
+            }
     return found
 
 
@@ -116,8 +118,9 @@ def _true_picture(folder: Path, view: View) -> NDArray[np.uint8]:
             if picture.shape[:2] != (view.camera.height, view.camera.width):
                 raise WorkspaceError(
                     f"is {picture.shape[1]}x{picture.shape[0]}, its camera {view.camera.width}x{view.camera.height}",
-                    path=path, mend="give w and h of transforms.json as the pictures have them",
-                )  # fmt: skip
+                    path=path,
+                    mend="give w and h of transforms.json as the pictures have them",
+                )
             return picture
     raise WorkspaceError(
         "has no true picture", path=folder / "images" / view.name, mend="add it or drop the view from transforms.json"

@@ -18,9 +18,12 @@ from unveil_core.evaluate.pictures import REGIONS
 __all__ = ["METHODS", "summary"]
 
 METHODS: dict[str, str] = {
-    "ours": "Unveil", "render": "Unveil, rendered", "input": "input, untouched", "telea": "Telea",
+    "ours": "Unveil",
+    "render": "Unveil, rendered",
+    "input": "input, untouched",
+    "telea": "Telea",
     "shift_map": "shift-map",
-}  # fmt: skip
+}
 """Keys of the measured methods and how people call them."""
 
 
@@ -104,9 +107,12 @@ def _pooled(scores: list[Score]) -> dict[str, float | int]:
 
 def _frame_summary(result: FrameScores) -> dict[str, Any]:
     entry: dict[str, Any] = {
-        "frame": result.name, "camera": result.camera_name, "removed_pixels": result.removed,
-        "unobserved_pixels": result.unobserved, "untouched_max": result.untouched_max,
-    }  # fmt: skip
+        "frame": result.name,
+        "camera": result.camera_name,
+        "removed_pixels": result.removed,
+        "unobserved_pixels": result.unobserved,
+        "untouched_max": result.untouched_max,
+    }
     scored = {m: result.scores["removed", m] for m in METHODS if ("removed", m) in result.scores}
     if scored:
         entry["psnr"] = {m: psnr_of_mse(s.squared / s.pixels) for m, s in scored.items()}

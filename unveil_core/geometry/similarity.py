@@ -127,9 +127,7 @@ class Similarity:
 
     def to_json(self) -> dict[str, object]:
         """As :meth:`from_json` reads it."""
-        return {
-            "scale": self.scale, "rotation": self.rotation.tolist(), "translation": self.translation.tolist(),
-        }  # fmt: skip
+        return {"scale": self.scale, "rotation": self.rotation.tolist(), "translation": self.translation.tolist()}
 
     @staticmethod
     def from_json(data: Any) -> Similarity:

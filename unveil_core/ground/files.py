@@ -43,19 +43,21 @@ def write_ground(ground: DriveGround, path: Path) -> None:
     """Write a ground, whole or not at all."""
     way, street, terrain = ground.path, ground.street, ground.terrain
     arrays = {
-        "axes": way.axes, "path_nodes": way.nodes, "path_heading": way.heading, "path_start": way.start,
+        "axes": way.axes,
+        "path_nodes": way.nodes,
+        "path_heading": way.heading,
+        "path_start": way.start,
         "path_step": way.step,
-    }  # fmt: skip
+    }
     if street is not None:
         arrays |= {
-            "street_height": street.height, "street_first": np.array([street.s_start, street.t_start]),
+            "street_height": street.height,
+            "street_first": np.array([street.s_start, street.t_start]),
             "street_cell": np.array([street.s_cell, street.t_cell]),
             "street_limits": np.stack([street.right, street.left]),
-        }  # fmt: skip
+        }
     if terrain is not None:
-        arrays |= {
-            "terrain_height": terrain.height, "terrain_corner": terrain.corner, "terrain_cell": terrain.cell,
-        }  # fmt: skip
+        arrays |= {"terrain_height": terrain.height, "terrain_corner": terrain.corner, "terrain_cell": terrain.cell}
     whole = {name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()}
     write_atomic(path, lambda stream: np.savez_compressed(stream, **whole))  # type: ignore[arg-type]
 

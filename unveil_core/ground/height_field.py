@@ -69,11 +69,23 @@ def first_met(grid: Grid, centre: Float64, rays: Float64, *, near: float, far: f
     start = grid.axes @ centre
     node = int(np.linalg.norm(grid.nodes - start[:2], axis=1).argmin())
     in_parallel(
-        _walk, len(rays), CHUNK, found, np.ascontiguousarray(rays @ grid.axes.T), start, node,
-        *(np.ascontiguousarray(part, dtype=np.float64) for part in (grid.nodes, grid.travel)), float(grid.step),
-        *(np.ascontiguousarray(part, dtype=np.float64) for part in (grid.height, grid.first, grid.cell, grid.low, grid.high)),
-        grid.top, float(near), float(far),
-    )  # fmt: skip
+        _walk,
+        len(rays),
+        CHUNK,
+        found,
+        np.ascontiguousarray(rays @ grid.axes.T),
+        start,
+        node,
+        *(np.ascontiguousarray(part, dtype=np.float64) for part in (grid.nodes, grid.travel)),
+        float(grid.step),
+        *(
+            np.ascontiguousarray(part, dtype=np.float64)
+            for part in (grid.height, grid.first, grid.cell, grid.low, grid.high)
+        ),
+        grid.top,
+        float(near),
+        float(far),
+    )
     return found
 
 
@@ -96,9 +108,16 @@ class HeightField:
     def _grid(self) -> Grid:
         rows, columns = self.height.shape
         return Grid(
-            self.axes, self.corner[None], np.array([[1.0, 0.0]]), 1.0, self.height, np.zeros(2),
-            np.full(2, self.cell), np.zeros(rows), np.full(rows, (columns - 1) * self.cell),
-        )  # fmt: skip
+            self.axes,
+            self.corner[None],
+            np.array([[1.0, 0.0]]),
+            1.0,
+            self.height,
+            np.zeros(2),
+            np.full(2, self.cell),
+            np.zeros(rows),
+            np.full(rows, (columns - 1) * self.cell),
+        )
 
     def height_at(self, horizontal: Float64) -> Float64:
         """(N,) bilinear height at east, north (N, 2); NaN where nobody knows."""

@@ -74,10 +74,16 @@ class Ground:
     def _grid(self) -> Grid:
         path, rim = self.path, 2 * round(RIM_M / self.s_cell) + 1
         return Grid(
-            path.axes, path.nodes, path.travel, path.step, self.height,
-            np.array([self.s_start - path.start, self.t_start]), np.array([self.s_cell, self.t_cell]),
-            minimum_filter1d(self.right, rim) - RIM_M, maximum_filter1d(self.left, rim) + RIM_M,
-        )  # fmt: skip
+            path.axes,
+            path.nodes,
+            path.travel,
+            path.step,
+            self.height,
+            np.array([self.s_start - path.start, self.t_start]),
+            np.array([self.s_cell, self.t_cell]),
+            minimum_filter1d(self.right, rim) - RIM_M,
+            maximum_filter1d(self.left, rim) + RIM_M,
+        )
 
     def intersect(self, camera: Camera, rays: Float64) -> tuple[Float64, Float64]:
         """Where rays first meet the ground.

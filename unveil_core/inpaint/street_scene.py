@@ -77,9 +77,12 @@ class Removal:
 
 
 def drive_views(
-    drive: Drive, scene: SceneLabels, surfels: Surfels, images: Sequence[NDArray[np.uint8]],
+    drive: Drive,
+    scene: SceneLabels,
+    surfels: Surfels,
+    images: Sequence[NDArray[np.uint8]],
     removed: Sequence[NDArray[np.bool_]],
-) -> Views:  # fmt: skip
+) -> Views:
     """The frames of a drive with what is known of them."""
     labels = [frame_labels(f, scene) for f in drive.frames]
     depths = [render_numpy(surfels, f.camera, near=NEAR_M, far=FAR_M)["depth"] for f in drive.frames]

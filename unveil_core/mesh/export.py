@@ -48,12 +48,18 @@ def write_ply(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> Non
     double = bool(len(vertices)) and np.abs(vertices).max() > SINGLE_PRECISION_REACH
     name, code = ("double", "<f8") if double else ("float", "<f4")
     lines = [
-        "ply", "format binary_little_endian 1.0", "comment unveil mesh, sRGB vertex colours",
-        *(f"comment {line}" for line in to_world.comments()), f"element vertex {len(vertices)}",
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment unveil mesh, sRGB vertex colours",
+        *(f"comment {line}" for line in to_world.comments()),
+        f"element vertex {len(vertices)}",
         *(f"property {name} {axis}" for axis in ("x", "y", "z")),
         *(f"property uchar {c}" for c in ("red", "green", "blue")),
-        f"element face {len(mesh.faces)}", "property list uchar int vertex_indices", "end_header", "",
-    ]  # fmt: skip
+        f"element face {len(mesh.faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+        "",
+    ]
     rows = np.empty(len(vertices), dtype=[("position", code, 3), ("color", "u1", 3)])
     rows["position"], rows["color"] = vertices, mesh.colors
     triangles = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
@@ -134,30 +140,45 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{
-            "name": name, "translation": (Z_TO_Y @ to_world.directions_to_local(to_world.translation)).tolist(),
-            **({} if to_world.scale == 1 else {"scale": [to_world.scale] * 3}),
-            "extras": {"to_world": to_world.to_json()},
-        }],
-        "materials": [{
-            "name": f"{name} colours", "doubleSided": True, "extensions": {"KHR_materials_unlit": {}},
-            "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 1},
-        }],
-    }  # fmt: skip
+        "nodes": [
+            {
+                "name": name,
+                "translation": (Z_TO_Y @ to_world.directions_to_local(to_world.translation)).tolist(),
+                **({} if to_world.scale == 1 else {"scale": [to_world.scale] * 3}),
+                "extras": {"to_world": to_world.to_json()},
+            }
+        ],
+        "materials": [
+            {
+                "name": f"{name} colours",
+                "doubleSided": True,
+                "extensions": {"KHR_materials_unlit": {}},
+                "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 1},
+            }
+        ],
+    }
     parts = [vertices.tobytes(), colors.tobytes(), indices.tobytes()]
     if len(mesh.faces):
         starts = np.concatenate([[0], np.cumsum([len(p) for p in parts])]).tolist()
         document["nodes"][0]["mesh"] = 0  # type: ignore[index]
-        document["meshes"] = [{
-            "name": name,
-            "primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "mode": 4}],
-        }]  # fmt: skip
+        document["meshes"] = [
+            {
+                "name": name,
+                "primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "mode": 4}],
+            }
+        ]
         document["accessors"] = [
-            {"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3",
-             "min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist()},
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": len(vertices),
+                "type": "VEC3",
+                "min": vertices.min(axis=0).tolist(),
+                "max": vertices.max(axis=0).tolist(),
+            },
             {"bufferView": 1, "componentType": 5123, "count": len(vertices), "type": "VEC4", "normalized": True},
             {"bufferView": 2, "componentType": 5125, "count": indices.size, "type": "SCALAR"},
-        ]  # fmt: skip
+        ]
         document["bufferViews"] = [
             {"buffer": 0, "byteOffset": starts[k], "byteLength": len(parts[k]), "target": target}
             for k, target in enumerate((34962, 34962, 34963))

@@ -24,9 +24,18 @@ Int32 = NDArray[np.int32]
 Int64 = NDArray[np.int64]
 
 __all__ = [
-    "BLOCK", "HALF_KEYS", "SMALLEST_COSINE", "allocate", "count_quads", "integrate", "inverse_depth_slopes",
-    "mark_cells", "place_vertices", "rehash", "write_quads",
-]  # fmt: skip
+    "BLOCK",
+    "HALF_KEYS",
+    "SMALLEST_COSINE",
+    "allocate",
+    "count_quads",
+    "integrate",
+    "inverse_depth_slopes",
+    "mark_cells",
+    "place_vertices",
+    "rehash",
+    "write_quads",
+]
 
 BLOCK = 8
 VOXELS = BLOCK**3
@@ -217,9 +226,22 @@ def allocate(w, normals, factor, fx, fy, cx, cy, to_world, voxel, truncation, fu
 
 
 def integrate(
-    volume: Float32, blocks: Int64, chosen: Int64, w: Float32, factor: Float32, weight: Float32, rgb: NDArray[np.uint8],
-    fx: float, fy: float, cx: float, cy: float, to_camera: Float64, voxel: float, truncation: float, furthest: float,
-) -> None:  # fmt: skip
+    volume: Float32,
+    blocks: Int64,
+    chosen: Int64,
+    w: Float32,
+    factor: Float32,
+    weight: Float32,
+    rgb: NDArray[np.uint8],
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    to_camera: Float64,
+    voxel: float,
+    truncation: float,
+    furthest: float,
+) -> None:
     """Average one view into ``volume`` (B, 512, 6) float32: distance / truncation, weight, r, g, b, colour weight.
 
     Distances are along the surface normal (see the module), truncated to [-1, 1]. The weight is (cosine / depth)^2, so
@@ -227,15 +249,31 @@ def integrate(
     the tangent plane and with the way along the ray, which curved things leave again long before the plane does.
     """
     in_parallel(
-        _integrate, len(chosen), BLOCKS, volume, blocks, chosen, w, factor, weight, rgb, fx, fy, cx, cy, to_camera, voxel,
-        truncation, furthest,
-    )  # fmt: skip
+        _integrate,
+        len(chosen),
+        BLOCKS,
+        volume,
+        blocks,
+        chosen,
+        w,
+        factor,
+        weight,
+        rgb,
+        fx,
+        fy,
+        cx,
+        cy,
+        to_camera,
+        voxel,
+        truncation,
+        furthest,
+    )
 
 
 @njit(**EXACT)
 def _integrate(
     start, stop, volume, blocks, chosen, w, factor, weight, rgb, fx, fy, cx, cy, to_camera, voxel, truncation, furthest
-):  # fmt: skip
+):
     height, width = w.shape
     rx0, rx1, rx2, tx = to_camera[0, 0], to_camera[0, 1], to_camera[0, 2], to_camera[0, 3]
     ry0, ry1, ry2, ty = to_camera[1, 0], to_camera[1, 1], to_camera[1, 2], to_camera[1, 3]
@@ -369,13 +407,17 @@ def _mark_cells(start, stop, volume, neighbours, jump, rank, counts):
 
 
 def place_vertices(
-    volume: Float32, neighbours: Int32, blocks: Int64, rank: NDArray[np.int16], first: Int64, voxel: float, vertices: Float32,
+    volume: Float32,
+    neighbours: Int32,
+    blocks: Int64,
+    rank: NDArray[np.int16],
+    first: Int64,
+    voxel: float,
+    vertices: Float32,
     colors: Float32,
-) -> None:  # fmt: skip
+) -> None:
     """Positions (V, 3) float32 and colours (V, 3) float32, 0 to 255, at the cells' mean edge crossings."""
-    in_parallel(
-        _place_vertices, len(volume), BLOCKS, volume, neighbours, blocks, rank, first, voxel, vertices, colors
-    )  # fmt: skip
+    in_parallel(_place_vertices, len(volume), BLOCKS, volume, neighbours, blocks, rank, first, voxel, vertices, colors)
 
 
 @njit(**EXACT)
@@ -468,8 +510,14 @@ def _count_quads(start, stop, volume, neighbours, rank, first, counts):
 
 
 def write_quads(
-    volume: Float32, neighbours: Int32, rank: NDArray[np.int16], first: Int64, first_quad: Int64, vertices: Float32, faces: Int32
-) -> None:  # fmt: skip
+    volume: Float32,
+    neighbours: Int32,
+    rank: NDArray[np.int16],
+    first: Int64,
+    first_quad: Int64,
+    vertices: Float32,
+    faces: Int32,
+) -> None:
     """Two triangles a quad, split along the shorter diagonal, counter-clockwise from outside: ``faces`` (2 Q, 3)."""
     in_parallel(_write_quads, len(volume), BLOCKS, volume, neighbours, rank, first, first_quad, vertices, faces)
 

@@ -141,9 +141,22 @@ def fuse(
             chosen = _blocks_in_view(blocks, camera, voxel, max_depth + band / kernels.SMALLEST_COSINE)
             weight = np.ones_like(w) if view.weight is None else view.weight
             kernels.integrate(
-                volume, blocks, chosen, w, factor, weight, view.rgb, camera.fx, camera.fy, camera.cx, camera.cy,
-                camera.world_to_camera, voxel, band, float(max_depth),
-            )  # fmt: skip
+                volume,
+                blocks,
+                chosen,
+                w,
+                factor,
+                weight,
+                view.rgb,
+                camera.fx,
+                camera.fy,
+                camera.cx,
+                camera.cy,
+                camera.world_to_camera,
+                voxel,
+                band,
+                float(max_depth),
+            )
             progress(len(prepared) + done + 1, total, "fusing depth", blocks=len(blocks))
     mesh = _extract(volume, blocks, keys, voxel)
     if bounds is not None and len(mesh.faces):
@@ -172,9 +185,8 @@ def _prepare(view: DepthView, index: int) -> _Prepared:
 
 
 def _allocate(
-    views: _Spool, voxel: float, band: float, max_depth: float, box: NDArray[np.float64],
-    progress: Progress, total: int,
-) -> NDArray[np.int64]:  # fmt: skip
+    views: _Spool, voxel: float, band: float, max_depth: float, box: NDArray[np.float64], progress: Progress, total: int
+) -> NDArray[np.int64]:
     """Sorted keys of all blocks near a seen surface."""
     table = np.full(1 << 16, -1, dtype=np.int64)
     count = 0
@@ -183,9 +195,22 @@ def _allocate(
         normals, factor = kernels.inverse_depth_slopes(view.inverse_depth, camera.fx, camera.fy, camera.cx, camera.cy)
         while True:
             result = kernels.allocate(
-                view.inverse_depth, normals, factor, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world,
-                voxel, band, float(max_depth), box[0], box[1], table, count,
-            )  # fmt: skip
+                view.inverse_depth,
+                normals,
+                factor,
+                camera.fx,
+                camera.fy,
+                camera.cx,
+                camera.cy,
+                camera.camera_to_world,
+                voxel,
+                band,
+                float(max_depth),
+                box[0],
+                box[1],
+                table,
+                count,
+            )
             if result >= 0:
                 count = result
                 break
@@ -209,8 +234,9 @@ def _blocks_in_view(blocks: NDArray[np.int64], camera: Camera, voxel: float, fur
     x, y, z = local[:, 0], local[:, 1], local[:, 2]
     inside = (z > -radius) & (z < furthest + radius)
     for across, focal, low, high in (
-        (x, camera.fx, -camera.cx, camera.width - camera.cx), (y, camera.fy, -camera.cy, camera.height - camera.cy)
-    ):  # fmt: skip
+        (x, camera.fx, -camera.cx, camera.width - camera.cx),
+        (y, camera.fy, -camera.cy, camera.height - camera.cy),
+    ):
         # Signed distances to the two side planes through the optical centre.
         inside &= focal * across - low * z > -radius * np.hypot(focal, low)
         inside &= focal * across - high * z < radius * np.hypot(focal, high)

@@ -36,9 +36,10 @@ def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
         for box in frame.boxes:
             if box.class_name not in CITYSCAPES:
                 raise DriveError(
-                    f"box {box.id} of frame {frame.name} has the unknown class {box.class_name!r}", path=drive.root,
+                    f"box {box.id} of frame {frame.name} has the unknown class {box.class_name!r}",
+                    path=drive.root,
                     mend="use Cityscapes names, as car or person",
-                )  # fmt: skip
+                )
             if box.class_name in REMOVABLE:
                 centres.setdefault(box.id, []).append(np.asarray(box.centre))
                 names[box.id] = box.class_name

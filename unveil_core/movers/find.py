@@ -130,11 +130,14 @@ def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progre
     shown = [np.unique(n) for n in numbers]
     movers = tuple(
         Mover(
-            k + 1, name, evidence, source,
+            k + 1,
+            name,
+            evidence,
+            source,
             tuple((f.camera_name, f.name) for f, n in zip(drive.frames, shown, strict=True) if k + 1 in n),
         )
         for k, (name, evidence, source) in enumerate(search.movers)
-    )  # fmt: skip
+    )
     return FoundMovers(movers, numbers, _shadows(search), _points(search))
 
 

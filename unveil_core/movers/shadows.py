@@ -107,9 +107,12 @@ def mover_shadow(
 
 
 def _whole(
-    shadow: Mask, near: Mask, asked: tuple[NDArray[np.int64], NDArray[np.int64]], ratio: NDArray[np.floating],
+    shadow: Mask,
+    near: Mask,
+    asked: tuple[NDArray[np.int64], NDArray[np.int64]],
+    ratio: NDArray[np.floating],
     gray: NDArray[np.float32],
-) -> Mask:  # fmt: skip
+) -> Mask:
     """A shadow (H, W), extended over adjacent ground that is as dark and that too few other frames show.
 
     Args:

@@ -123,10 +123,12 @@ def _fitted_channel(value: Float64, samples: _Samples, views: int) -> tuple[Floa
         g, c = gain[samples.view], color[samples.point]
         residual = value - g * c - bias[samples.view]
         of_view = csr_array(
-            (np.concatenate([c, np.ones(count)]),
-             (np.concatenate([row, row]), np.concatenate([samples.view, samples.view + views]))),
+            (
+                np.concatenate([c, np.ones(count)]),
+                (np.concatenate([row, row]), np.concatenate([samples.view, samples.view + views])),
+            ),
             shape=(count, 2 * views),
-        )  # fmt: skip
+        )
         of_point = csr_array((g, (row, samples.point)), shape=(count, len(color)))
         weighted = of_view.multiply(weight[:, None]).tocsr()
         cross = (weighted.T @ of_point).tocsr()

@@ -86,14 +86,21 @@ class ReconstructSettings:
 
 PRESETS: dict[str, ReconstructSettings] = {
     "draft": ReconstructSettings(
-        iterations=450, sh_degree=1, start=StartSettings(budget=40_000), budget=60_000, adapt=AdaptSettings(least_gain=0.3)
+        iterations=450,
+        sh_degree=1,
+        start=StartSettings(budget=40_000),
+        budget=60_000,
+        adapt=AdaptSettings(least_gain=0.3),
     ),
     "standard": ReconstructSettings(),
     "high": ReconstructSettings(
-        iterations=6000, sh_degree=3, start=StartSettings(budget=90_000), budget=300_000,
+        iterations=6000,
+        sh_degree=3,
+        start=StartSettings(budget=90_000),
+        budget=300_000,
         adapt=AdaptSettings(least_gain=0.03),
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,17 +163,27 @@ def reconstruct(
     )
     spared = scene.labels.indices(settings.spared)
     state = Optimization(
-        surfels, sky, training, LearningRates(means=0.004),
-        label_count=len(scene.labels), sky_label=scene.labels.index("sky"), spared_labels=spared, seed=seed,
-    )  # fmt: skip
+        surfels,
+        sky,
+        training,
+        LearningRates(means=0.004),
+        label_count=len(scene.labels),
+        sky_label=scene.labels.index("sky"),
+        spared_labels=spared,
+        seed=seed,
+    )
     course = _Course(state, fine, coarse, settings, progress)
     return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
 
 
 def _views(
-    drive: Drive, images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
-    hidden: Sequence[NDArray[np.bool_]] | None, sky: Sky, factor: float,
-) -> list[TrainingView]:  # fmt: skip
+    drive: Drive,
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    hidden: Sequence[NDArray[np.bool_]] | None,
+    sky: Sky,
+    factor: float,
+) -> list[TrainingView]:
     weights = [
         None if hidden is None or not hidden[i].any() else (~hidden[i]).astype(np.float32) for i in range(len(images))
     ]
@@ -184,9 +201,13 @@ class _Course:
     """
 
     def __init__(
-        self, state: Optimization, fine: list[TrainingView], coarse: list[TrainingView], settings: ReconstructSettings,
+        self,
+        state: Optimization,
+        fine: list[TrainingView],
+        coarse: list[TrainingView],
+        settings: ReconstructSettings,
         progress: Progress,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.state, self.settings, self.progress = state, settings, progress
         self.fine, self.coarse = fine, coarse
         self.free = frozenset(CHOICES) - settings.given
@@ -237,8 +258,10 @@ class _Course:
             if "budget" in self.free and not stopped:
                 stopped, self.state.density = True, None
                 self.choices["budget"] = {
-                    "chosen": len(self.state), "most": self.settings.budget, "gain": self.looks.gain(),
-                }  # fmt: skip
+                    "chosen": len(self.state),
+                    "most": self.settings.budget,
+                    "gain": self.looks.gain(),
+                }
                 self.looks.begin()
                 return False
             return "iterations" in self.free

@@ -83,9 +83,15 @@ def reoptimize(
         means=0.001, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0
     )
     state = Optimization(
-        surfels, sky, training, rates,
-        label_count=label_count, sky_label=None, moving=torch.from_numpy(movable.copy()), seed=seed,
-    )  # fmt: skip
+        surfels,
+        sky,
+        training,
+        rates,
+        label_count=label_count,
+        sky_label=None,
+        moving=torch.from_numpy(movable.copy()),
+        seed=seed,
+    )
     for turn in range(settings.iterations):
         state.step(views, geometry=True, done=turn / settings.iterations)
         progress(turn + 1, settings.iterations, loss=state.loss, surfels=float(len(state)))

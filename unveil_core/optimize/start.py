@@ -140,9 +140,14 @@ def start_scene(
         if hidden is not None:
             usable = [u & ~hidden[i] for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
-            [cameras[i] for i in track], [images[i] for i in track], usable, SweepSettings(),
-            near=10 * NEAR_M, far=FAR_M, progress=progress,
-        )  # fmt: skip
+            [cameras[i] for i in track],
+            [images[i] for i in track],
+            usable,
+            SweepSettings(),
+            near=10 * NEAR_M,
+            far=FAR_M,
+            progress=progress,
+        )
         if len(found):
             positions.append(found)
             sizes.append(footprint)

@@ -74,9 +74,8 @@ def cover_uncovered(
         small = camera.resized(max(1, camera.width // STEP), max(1, camera.height // STEP))
         with torch.no_grad():
             out = render(
-                surfels, small, ("alpha", "median_depth", "semantics"), label_count=label_count,
-                near=NEAR_M, far=FAR_M,
-            )  # fmt: skip
+                surfels, small, ("alpha", "median_depth", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M
+            )
         assert out.alpha is not None and out.median_depth is not None and out.semantics is not None
         # What stands at a covered pixel may be the rim of something else than the image shows there.
         standing = out.semantics.argmax(2).numpy()
@@ -99,10 +98,15 @@ def cover_uncovered(
                 away[of_k] = depth[tuple(nearest[:, rows[of_k], columns[of_k]])]
         ray = rays[rows, columns]
         seeds = surfels_from_points(
-            camera.centre + away[:, None] * ray, image[row[rows], column[columns]], kind,
-            -ray / np.linalg.norm(ray, axis=1, keepdims=True), away / small.fx,
-            sh_degree=surfels.sh_degree, opacity=0.7, scale_factor=0.5,
-        )  # fmt: skip
+            camera.centre + away[:, None] * ray,
+            image[row[rows], column[columns]],
+            kind,
+            -ray / np.linalg.norm(ray, axis=1, keepdims=True),
+            away / small.fx,
+            sh_degree=surfels.sh_degree,
+            opacity=0.7,
+            scale_factor=0.5,
+        )
         surfels = concatenate([surfels, seeds])
     if len(surfels) == before:
         return surfels

@@ -23,7 +23,18 @@ __all__ = ["STAGES"]
 STAGES: tuple[Stage, ...] = tuple(
     step.STAGE
     for step in (
-        import_, objects, segment, choose, reconstruct, ground, instances, remove, inpaint, reoptimize, mesh, report,
+        import_,
+        objects,
+        segment,
+        choose,
+        reconstruct,
+        ground,
+        instances,
+        remove,
+        inpaint,
+        reoptimize,
+        mesh,
+        report,
     )
-)  # fmt: skip
+)
 """All stages in the order of their dependence."""

@@ -27,9 +27,13 @@ def stage_named(name: str) -> Stage:
 
 
 def run(
-    drive: str | Path, workspace: str | Path, settings: RunSettings | None = None, *, until: str | None = None,
+    drive: str | Path,
+    workspace: str | Path,
+    settings: RunSettings | None = None,
+    *,
+    until: str | None = None,
     reporter: Reporter = silent,
-) -> Workspace:  # fmt: skip
+) -> Workspace:
     """Run everything that is missing or changed, from a drive on disk to the report.
 
     Args:

@@ -104,9 +104,10 @@ class RunSettings:
         if self.max_side is not None and self.max_side < 32:
             raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
         for name, given, low, high in (
-            ("iterations", self.iterations, 20, 1_000_000), ("sh_degree", self.sh_degree, 0, 3),
+            ("iterations", self.iterations, 20, 1_000_000),
+            ("sh_degree", self.sh_degree, 0, 3),
             ("splats", self.splats, 100, 20_000_000),
-        ):  # fmt: skip
+        ):
             if given is not None and not low <= given <= high:
                 raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
         if self.seed < 0:

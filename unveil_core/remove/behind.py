@@ -49,9 +49,11 @@ class EmptyStreet:
                 upright = render(self.standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
             assert upright.alpha is not None and upright.median_depth is not None
             behind = depth_behind(
-                (left["alpha"], left["depth"]), street, (upright.alpha.numpy(), upright.median_depth.numpy()),
+                (left["alpha"], left["depth"]),
+                street,
+                (upright.alpha.numpy(), upright.median_depth.numpy()),
                 self.ground.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
-            )  # fmt: skip
+            )
         return np.where(pixels, behind, np.inf)
 
 

@@ -44,9 +44,12 @@ class SeenView:
 
 
 def seen_view(
-    camera: Camera, depth: NDArray[np.float32], alpha: NDArray[np.float32], hidden: Mask,
+    camera: Camera,
+    depth: NDArray[np.float32],
+    alpha: NDArray[np.float32],
+    hidden: Mask,
     known_and_ground: tuple[Mask, Mask] | None = None,
-) -> SeenView:  # fmt: skip
+) -> SeenView:
     """What a frame shows, from the full scene's planes (H, W): depth weighted by alpha, and alpha.
 
     Args:
@@ -111,9 +114,11 @@ def sky_seen(directions: Float64, views: Sequence[SeenView]) -> Mask:
 
 
 def depth_behind(
-    remaining: tuple[NDArray[np.float32], NDArray[np.float32]], chart_depth: Float64,
-    upright: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None, terrain_depth: Float64 | None = None,
-) -> Float64:  # fmt: skip
+    remaining: tuple[NDArray[np.float32], NDArray[np.float32]],
+    chart_depth: Float64,
+    upright: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
+    terrain_depth: Float64 | None = None,
+) -> Float64:
     """(H, W) depth of the surface behind removed objects, inf for the sky.
 
     Where the terrain is known it ends every ray that no upright surface ends before: the terrain is as reliable as its points,

@@ -234,7 +234,11 @@ def _street_camera(root: Path, drive: Drive) -> Camera:
     width, height = MESH_PICTURE
     scale = max(width / camera.width, height / camera.height)
     return replace(
-        camera, width=width, height=height, fx=camera.fx * scale, fy=camera.fy * scale,
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
         cx=camera.cx * scale - (camera.width * scale - width) / 2,
         cy=camera.cy * scale - (camera.height * scale - height) / 2,
-    )  # fmt: skip
+    )

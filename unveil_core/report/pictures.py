@@ -18,12 +18,16 @@ __all__ = ["REGION_COLORS", "REGION_NAMES", "fitted", "jpeg_uri", "page_size", "
 
 
 REGION_COLORS: dict[int, tuple[int, int, int]] = {
-    OBSERVED: (86, 140, 245), SEEN_ELSEWHERE: (48, 176, 130), UNOBSERVED: (240, 140, 50)
-}  # fmt: skip
+    OBSERVED: (86, 140, 245),
+    SEEN_ELSEWHERE: (48, 176, 130),
+    UNOBSERVED: (240, 140, 50),
+}
 """sRGB; told apart also by people who see no difference between red and green."""
 REGION_NAMES: dict[int, str] = {
-    OBSERVED: "border, seen by the frame itself", SEEN_ELSEWHERE: "seen from other frames", UNOBSERVED: "never seen",
-}  # fmt: skip
+    OBSERVED: "border, seen by the frame itself",
+    SEEN_ELSEWHERE: "seen from other frames",
+    UNOBSERVED: "never seen",
+}
 
 MOST_FRAMES = 32
 PIXELS_OF_ALL_FRAMES = 3_400_000

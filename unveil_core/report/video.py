@@ -131,9 +131,15 @@ def _write_webp(path: Path, pairs: Iterator[Picture], rate: float) -> None:
     temporary = _temporary(path)
     try:
         pictures[0].save(
-            temporary, format="WEBP", save_all=True, append_images=pictures[1:], duration=round(1000 / rate), loop=0,
-            quality=70, method=2,
-        )  # fmt: skip
+            temporary,
+            format="WEBP",
+            save_all=True,
+            append_images=pictures[1:],
+            duration=round(1000 / rate),
+            loop=0,
+            quality=70,
+            method=2,
+        )
         _finish(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -135,10 +135,19 @@ def find_objects(
         all_labels, all_ids = labels[nearest], ids[nearest]
     classes = _image_classes(drive, scene, images) if by_image else {}
     found = [
-        _object(drive, scene, number, "images" if by_image else "clusters", all_ids, all_labels,
-                sightings.get(number, []), classes.get(number), axes)
+        _object(
+            drive,
+            scene,
+            number,
+            "images" if by_image else "clusters",
+            all_ids,
+            all_labels,
+            sightings.get(number, []),
+            classes.get(number),
+            axes,
+        )
         for number in sorted({*sightings, *(int(i) for i in np.unique(all_ids) if i)})
-    ]  # fmt: skip
+    ]
     taken = {o.id for o in found}
     for mark in marked:
         if mark.id in taken:
@@ -150,9 +159,7 @@ def find_objects(
     return FoundObjects(tuple(found), all_labels, all_ids)
 
 
-def _image_classes(
-    drive: Drive, scene: SceneLabels, images: Sequence[NDArray[np.int64] | None]
-) -> dict[int, int]:  # fmt: skip
+def _image_classes(drive: Drive, scene: SceneLabels, images: Sequence[NDArray[np.int64] | None]) -> dict[int, int]:
     """The label that most pixels of each id have."""
     counts: dict[int, NDArray[np.int64]] = {}
     for frame, image in zip(drive.frames, images, strict=True):
@@ -168,9 +175,16 @@ def _image_classes(
 
 
 def _object(
-    drive: Drive, scene: SceneLabels, number: int, source: str, ids: NDArray[np.int64], labels: NDArray[np.int64],
-    sightings: Sequence[Sighting], label: int | None, axes: NDArray[np.float64],
-) -> SceneObject:  # fmt: skip
+    drive: Drive,
+    scene: SceneLabels,
+    number: int,
+    source: str,
+    ids: NDArray[np.int64],
+    labels: NDArray[np.int64],
+    sightings: Sequence[Sighting],
+    label: int | None,
+    axes: NDArray[np.float64],
+) -> SceneObject:
     members = ids == number
     if label is None:
         label = int(np.bincount(labels[members & (labels >= 0)]).argmax())
@@ -179,9 +193,13 @@ def _object(
 
 
 def _marked(
-    mark: MarkedObject, drive: Drive, positions: NDArray[np.float64], some: NDArray[np.int64],
-    views: Sequence[PointsInView], axes: NDArray[np.float64],
-) -> SceneObject:  # fmt: skip
+    mark: MarkedObject,
+    drive: Drive,
+    positions: NDArray[np.float64],
+    some: NDArray[np.int64],
+    views: Sequence[PointsInView],
+    axes: NDArray[np.float64],
+) -> SceneObject:
     if mark.box is not None:
         box = marked_box(mark.box, drive)
         inside = box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)

@@ -52,9 +52,13 @@ class _NearestDepth:
             buffer = np.full((-(-shape[0] // tall), -(-shape[1] // wide)), np.inf)
             # A pixel is covered where the rectangle touches it, a larger cell where it covers the middle.
             _draw(
-                x[own] / wide, y[own] / tall, depth[own], half[0][own] / wide - (0.5 if across else 0.0),
-                half[1][own] / tall - (0.5 if down else 0.0), buffer,
-            )  # fmt: skip
+                x[own] / wide,
+                y[own] / tall,
+                depth[own],
+                half[0][own] / wide - (0.5 if across else 0.0),
+                half[1][own] / tall - (0.5 if down else 0.0),
+                buffer,
+            )
             self.buffers.append((tall, wide, buffer))
 
     def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:

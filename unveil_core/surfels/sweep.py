@@ -85,9 +85,21 @@ def sweep_depth(
     score, before, after = (np.empty(gray.shape, np.float32) for _ in range(3))
     asked = np.ones(gray.shape, np.uint8) if usable is None else usable.astype(np.uint8)
     in_parallel(
-        sweep_bands, -(-len(gray) // BAND), 1, gray, pictures, np.stack([t for t, _ in ways]), np.stack([s for _, s in ways]),
-        inverse.astype(np.float32), asked, settings.window // 2, rung, score, before, after,
-    )  # fmt: skip
+        sweep_bands,
+        -(-len(gray) // BAND),
+        1,
+        gray,
+        pictures,
+        np.stack([t for t, _ in ways]),
+        np.stack([s for _, s in ways]),
+        inverse.astype(np.float32),
+        asked,
+        settings.window // 2,
+        rung,
+        score,
+        before,
+        after,
+    )
     # A parabola through the winner and its neighbours in the ladder: depth between the steps.
     curvature = before - 2 * score + after
     bent = (before > NOTHING) & (after > NOTHING) & (curvature < -1e-6)

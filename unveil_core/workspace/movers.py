@@ -104,11 +104,14 @@ def write_moving(drive: Drive, scene: SceneLabels, folder: Path, mode: str, prog
         save_array(found.on_mover.astype(np.uint8), folder / "points.npy")
         entries = [
             {
-                "number": m.number, "class": m.class_name, "evidence": m.evidence, "id": m.source or None,
+                "number": m.number,
+                "class": m.class_name,
+                "evidence": m.evidence,
+                "id": m.source or None,
                 "frames": [{"camera": camera, "frame": name} for camera, name in m.frames],
             }
             for m in found.movers
-        ]  # fmt: skip
+        ]
     write_json_atomic(folder / "movers.json", entries)
     return len(entries)
 

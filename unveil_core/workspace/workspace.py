@@ -148,9 +148,14 @@ class Workspace:
     ) -> dict[str, object]:
         """Append an event; returns it."""
         event: dict[str, object] = {
-            "t": round(time.time(), 3), "stage": stage, "done": done, "total": total, "message": message, "level": level,
+            "t": round(time.time(), 3),
+            "stage": stage,
+            "done": done,
+            "total": total,
+            "message": message,
+            "level": level,
             **metrics,
-        }  # fmt: skip
+        }
         with self.events_jsonl.open("a") as stream:
             stream.write(json.dumps(event) + "\n")
         return event

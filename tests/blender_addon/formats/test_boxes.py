@@ -14,8 +14,10 @@ def test_the_nearest_box_under_the_pointer_is_picked() -> None:
         [[2 * focal / width, 0, 0, 0], [0, 2 * focal / height, 0, 0], [0, 0, -1, -0.2], [0, 0, -1, 0]], np.float64
     )
     boxes = (
-        SceneBox((0, 0, -10), (2, 2, 2), 0.4), SceneBox((1.2, 0, -20), (4, 4, 4), 0.0), SceneBox((0, 0, 0), (3, 3, 3), 0.0),
-    )  # fmt: skip
+        SceneBox((0, 0, -10), (2, 2, 2), 0.4),
+        SceneBox((1.2, 0, -20), (4, 4, 4), 0.0),
+        SceneBox((0, 0, 0), (3, 3, 3), 0.0),
+    )
     corners = np.stack([b.corners for b in boxes])
 
     def pixel(x: float, y: float, z: float) -> tuple[float, float]:

@@ -18,10 +18,13 @@ def test_discs_lie_as_the_surfels_do(tmp_path: Path) -> None:
 
     generator = torch.Generator().manual_seed(0)
     surfels = Surfels(
-        means=torch.randn(20, 3, generator=generator), quats=torch.randn(20, 4, generator=generator),
-        log_scales=torch.randn(20, 2, generator=generator), opacity_logits=torch.zeros(20),
-        sh=torch.rand(20, 1, 3, generator=generator) - 0.5, labels=torch.arange(20) % 3,
-    )  # fmt: skip
+        means=torch.randn(20, 3, generator=generator),
+        quats=torch.randn(20, 4, generator=generator),
+        log_scales=torch.randn(20, 2, generator=generator),
+        opacity_logits=torch.zeros(20),
+        sh=torch.rand(20, 1, 3, generator=generator) - 0.5,
+        labels=torch.arange(20) % 3,
+    )
     write_surfels(surfels, tmp_path / "full.ply")
     centres, first, second, colors = surfel_discs(read_ply(tmp_path / "full.ply"))
     known = read_surfels(tmp_path / "full.ply")

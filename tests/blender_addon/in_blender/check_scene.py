@@ -53,8 +53,16 @@ def blocks() -> dict[str, list[str]]:
     import bpy
 
     kinds = (
-        "objects", "meshes", "cameras", "images", "actions", "collections", "materials", "movieclips", "node_groups",
-    )  # fmt: skip
+        "objects",
+        "meshes",
+        "cameras",
+        "images",
+        "actions",
+        "collections",
+        "materials",
+        "movieclips",
+        "node_groups",
+    )
     return {kind: sorted(b.name for b in getattr(bpy.data, kind)) for kind in kinds}
 
 

@@ -198,12 +198,14 @@ def resume(window: BlenderWindow) -> dict[str, float]:
     assert said[0] == "done", said
     answers.sort()
     return {
-        "seconds": round(took, 1), **callback(window),
+        "seconds": round(took, 1),
+        **callback(window),
         "answer_of_the_interface_ms": {
             "median": round(1000 * answers[len(answers) // 2], 1),
-            "95th percentile": round(1000 * answers[int(0.95 * len(answers))], 1), "polled_every_ms": 20,
+            "95th percentile": round(1000 * answers[int(0.95 * len(answers))], 1),
+            "polled_every_ms": 20,
         },
-    }  # fmt: skip
+    }
 
 
 def results(window: BlenderWindow, numbers: list[int]) -> None:
@@ -286,9 +288,11 @@ def main() -> int:
         measured = {"cancelled": cancel_once(window), "resumed": resume(window)}
         results(window, numbers)
     machine = {
-        "processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "system": platform.system(),
+        "processor": platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
         "screen": "Xvfb, software OpenGL (llvmpipe)",
-    }  # fmt: skip
+    }
     told = {
         "blender": version,
         "drive": given.drive.resolve().parent.name,

@@ -113,8 +113,9 @@ def test_it_ends_with_who_started_it(sign: str, tmp_path: Path) -> None:
     folder = tmp_path / "environment"
     process = subprocess.Popen(
         [sys.executable, "-I", "-u", PROGRAM, str(folder), str(tiny_wheel(tmp_path))],
-        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+    )
     assert process.stdin is not None
     assert until(lambda: not sign or any(folder.glob(sign)), 60)
     process.stdin.close()

@@ -14,9 +14,19 @@ from unveil_core.app.verbs import settings_of
 from unveil_core.pipeline.settings import RunSettings
 
 PLAIN = {
-    "quality": "standard", "device": "auto", "seed": 0, "shadows": "auto", "sun_azimuth": 0.0, "sun_elevation": 0.5,
-    "movers": "auto", "order": "reverse", "keyframes": "", "inpainter": "exemplar", "reference_inpainter": "", "max_side": 0,
-}  # fmt: skip
+    "quality": "standard",
+    "device": "auto",
+    "seed": 0,
+    "shadows": "auto",
+    "sun_azimuth": 0.0,
+    "sun_elevation": 0.5,
+    "movers": "auto",
+    "order": "reverse",
+    "keyframes": "",
+    "inpainter": "exemplar",
+    "reference_inpainter": "",
+    "max_side": 0,
+}
 
 
 @pytest.mark.parametrize(

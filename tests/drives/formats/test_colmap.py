@@ -44,9 +44,11 @@ def write_model(root: Path, binary: bool, model: str = "SIMPLE_RADIAL") -> None:
     folder.mkdir(parents=True)
     ids = {"SIMPLE_PINHOLE": 0, "PINHOLE": 1, "SIMPLE_RADIAL": 2, "OPENCV": 4}
     parameters = {
-        "SIMPLE_PINHOLE": (50.0, 32.0, 24.0), "PINHOLE": (50.0, 51.0, 32.0, 24.0),
-        "SIMPLE_RADIAL": (50.0, 32.0, 24.0, 0.01), "OPENCV": (50.0, 51.0, 32.0, 24.0, 0.01, 0.0, 0.001, 0.0),
-    }[model]  # fmt: skip
+        "SIMPLE_PINHOLE": (50.0, 32.0, 24.0),
+        "PINHOLE": (50.0, 51.0, 32.0, 24.0),
+        "SIMPLE_RADIAL": (50.0, 32.0, 24.0, 0.01),
+        "OPENCV": (50.0, 51.0, 32.0, 24.0, 0.01, 0.0, 0.001, 0.0),
+    }[model]
     rows = []
     for i, pose in reversed(list(enumerate(poses()))):
         name = f"{i:02d}.png"

@@ -92,18 +92,24 @@ def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[SceneView], np.
     ground = fit_ground(path, floor)
     count = len(points)
     surfels = surfels_from_points(
-        points, np.full((count, 3), 128, np.uint8), np.zeros(count, np.int64), np.tile(UP, (count, 1)),
-        np.full(count, 0.1), opacity=0.9,
-    )  # fmt: skip
+        points,
+        np.full((count, 3), 128, np.uint8),
+        np.zeros(count, np.int64),
+        np.tile(UP, (count, 1)),
+        np.full(count, 0.1),
+        opacity=0.9,
+    )
     return ground, surfels, views, points
 
 
 def overlap(car: VirtualCar, other: Car) -> bool:
     corners = car.corners()
     return bool(
-        (corners[:, 0].min() < other.x + other.half_x) and (corners[:, 0].max() > other.x - other.half_x)
-        and (corners[:, 1].min() < other.y + other.half_y) and (corners[:, 1].max() > other.y - other.half_y)
-    )  # fmt: skip
+        (corners[:, 0].min() < other.x + other.half_x)
+        and (corners[:, 0].max() > other.x - other.half_x)
+        and (corners[:, 1].min() < other.y + other.half_y)
+        and (corners[:, 1].max() > other.y - other.half_y)
+    )
 
 
 def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
@@ -192,6 +198,11 @@ def test_a_view_is_the_depth_of_the_scene_and_inf_for_the_sky() -> None:
     found = scene_view(surfels, views[0].camera, views[0].excluded, near=0.2, far=100.0)
     lower = np.s_[50:, 20:76]
     assert np.abs(found.depth[lower] - views[0].depth[lower]).max() < 0.25
-    empty = scene_view(surfels.select(torch.zeros(len(surfels), dtype=torch.bool)), views[0].camera, views[0].excluded,
-                     near=0.2, far=100.0)  # fmt: skip
+    empty = scene_view(
+        surfels.select(torch.zeros(len(surfels), dtype=torch.bool)),
+        views[0].camera,
+        views[0].excluded,
+        near=0.2,
+        far=100.0,
+    )
     assert np.isinf(empty.depth).all()

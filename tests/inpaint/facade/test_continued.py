@@ -145,9 +145,17 @@ def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
     pixels = pixel.astype(int)
     none = np.zeros((4, 4, 3), np.float32)
     chart = StreetChart(
-        ground, 0.1, 0.0, 0.0, none, np.zeros((4, 4), np.int16), np.zeros((4, 4), np.uint8), none,
-        np.zeros((4, 4), np.float32), np.zeros((4, 4), bool),
-    )  # fmt: skip
+        ground,
+        0.1,
+        0.0,
+        0.0,
+        none,
+        np.zeros((4, 4), np.int16),
+        np.zeros((4, 4), np.uint8),
+        none,
+        np.zeros((4, 4), np.float32),
+        np.zeros((4, 4), bool),
+    )
     layer = GroundLayer(chart, feet=means)
     shown = layer.foot_pixels(camera, np.full((camera.height, camera.width), float(z.mean())))
     assert shown[pixels[:, 1], pixels[:, 0]].all()

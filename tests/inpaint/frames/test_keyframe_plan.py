@@ -30,10 +30,14 @@ def test_frames_are_ordered_by_time_or_by_their_place_in_the_track() -> None:
 @pytest.mark.parametrize(
     ("names", "indices"),
     [
-        (("0005",), (1, 4)), (("5",), (1, 4)), (("right/0005",), (4,)), (("6", "4"), (2, 5, 0, 3)),
-        (("5", "0005", "left/0005"), (1, 4)), ((), ()),
+        (("0005",), (1, 4)),
+        (("5",), (1, 4)),
+        (("right/0005",), (4,)),
+        (("6", "4"), (2, 5, 0, 3)),
+        (("5", "0005", "left/0005"), (1, 4)),
+        ((), ()),
     ],
-)  # fmt: skip
+)
 def test_a_keyframe_is_named_by_stem_or_number(names: tuple[str, ...], indices: tuple[int, ...]) -> None:
     assert named_frames(RIG, names) == indices
 

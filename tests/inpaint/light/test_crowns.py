@@ -15,9 +15,15 @@ GROUND = sunny_chart(None)[0].ground
 def plants(points: np.ndarray, normals: np.ndarray | None = None) -> Surfels:
     normal = np.tile([0.6, 0.0, 0.8], (len(points), 1)) if normals is None else normals
     return surfels_from_points(
-        points, np.zeros((len(points), 3), np.uint8), np.zeros(len(points), np.int64), normal,
-        np.full(len(points), 0.1), sh_degree=0, opacity=0.9, scale_factor=0.7,
-    )  # fmt: skip
+        points,
+        np.zeros((len(points), 3), np.uint8),
+        np.zeros(len(points), np.int64),
+        normal,
+        np.full(len(points), 0.1),
+        sh_degree=0,
+        opacity=0.9,
+        scale_factor=0.7,
+    )
 
 
 def half_tree(x: float, y: float, seed: int = 0) -> np.ndarray:

@@ -61,7 +61,11 @@ def test_a_kerb_that_wanders_is_followed() -> None:
         np.stack([np.roll(row, s, axis=0) for row, s in zip(p, shift, strict=True)]) for p in (color, shade.dark)
     )
     found = shade_of_kerbs(
-        moved, np.ones(dark.shape, bool), Shade(dark, shade.ratio, shade.lit), Drift(shift.astype(np.float32)), texels_per_m=PER_M
-    )  # fmt: skip
+        moved,
+        np.ones(dark.shape, bool),
+        Shade(dark, shade.ratio, shade.lit),
+        Drift(shift.astype(np.float32)),
+        texels_per_m=PER_M,
+    )
     at = np.arange(ROWS), 62 + shift
     assert np.abs(found.ratio[at] - 0.9).max() < 0.06

@@ -42,10 +42,13 @@ def test_what_lies_in_the_hole_does_not_matter() -> None:
 def test_masks_of_every_kind(name: str) -> None:
     image = np.random.default_rng(1).integers(1, 255, (40, 48, 3), dtype=np.uint8)
     masks = {
-        "none": np.zeros((40, 48), bool), "all": np.ones((40, 48), bool), "corner known": ~box((40, 48), 0, 9, 0, 9),
-        "one pixel": box((40, 48), 5, 6, 5, 6), "border": ~box((40, 48), 6, 34, 6, 42),
+        "none": np.zeros((40, 48), bool),
+        "all": np.ones((40, 48), bool),
+        "corner known": ~box((40, 48), 0, 9, 0, 9),
+        "one pixel": box((40, 48), 5, 6, 5, 6),
+        "border": ~box((40, 48), 6, 34, 6, 42),
         "stripes": np.broadcast_to(np.arange(48) % 4 == 0, (40, 48)).copy(),
-    }  # fmt: skip
+    }
     mask = masks[name]
     filled = patch_fill(image, mask)
     assert (filled is None) == (name in ("all", "stripes"))

@@ -35,9 +35,12 @@ def wall(degree: int, *, seed: int = 0) -> Surfels:
     sh[:, 1:] = 0.5 * torch.randn(count, sh.shape[1] - 1, 3, generator=g)
     return Surfels(
         torch.stack([x.flatten(), y.flatten(), torch.full((count,), 3.0)], 1),
-        torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(count, 1), torch.full((count, 2), -2.3), torch.full((count,), 3.0),
-        sh, torch.zeros(count, dtype=torch.int64),
-    )  # fmt: skip
+        torch.tensor([[1.0, 0.0, 0.0, 0.0]]).repeat(count, 1),
+        torch.full((count, 2), -2.3),
+        torch.full((count,), 3.0),
+        sh,
+        torch.zeros(count, dtype=torch.int64),
+    )
 
 
 def views_of(scene: Surfels, count: int = 12) -> list[TrainingView]:

@@ -240,9 +240,11 @@ def flow(footage: Footage, progress: Progress) -> list[Picture]:
     clean: list[Picture] = list(footage.photographs)
     for track in tracks(footage.drive):
         filled = inpaint_along_flow(
-            [footage.photographs[i] for i in track], [footage.holes[i] for i in track], footage.single_image,
+            [footage.photographs[i] for i in track],
+            [footage.holes[i] for i in track],
+            footage.single_image,
             progress=progress,
-        )  # fmt: skip
+        )
         for i, picture in zip(track, filled, strict=True):
             clean[i] = picture
     return deliver(footage, None, clean)

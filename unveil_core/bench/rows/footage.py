@@ -95,17 +95,26 @@ class Splats:
 
 
 def open_footage(
-    workspace: Workspace, source: Path, settings: RunSettings, single_image: SingleImageInpainter,
+    workspace: Workspace,
+    source: Path,
+    settings: RunSettings,
+    single_image: SingleImageInpainter,
     reference: ReferenceInpainter | None = None,
-) -> Footage:  # fmt: skip
+) -> Footage:
     """Read the frames and masks of a workspace."""
     drive = read_imported(workspace.drive_dir)
     removed = tuple(load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames)
     return Footage(
-        workspace, drive, source, tuple(read_image(f.image_path) for f in drive.frames),
-        removed, tuple(grow(mask, round(HOLE_SHARE * mask.shape[1])) for mask in removed),
-        settings, single_image, reference,
-    )  # fmt: skip
+        workspace,
+        drive,
+        source,
+        tuple(read_image(f.image_path) for f in drive.frames),
+        removed,
+        tuple(grow(mask, round(HOLE_SHARE * mask.shape[1])) for mask in removed),
+        settings,
+        single_image,
+        reference,
+    )
 
 
 def open_splats(footage: Footage) -> Splats:
@@ -116,9 +125,14 @@ def open_splats(footage: Footage) -> Splats:
     exposures = read_exposures(workspace.exposure_json)
     images = tuple(exposures.of(f).canonical(p) for f, p in zip(frames, footage.photographs, strict=True))
     return Splats(
-        full, gone, full.select(torch.from_numpy(~gone)), load_sky(workspace.root / "surfels/sky.npz"),
-        load_selection(workspace), exposures, images,
-    )  # fmt: skip
+        full,
+        gone,
+        full.select(torch.from_numpy(~gone)),
+        load_sky(workspace.root / "surfels/sky.npz"),
+        load_selection(workspace),
+        exposures,
+        images,
+    )
 
 
 def deliver(footage: Footage, splats: Splats | None, clean: Sequence[Picture]) -> list[Picture]:

@@ -79,9 +79,13 @@ def _empty_depth(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float
 
 
 def transferred(
-    camera: Camera, depth: NDArray[np.float64], wanted: Mask, other: Camera, picture: Picture,
+    camera: Camera,
+    depth: NDArray[np.float64],
+    wanted: Mask,
+    other: Camera,
+    picture: Picture,
     other_depth: NDArray[np.float64],
-) -> tuple[Picture, Mask]:  # fmt: skip
+) -> tuple[Picture, Mask]:
     """What another view shows of a view's pixels.
 
     Args:

@@ -86,8 +86,11 @@ def _frames_of(footage: Footage, without: Sequence[str], stages: Sequence[Stage]
         root, left_out = footage.workspace.root, {".lock", *without}
         shutil.copytree(root, copy, ignore=lambda at, names: left_out & set(names) if Path(at) == root else ())
         run_stages(
-            Workspace.open(copy), stages, footage.settings, footage.source,
+            Workspace.open(copy),
+            stages,
+            footage.settings,
+            footage.source,
             reporter=lambda e: progress(turns[str(e["stage"])], len(stages), str(e["stage"])),
-        )  # fmt: skip
+        )
         progress(len(stages), len(stages), "done")
         return [read_image(frame_file(copy / "frames", f)) for f in footage.drive.frames]

@@ -75,9 +75,10 @@ def spin_nerf(footage: Footage, progress: Progress, settings: SpinNerfSettings |
         progress(i + 1, len(labels), "inpainting each frame")
     preset = REOPTIMIZE_PRESETS[footage.settings.quality]
     preset = replace(
-        preset, iterations=round(settings.steps * preset.iterations),
+        preset,
+        iterations=round(settings.steps * preset.iterations),
         weights=replace(preset.weights, depth=settings.depth_weight),
-    )  # fmt: skip
+    )
     targets = [(f.camera, label) for f, label in zip(footage.drive.frames, labels, strict=True)]
     scene = _refitted(footage, splats, scene, targets, preset, depths, progress)
     return deliver(footage, splats, _views(footage, splats, scene))
@@ -118,17 +119,31 @@ def infusion(footage: Footage, progress: Progress, settings: InfusionSettings | 
 
 
 def _refitted(
-    footage: Footage, splats: Splats, scene: Surfels, targets: Sequence[tuple[Camera, Picture]],
-    settings: ReoptimizeSettings, depths: Sequence[NDArray[np.float64]] | None, progress: Progress,
-) -> Surfels:  # fmt: skip
+    footage: Footage,
+    splats: Splats,
+    scene: Surfels,
+    targets: Sequence[tuple[Camera, Picture]],
+    settings: ReoptimizeSettings,
+    depths: Sequence[NDArray[np.float64]] | None,
+    progress: Progress,
+) -> Surfels:
     """The scene fitted to targets: what is new, and what is near the removed objects. That beats moving the new ones alone by
     2 dB, and moving everything by 0.5 dB (Infusion on the sample street)."""
     near = near_removed(splats.full, splats.gone, settings.near_m)[~splats.gone]
     movable = np.concatenate([near, np.ones(len(scene) - len(near), dtype=bool)])
     return reoptimize(
-        scene, movable, splats.sky, targets, settings, near=NEAR_M, far=FAR_M,
-        label_count=len(splats.labels.labels), depths=depths, seed=footage.settings.seed, progress=progress,
-    )  # fmt: skip
+        scene,
+        movable,
+        splats.sky,
+        targets,
+        settings,
+        near=NEAR_M,
+        far=FAR_M,
+        label_count=len(splats.labels.labels),
+        depths=depths,
+        seed=footage.settings.seed,
+        progress=progress,
+    )
 
 
 def _depth_around(splats: Splats, camera: Camera, hole: Mask) -> NDArray[np.float64]:

@@ -28,9 +28,13 @@ from unveil_core.geometry.transforms import nearest_rotation, opengl_to_opencv
 __all__ = ["pose_from_matrix", "read_transforms_json"]
 
 _MODELS = {
-    "PINHOLE": None, "SIMPLE_PINHOLE": None, "OPENCV": "OPENCV", "SIMPLE_RADIAL": "OPENCV", "RADIAL": "OPENCV",
+    "PINHOLE": None,
+    "SIMPLE_PINHOLE": None,
+    "OPENCV": "OPENCV",
+    "SIMPLE_RADIAL": "OPENCV",
+    "RADIAL": "OPENCV",
     "OPENCV_FISHEYE": "OPENCV_FISHEYE",
-}  # fmt: skip
+}
 ROTATION_TOLERANCE = 1e-3
 
 
@@ -55,9 +59,10 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     rotation, error = nearest_rotation(pose[:3, :3])
     if error > ROTATION_TOLERANCE:
         raise DriveError(
-            f"the pose of frame {frame} is no rotation (off by {error:.3g})", path=path,
+            f"the pose of frame {frame} is no rotation (off by {error:.3g})",
+            path=path,
             mend="poses are rigid: no scale, no mirror, no shear",
-        )  # fmt: skip
+        )
     pose = pose.copy()
     pose[:3, :3] = rotation
     return pose

@@ -163,9 +163,14 @@ def moved_points(
 
 
 def write_holdout_drive(
-    drive: Drive, pixels: Sequence[CarPixels], removed: Sequence[Mask], points: PointCloud, labels: AddedLabels,
-    destination: Path, progress: Progress = no_progress,
-) -> Drive:  # fmt: skip
+    drive: Drive,
+    pixels: Sequence[CarPixels],
+    removed: Sequence[Mask],
+    points: PointCloud,
+    labels: AddedLabels,
+    destination: Path,
+    progress: Progress = no_progress,
+) -> Drive:
     """The drive as it would be with the virtual cars, as a folder that :func:`unveil_core.drives.open_drive` opens.
 
     Photographs, semantics, instances and masks have the cars in them; poses, exposure and everything else are unchanged. A

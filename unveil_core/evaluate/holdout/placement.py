@@ -82,9 +82,14 @@ class SceneView:
         camera, shift = self.camera, step // 2
         # The middle of a kept pixel stays where it is: x -> (x - 0.5 - shift) / step + 0.5.
         camera = replace(
-            camera, width=depth.shape[1], height=depth.shape[0], fx=camera.fx / step, fy=camera.fy / step,
-            cx=(camera.cx - 0.5 - shift) / step + 0.5, cy=(camera.cy - 0.5 - shift) / step + 0.5,
-        )  # fmt: skip
+            camera,
+            width=depth.shape[1],
+            height=depth.shape[0],
+            fx=camera.fx / step,
+            fy=camera.fy / step,
+            cx=(camera.cx - 0.5 - shift) / step + 0.5,
+            cy=(camera.cy - 0.5 - shift) / step + 0.5,
+        )
         return SceneView(camera, depth, excluded)
 
 
@@ -246,18 +251,25 @@ def _value(car: VirtualCar, views: Sequence[SceneView]) -> tuple[float, NDArray[
         clean = int((seen & ~view.excluded[window]).sum())
         shares[i], cleaned[i] = visible / view.depth.size, clean / view.depth.size
         good[i] = (
-            cleaned[i] >= LEAST_SHARE and visible >= LEAST_VISIBLE * whole
-            and clean >= LEAST_CLEAN * visible and shares[i] <= MOST_SHARE
-        )  # fmt: skip
+            cleaned[i] >= LEAST_SHARE
+            and visible >= LEAST_VISIBLE * whole
+            and clean >= LEAST_CLEAN * visible
+            and shares[i] <= MOST_SHARE
+        )
     if good.sum() < LEAST_FRAMES or (shares > MOST_SHARE).any():
         return 0.0, shares
     return float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), shares
 
 
 def find_places(
-    ground: Ground, surfels: Surfels, measured: Float64, views: Sequence[SceneView], *, count: int,
+    ground: Ground,
+    surfels: Surfels,
+    measured: Float64,
+    views: Sequence[SceneView],
+    *,
+    count: int,
     progress: Progress = no_progress,
-) -> list[VirtualCar]:  # fmt: skip
+) -> list[VirtualCar]:
     """The best seen places for cars on ground where nothing stands, the best one first.
 
     Args:
@@ -286,9 +298,11 @@ def find_places(
             chosen.append(replace(car, number=len(chosen) + 1))
             total += shares
     if not chosen:
-        seen = "nowhere beside the path is a car's length and width of ground free" if not places else (
-            f"of {len(places)} free places none is well seen by {LEAST_FRAMES} frames"
-        )  # fmt: skip
+        seen = (
+            "nowhere beside the path is a car's length and width of ground free"
+            if not places
+            else (f"of {len(places)} free places none is well seen by {LEAST_FRAMES} frames")
+        )
         raise WorkspaceError(
             f"there is no room for a virtual car: {seen}", mend="give a drive with more frames or open ground beside it"
         )

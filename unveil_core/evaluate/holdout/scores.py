@@ -54,9 +54,13 @@ class HoldoutFrame:
 
 
 def measure_holdout(
-    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, *,
+    frames: Sequence[HoldoutFrame],
+    cars: Sequence[VirtualCar],
+    drive: Drive,
+    root: Path,
+    *,
     progress: Progress = no_progress,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Compare what was delivered for the drive with virtual cars with the real photographs.
 
     Args:
@@ -113,14 +117,16 @@ def measure_holdout(
         "cars": [_of_car(car, frames, sums) for car in cars],
         "regions": {
             region: {"pixels": int(sums[region, "ours"][2]), "methods": _methods(sums, region)}
-            for region in ("removed", "unseen", "seen_elsewhere") if sums[region, "ours"][2]
+            for region in ("removed", "unseen", "seen_elsewhere")
+            if sums[region, "ours"][2]
         },
         "unobserved_mask_iou": round(both / either, 4) if either else None,
         "outside": {
-            "changed": round(changed / max(outside, 1), 5), "mean": round(change / max(changed, 1), 2),
+            "changed": round(changed / max(outside, 1), 5),
+            "mean": round(change / max(changed, 1), 2),
         },
         "flicker": rounded(flicker),
-    }  # fmt: skip
+    }
 
 
 def _pictures(
@@ -165,8 +171,10 @@ def _add(
 def _methods(sums: Mapping[tuple[str, str], list[float]], region: str) -> dict[str, Any]:
     return {
         method: rounded({"psnr": psnr_of_mse(e / n), "ssim": s / n, "frames": int(count)})
-        for method in ("ours", "render", *BASELINES) for e, s, n, count in [sums.get((region, method), [0, 0, 0, 0])] if n
-    }  # fmt: skip
+        for method in ("ours", "render", *BASELINES)
+        for e, s, n, count in [sums.get((region, method), [0, 0, 0, 0])]
+        if n
+    }
 
 
 def _of_car(
@@ -175,20 +183,22 @@ def _of_car(
     methods = _methods(sums, f"car {car.number}")
     names = [f.frame.name for f in frames if (f.region & (f.cars.number == car.number)).any()]
     return {
-        "number": car.number, "along_m": round(car.s, 2), "left_m": round(car.t, 2),
-        "first_frame": names[0] if names else None, "last_frame": names[-1] if names else None,
+        "number": car.number,
+        "along_m": round(car.s, 2),
+        "left_m": round(car.t, 2),
+        "first_frame": names[0] if names else None,
+        "last_frame": names[-1] if names else None,
         "pixels": int(sums.get((f"car {car.number}", "ours"), [0, 0, 0, 0])[2]),
         "psnr": {method: values["psnr"] for method, values in methods.items()},
-    }  # fmt: skip
+    }
 
 
 # ----------------------------------------------------------------------------------------------------------------- pictures
 
 
 def write_strips(
-    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, folder: Path,
-    each: int = 2,
-) -> list[Path]:  # fmt: skip
+    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, folder: Path, each: int = 2
+) -> list[Path]:
     """Pictures side by side, photograph, with the cars, delivered, and filled by shift-map, of the frames that show most.
 
     Args:

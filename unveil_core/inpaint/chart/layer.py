@@ -118,8 +118,9 @@ class GroundLayer:
         seen = before & (high > 0).all(axis=1) & (low < size).all(axis=1)
         _fill_boxes(
             np.floor(np.clip(low[seen], 0, size - 1)).astype(np.int64),
-            np.floor(np.clip(high[seen], 0, size - 1)).astype(np.int64), mask,
-        )  # fmt: skip
+            np.floor(np.clip(high[seen], 0, size - 1)).astype(np.int64),
+            mask,
+        )
 
     def sample(self, camera: Camera, wanted: NDArray[np.bool_]) -> GroundPixels:
         """The ground that ``camera`` would see in the ``wanted`` (H, W) pixels if nothing stood on it."""

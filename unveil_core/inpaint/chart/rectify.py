@@ -126,9 +126,12 @@ def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
 
 
 def rectified_path(
-    ground: Ground, cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], labels: Sequence[NDArray[np.int64]],
+    ground: Ground,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
-) -> tuple[StreetPath, float]:  # fmt: skip
+) -> tuple[StreetPath, float]:
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
     Args:

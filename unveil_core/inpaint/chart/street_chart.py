@@ -100,9 +100,13 @@ class StreetChart:
 
 
 def usable_pixels(
-    ground: Ground, camera: Camera, label: NDArray[np.int64], labels: LabelSet, hidden: Mask,
+    ground: Ground,
+    camera: Camera,
+    label: NDArray[np.int64],
+    labels: LabelSet,
+    hidden: Mask,
     depth: NDArray[np.floating] | None = None,
-) -> Mask:  # fmt: skip
+) -> Mask:
     """(H, W) pixels that show nothing but ground.
 
     Args:
@@ -196,9 +200,14 @@ class _Texels:
         )
 
     def add(
-        self, index: NDArray[np.int64], pixel: Float64, depth: Float64, image: NDArray[np.uint8],
-        label: NDArray[np.int64], usable: NDArray[np.bool_],
-    ) -> None:  # fmt: skip
+        self,
+        index: NDArray[np.int64],
+        pixel: Float64,
+        depth: Float64,
+        image: NDArray[np.uint8],
+        label: NDArray[np.int64],
+        usable: NDArray[np.bool_],
+    ) -> None:
         """Add one view.
 
         Args:

@@ -210,7 +210,12 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Surfe
     # A little behind the facade: at the gap's border its observed surfels cover them.
     places = chart.world(rows, columns) - chart.texel * normal
     return surfels_from_points(
-        places, np.clip(np.round(color[rows, columns] * 255), 0, 255).astype(np.uint8),
-        np.full(len(rows), label, dtype=np.int64), normal, np.full(len(rows), chart.texel),
-        sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
-    )  # fmt: skip
+        places,
+        np.clip(np.round(color[rows, columns] * 255), 0, 255).astype(np.uint8),
+        np.full(len(rows), label, dtype=np.int64),
+        normal,
+        np.full(len(rows), chart.texel),
+        sh_degree=sh_degree,
+        opacity=0.95,
+        scale_factor=0.7,
+    )

@@ -35,9 +35,12 @@ FLOOR_M = 0.05
 
 
 def feet_of_poles(
-    standing: Surfels, ground: Ground, cameras: Sequence[Camera], depths: Sequence[NDArray[np.float32]],
+    standing: Surfels,
+    ground: Ground,
+    cameras: Sequence[Camera],
+    depths: Sequence[NDArray[np.float32]],
     removed: Sequence[NDArray[np.bool_]],
-) -> Surfels | None:  # fmt: skip
+) -> Surfels | None:
     """Surfels for the hidden lower ends of poles and trunks; None where none is hidden.
 
     Args:
@@ -74,7 +77,7 @@ def feet_of_poles(
 
 def _repeated(
     standing: Surfels, index: NDArray[np.int64], height: NDArray[np.float64], begins: float, up: NDArray[np.float64]
-) -> list[Surfels]:  # fmt: skip
+) -> list[Surfels]:
     """Copies of a pole's lowest slice, of surfels ``index`` at ``height`` over the ground, down to the ground."""
     start = begins + FRINGE_M
     chosen = (height >= start) & (height < start + SLICE_M)

@@ -83,9 +83,10 @@ class ReferencePropagator:
                 slice(max(0, x - margin), min(image.shape[1], x + w + margin)),
             )
             filled = self._inpaint(
-                np.ascontiguousarray(result[part]), np.ascontiguousarray(part_of_hole[part]),
+                np.ascontiguousarray(result[part]),
+                np.ascontiguousarray(part_of_hole[part]),
                 _around(frame, pixels, part, places),
-            )  # fmt: skip
+            )
             result[part] = np.where(part_of_hole[part][..., None], filled, result[part])
             painted |= part_of_hole
         return result, painted
@@ -136,8 +137,9 @@ def _around(
     column, row = pixels.mean(axis=0)
     spans = []
     for at, before, length, total in (
-        (row, centre_row, height, frame.image.shape[0]), (column, centre_column, width, frame.image.shape[1]),
-    ):  # fmt: skip
+        (row, centre_row, height, frame.image.shape[0]),
+        (column, centre_column, width, frame.image.shape[1]),
+    ):
         # Mirrored beyond the border: moved inwards, the place would lie elsewhere than in the image.
         place = (round(at - before * ratio) + np.arange(max(1, round(length * ratio)))) % (2 * total)
         spans.append(np.minimum(place, 2 * total - 1 - place))

@@ -98,11 +98,13 @@ def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: 
         "chosen": "given" if given else "auto",
         "keyframes": [
             {
-                "camera": frames[k.frame].camera_name, "frame": frames[k.frame].name,
-                "newly_shown_m2": round(k.area, 3), "newly_shown_px": k.pixels,
+                "camera": frames[k.frame].camera_name,
+                "frame": frames[k.frame].name,
+                "newly_shown_m2": round(k.area, 3),
+                "newly_shown_px": k.pixels,
                 "deferred_to_sharper_px": int(k.deferred.sum()),
             }
             for k in keyframes
         ],
         "remaining_px": None if plan is None else int(plan.remaining.sum()),
-    }  # fmt: skip
+    }

@@ -113,9 +113,12 @@ def plan_keyframes(
 
 
 def _greedy(
-    holes: Sequence[Hole], areas: Sequence[NDArray[np.float64]], counts: Sequence[Mask], late: NDArray[np.float64],
+    holes: Sequence[Hole],
+    areas: Sequence[NDArray[np.float64]],
+    counts: Sequence[Mask],
+    late: NDArray[np.float64],
     least: NDArray[np.int64],
-) -> list[int]:  # fmt: skip
+) -> list[int]:
     """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
     free = [np.ones(len(a), dtype=bool) for a in areas]
     newly = np.array([float(a[c].sum()) for a, c in zip(areas, counts, strict=True)])

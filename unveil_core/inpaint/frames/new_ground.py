@@ -78,10 +78,15 @@ def seed_ground(chart: StreetChart, region: Mask, *, spacing: float, sh_degree: 
     label = chart.label[rows, columns].astype(np.int64)
     normal = np.repeat(UP[None], len(rows), axis=0)
     return surfels_from_points(
-        chart.world(rows, columns), np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
-        np.where(label >= 0, label, default_label), normal, np.full(len(rows), step * chart.texel),
-        sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
-    )  # fmt: skip
+        chart.world(rows, columns),
+        np.clip(np.round(colors * 255), 0, 255).astype(np.uint8),
+        np.where(label >= 0, label, default_label),
+        normal,
+        np.full(len(rows), step * chart.texel),
+        sh_degree=sh_degree,
+        opacity=0.95,
+        scale_factor=0.7,
+    )
 
 
 def texels_in_pixels(chart: StreetChart, cameras: Sequence[Camera], masks: Sequence[Mask]) -> Mask:

@@ -32,6 +32,12 @@ def seed_pixels(
     positions = camera.centre + z[:, None] * rays
     normal = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     return surfels_from_points(
-        positions, color[rows, columns], label[rows, columns], normal, z / camera.fx,
-        sh_degree=sh_degree, opacity=0.95, scale_factor=0.7,
-    )  # fmt: skip
+        positions,
+        color[rows, columns],
+        label[rows, columns],
+        normal,
+        z / camera.fx,
+        sh_degree=sh_degree,
+        opacity=0.95,
+        scale_factor=0.7,
+    )

@@ -49,9 +49,12 @@ PART_OF_HEIGHT = 0.6
 
 
 def solid_columns(
-    chart: StreetChart, surfels: Surfels, solid: Sequence[int], cameras: Sequence[Camera],
+    chart: StreetChart,
+    surfels: Surfels,
+    solid: Sequence[int],
+    cameras: Sequence[Camera],
     judge: Callable[[Surfels], float | None] | None = None,
-) -> Surfels:  # fmt: skip
+) -> Surfels:
     """Discs that fill the columns under the tops of solid things, and houses beyond both ends of the drive.
 
     Args:
@@ -105,11 +108,17 @@ def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float
     side = np.repeat(np.diff(across, axis=0), len(points), axis=0)
     parts = [
         surfels_from_points(
-            points, np.zeros((len(points), 3), np.uint8), np.zeros(len(points), np.int64), normal,
-            np.full(len(points), cell), sh_degree=sh_degree, opacity=0.95, scale_factor=0.5,
+            points,
+            np.zeros((len(points), 3), np.uint8),
+            np.zeros(len(points), np.int64),
+            normal,
+            np.full(len(points), cell),
+            sh_degree=sh_degree,
+            opacity=0.95,
+            scale_factor=0.5,
         )
         for normal in (up, side)
-    ]  # fmt: skip
+    ]
     return concatenate(parts)
 
 

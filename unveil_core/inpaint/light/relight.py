@@ -58,9 +58,16 @@ def object_shadows(dark: Mask, footprint: Mask, *, reach: int, touch: int) -> Ma
 
 
 def shadows_of_removed(
-    color: Float32, seen: Mask, shade: Shade, footprint: Mask, light: Light | None, *, reach_m: float, black_ratio: float,
+    color: Float32,
+    seen: Mask,
+    shade: Shade,
+    footprint: Mask,
+    light: Light | None,
+    *,
+    reach_m: float,
+    black_ratio: float,
     per_m: float,
-) -> tuple[Mask, Mask]:  # fmt: skip
+) -> tuple[Mask, Mask]:
     """Seen texels (A, B) in the shadow of removed objects, and those that are too dark or too near to them to be relit.
 
     Args:
@@ -92,7 +99,7 @@ def shadows_of_removed(
 
 def relighting_gain(
     color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
-) -> Float32:  # fmt: skip
+) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
     Args:

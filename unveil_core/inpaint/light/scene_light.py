@@ -80,9 +80,7 @@ class _Evidence:
             observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
         return observed
 
-    def light_seen(
-        self, contact_m: float, casters: Surfels, sun: Sun
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:  # fmt: skip
+    def light_seen(self, contact_m: float, casters: Surfels, sun: Sun) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,)."""
         chart, observed = self.chart, self.mask(contact_m)
         per_m = 1.0 / chart.texel
@@ -148,9 +146,13 @@ def light_of_scene(
 
 
 def _with_solid_houses(
-    evidence: _Evidence, kept: Surfels, gone: Surfels, solid: Sequence[int], sun: Sun,
+    evidence: _Evidence,
+    kept: Surfels,
+    gone: Surfels,
+    solid: Sequence[int],
+    sun: Sun,
     ground: tuple[NDArray[np.float64], NDArray[np.bool_]],
-) -> Surfels:  # fmt: skip
+) -> Surfels:
     """What stays, with houses as solid columns, those beyond the drive's ends chosen by the shadows that were observed.
 
     Args:
@@ -237,9 +239,13 @@ def _in_shadow(points: NDArray[np.float64], casters: Surfels, towards: NDArray[n
 
 
 def _refined_sun(
-    places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, trees: Surfels, plants: Sequence[int],
+    places: NDArray[np.float64],
+    is_dark: NDArray[np.bool_],
+    casters: Surfels,
+    trees: Surfels,
+    plants: Sequence[int],
     sun: Sun,
-) -> Sun:  # fmt: skip
+) -> Sun:
     """The sun to a degree or two: of the directions around it the one whose shadows overlap most with what is dark.
 
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.

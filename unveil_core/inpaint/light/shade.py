@@ -124,8 +124,11 @@ def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: 
     if not len(both):
         return before
     quotients = np.stack(
-        [np.median(smooth[inner[:, c], c], axis=0) / np.maximum(np.median(smooth[outer[:, c], c], axis=0), 0.02) for c in both]
-    )  # fmt: skip
+        [
+            np.median(smooth[inner[:, c], c], axis=0) / np.maximum(np.median(smooth[outer[:, c], c], axis=0), 0.02)
+            for c in both
+        ]
+    )
     weight = np.minimum(inner[:, both].sum(axis=0), outer[:, both].sum(axis=0))
     order = np.argsort(quotients, axis=0)
     passed = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
@@ -194,7 +197,10 @@ def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float
         along = np.arange(start, min(rows, start + 8192), dtype=np.float32)
         moved_by = shift[start : start + 8192]
         result[start : start + 8192] = cv2.remap(
-            picture, across[None] - moved_by[..., 1], along[:, None] - part.start - moved_by[..., 0], cv2.INTER_LINEAR,
+            picture,
+            across[None] - moved_by[..., 1],
+            along[:, None] - part.start - moved_by[..., 0],
+            cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
-        )  # fmt: skip
+        )
     return result

@@ -61,7 +61,7 @@ def sun_towards(azimuth: float, elevation: float) -> Float64:
 
 def find_sun(
     dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, t: Float64, ground: Ground, casters: Float64
-) -> Sun | None:  # fmt: skip
+) -> Sun | None:
     """The direction whose shadows lie where the ground is dark.
 
     Args:

@@ -89,9 +89,15 @@ class TrainableSurfels:
             if leaf.grad is not None:
                 rate = self.rates.at("sh_base" if name == "sh" else name, done)
                 adam_step(
-                    leaf, leaf.grad, self.first[name], self.second[name], moving, turn=self.turn, rate=rate,
+                    leaf,
+                    leaf.grad,
+                    self.first[name],
+                    self.second[name],
+                    moving,
+                    turn=self.turn,
+                    rate=rate,
                     rest_rate=self.rates.at("sh_rest", done) if name == "sh" else None,
-                )  # fmt: skip
+                )
                 leaf.grad = None
 
     def copy(self) -> TrainableSurfels:

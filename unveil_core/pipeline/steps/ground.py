@@ -77,11 +77,17 @@ def run(context: StageContext) -> None:
     ground = DriveGround(path, street, fit_drive_terrain(drive, surfels, scene.labels, path.axes, street))
     write_ground(ground, context.output("ground/ground.npz"))
     way = way_of(np.stack([c.centre for c in of_track]))
-    write_json_atomic(context.output("ground/ground.json"), {
-        "track": drive.frames[track[0]].camera_name, "frames": len(track), "way_m": round(way, 2),
-        "street_from": _street_from(scene, street), "path_moved_by_m": round(moved, 3),
-        "terrain": ground.terrain is not None,
-    })  # fmt: skip
+    write_json_atomic(
+        context.output("ground/ground.json"),
+        {
+            "track": drive.frames[track[0]].camera_name,
+            "frames": len(track),
+            "way_m": round(way, 2),
+            "street_from": _street_from(scene, street),
+            "path_moved_by_m": round(moved, 3),
+            "terrain": ground.terrain is not None,
+        },
+    )
     context.progress(4, 4, "fitting the ground")
 
 

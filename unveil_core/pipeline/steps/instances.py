@@ -44,9 +44,8 @@ def run(context: StageContext) -> None:
     images = [moving.ids_of_static(f, frame_instances(f)) for f in drive.frames]
     if any(image is not None for image in images):
         of_surfel[removable] = vote_instances(
-            positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v],
-            near=NEAR_M,
-        )  # fmt: skip
+            positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v], near=NEAR_M
+        )
     else:
         of_points = load_array(workspace.root / "objects/point_objects.npy").astype(np.int64)
         of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M)
@@ -65,10 +64,15 @@ def run(context: StageContext) -> None:
         if picture is not None:
             picture = f"instances/{number:04d}.png"
             shutil.copyfile(workspace.root / known["thumbnail"], context.output(picture))
-        entries.append({
-            **known, "box": box, "surfels": int(members.sum()), "thumbnail": picture,
-            "removed": known["class"] in scene.removed or number in scene.instances,
-        })  # fmt: skip
+        entries.append(
+            {
+                **known,
+                "box": box,
+                "surfels": int(members.sum()),
+                "thumbnail": picture,
+                "removed": known["class"] in scene.removed or number in scene.instances,
+            }
+        )
     context.output("instances").mkdir(parents=True, exist_ok=True)
     save_array(of_surfel, context.output("surfels/instances.npy"))
     write_json_atomic(context.output("instances.json"), entries)
@@ -87,9 +91,14 @@ def _of_nearest_point(
 
 
 def _give_to_marked(
-    of_surfel: NDArray[np.int64], context: StageContext, drive: Drive, scene: SceneLabels,
-    positions: NDArray[np.float64], spacing: NDArray[np.float64], labels: NDArray[np.int64],
-) -> None:  # fmt: skip
+    of_surfel: NDArray[np.int64],
+    context: StageContext,
+    drive: Drive,
+    scene: SceneLabels,
+    positions: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    labels: NDArray[np.int64],
+) -> None:
     """Surfels of marked objects, whatever their label, but not the ground they stand on."""
     axes = up_frame(UP)
     ground = scene.labels.indices(GROUND_CLASSES)

@@ -23,9 +23,11 @@ def run(context: StageContext) -> None:
     for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
         surfels = read_surfels(path)
         mesh = fuse(
-            depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M), voxel_size=voxel, max_depth=30.0,
+            depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M),
+            voxel_size=voxel,
+            max_depth=30.0,
             progress=context.progress,
-        )  # fmt: skip
+        )
         write_ply(mesh, context.output(f"meshes/{state}.ply"), drive.to_world)
         if state == "empty":
             write_glb(mesh, context.output("meshes/empty.glb"), drive.to_world)

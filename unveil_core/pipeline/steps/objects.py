@@ -35,10 +35,10 @@ def run(context: StageContext) -> None:
     disk_ids = np.array([*scene.labels.disk_ids, 255], np.uint8)
     save_array(disk_ids[found.point_labels], context.output("objects/point_labels.npy"))
     save_array(found.point_objects.astype(np.uint16), context.output("objects/point_objects.npy"))
-    write_json_atomic(context.output("objects.json"), {
-        "axes": up_frame(UP).tolist(), "source": scene.source,
-        "classes": _classes(scene, found), "objects": entries,
-    })  # fmt: skip
+    write_json_atomic(
+        context.output("objects.json"),
+        {"axes": up_frame(UP).tolist(), "source": scene.source, "classes": _classes(scene, found), "objects": entries},
+    )
 
 
 def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str, object]:
@@ -55,12 +55,19 @@ def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str,
         centres = np.stack([f.camera.centre for f in frames or drive.frames])
         distance = round(float(np.linalg.norm(centres - thing.box.centre, axis=1).min()), 2)
     return {
-        "id": thing.id, "class": thing.class_name, "source": thing.source,
-        "box": None if thing.box is None else thing.box.to_json(), "points": thing.points, "frames": len(frames),
-        "first_frame": frames[0].name if frames else None, "last_frame": frames[-1].name if frames else None,
-        "best_camera": None if shown is None else shown.camera_name, "best_frame": None if shown is None else shown.name,
-        "distance_m": distance, "thumbnail": picture,
-    }  # fmt: skip
+        "id": thing.id,
+        "class": thing.class_name,
+        "source": thing.source,
+        "box": None if thing.box is None else thing.box.to_json(),
+        "points": thing.points,
+        "frames": len(frames),
+        "first_frame": frames[0].name if frames else None,
+        "last_frame": frames[-1].name if frames else None,
+        "best_camera": None if shown is None else shown.camera_name,
+        "best_frame": None if shown is None else shown.name,
+        "distance_m": distance,
+        "thumbnail": picture,
+    }
 
 
 def _classes(scene: SceneLabels, found: FoundObjects) -> list[dict[str, object]]:
@@ -68,11 +75,15 @@ def _classes(scene: SceneLabels, found: FoundObjects) -> list[dict[str, object]]
     names = [o.class_name for o in found.objects]
     return [
         {
-            "name": name, "disk_id": scene.labels.disk_ids[k], "pixels": scene.pixel_counts[k], "points": int(points[k]),
-            "objects": names.count(name), "removable": k in scene.removable_labels,
+            "name": name,
+            "disk_id": scene.labels.disk_ids[k],
+            "pixels": scene.pixel_counts[k],
+            "points": int(points[k]),
+            "objects": names.count(name),
+            "removable": k in scene.removable_labels,
         }
         for k, name in enumerate(scene.labels.names)
-    ]  # fmt: skip
+    ]
 
 
 STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked)

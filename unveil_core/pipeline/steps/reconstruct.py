@@ -27,9 +27,7 @@ def asked_for(settings: RunSettings) -> ReconstructSettings:
     removed object hid a wall its colour was never observed, and the extrapolated colour shows a ghost of the object.
     """
     preset = PRESETS[settings.quality]
-    given = {
-        "iterations": settings.iterations, "sh_degree": settings.sh_degree or 0, "budget": settings.splats,
-    }  # fmt: skip
+    given = {"iterations": settings.iterations, "sh_degree": settings.sh_degree or 0, "budget": settings.splats}
     decided: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))
 

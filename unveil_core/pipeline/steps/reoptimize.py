@@ -43,10 +43,17 @@ def run(context: StageContext) -> None:
     exposures = read_exposures(workspace.exposure_json)
     clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
     empty = reoptimize(
-        surfels, movable, sky, [(f.camera, clean[i]) for i, f in enumerate(drive.frames)], preset,
-        near=NEAR_M, far=FAR_M, label_count=len(scene.labels),
-        seed=context.settings.seed, progress=context.progress,
-    )  # fmt: skip
+        surfels,
+        movable,
+        sky,
+        [(f.camera, clean[i]) for i, f in enumerate(drive.frames)],
+        preset,
+        near=NEAR_M,
+        far=FAR_M,
+        label_count=len(scene.labels),
+        seed=context.settings.seed,
+        progress=context.progress,
+    )
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
