@@ -66,11 +66,11 @@ def land(materials) -> None:  # type: ignore[no-untyped-def]
         street.strip("hill", hill if side > 0 else hill[::-1], materials["bank"], street.TERRAIN, s0 - 20, s1 + 30, 6.0)
 
 
-def bush(s: float, l: float, h: float, size: float, rng, material) -> None:  # type: ignore[no-untyped-def]  # noqa: E741
+def bush(s: float, t: float, h: float, size: float, rng, material) -> None:  # type: ignore[no-untyped-def]
     """A bush: overlapping lumps that stand on the ground."""
     import bmesh
 
-    base = street.place(s, l, h)
+    base = street.place(s, t, h)
     mesh = bpy.data.meshes.new("bush")
     bm = bmesh.new()
     for _ in range(7):
@@ -88,11 +88,11 @@ def bush(s: float, l: float, h: float, size: float, rng, material) -> None:  # t
     bpy.context.collection.objects.link(obj)
 
 
-def height(l: float) -> float:  # noqa: E741
+def height(t: float) -> float:
     """Of the land at a lateral offset, as :func:`land` builds it."""
     offsets = (-45.0, -22.0, -12.0, -7.0, -5.4, -4.1, 4.1, 5.2, 6.4, 9.0, 14.0, 22.0, 45.0)
     heights = (-3.2, -1.9, -0.9, -0.35, -0.22, 0.0, 0.0, -0.12, 0.0, 0.9, 2.3, 3.0, 4.0)
-    return float(np.interp(l, offsets, heights))
+    return float(np.interp(t, offsets, heights))
 
 
 def build(seed: int):  # type: ignore[no-untyped-def]
@@ -119,21 +119,21 @@ def build(seed: int):  # type: ignore[no-untyped-def]
             street.cylinder("post", s, side * 4.9, -0.15, 0.055, 1.1, materials["post"], street.POLE)
             street.cylinder("band", s, side * 4.9, 0.72, 0.058, 0.14, materials["band"], street.POLE)
         s += 14.0
-    for s, l in ((4.0, 8.5), (17.0, -8.0), (27.0, 11.0), (38.0, -9.5), (49.0, 8.8), (63.0, -7.8), (74.0, 10.0), (90.0, -8.4)):  # noqa: E741
-        street.tree(s, l, rng, materials)
-        bpy.context.collection.objects[-1].location.z += height(l)
-        bpy.context.collection.objects[-2].location.z += height(l)
+    for s, t in ((4.0, 8.5), (17.0, -8.0), (27.0, 11.0), (38.0, -9.5), (49.0, 8.8), (63.0, -7.8), (74.0, 10.0), (90.0, -8.4)):
+        street.tree(s, t, rng, materials)
+        bpy.context.collection.objects[-1].location.z += height(t)
+        bpy.context.collection.objects[-2].location.z += height(t)
     for _ in range(90):
         s, side = float(rng.uniform(-8, 115)), float(rng.choice([-1.0, 1.0]))
-        l = side * float(rng.uniform(6.3, 26.0))  # noqa: E741
-        bush(s, l, height(l) - 0.1, float(rng.uniform(0.5, 1.5)), rng, materials["leaves"][int(rng.integers(0, 3))])
+        t = side * float(rng.uniform(6.3, 26.0))
+        bush(s, t, height(t) - 0.1, float(rng.uniform(0.5, 1.5)), rng, materials["leaves"][int(rng.integers(0, 3))])
     cars = [
         ("hatch", (0.50, 0.50, 0.52), 11.0, -3.75, 0.0), ("saloon", (0.05, 0.12, 0.30), 22.5, 3.7, math.pi),
         ("van", (0.60, 0.58, 0.52), 30.5, -3.8, 0.01), ("hatch", (0.40, 0.03, 0.03), 43.0, -3.7, 0.0),
         ("saloon", (0.34, 0.36, 0.38), 50.0, 3.75, math.pi),
     ]  # fmt: skip
-    for number, (kind, color, s, l, turn) in enumerate(cars, start=1):  # noqa: E741
-        street.put(street.car(kind, color, materials), kind, s, l, turn, street.CAR, number, h=0.01)
+    for number, (kind, color, s, t, turn) in enumerate(cars, start=1):
+        street.put(street.car(kind, color, materials), kind, s, t, turn, street.CAR, number, h=0.01)
     walker = street.person((0.55, 0.30, 0.05), (0.06, 0.07, 0.12), materials)
     street.put(walker, "person", 17.0, -4.6, 0.3, street.PERSON, 11, h=-0.1)
     sun = bpy.data.lights.new("sun", "SUN")

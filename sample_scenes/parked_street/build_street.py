@@ -16,12 +16,12 @@ SLOPE = 0.012
 ROAD, SIDEWALK, BUILDING, WALL, FENCE, POLE, LIGHT, SIGN, VEGETATION, TERRAIN, SKY, PERSON, RIDER, CAR = range(14)
 
 
-def place(s: float, l: float, h: float = 0.0) -> tuple[float, float, float]:  # noqa: E741
+def place(s: float, t: float, h: float = 0.0) -> tuple[float, float, float]:
     """World position of street coordinates: arc length, lateral offset (left positive), height."""
     a = s / RADIUS
     return (
-        RADIUS * math.sin(a) - l * math.sin(a),
-        RADIUS * (1 - math.cos(a)) + l * math.cos(a),
+        RADIUS * math.sin(a) - t * math.sin(a),
+        RADIUS * (1 - math.cos(a)) + t * math.cos(a),
         h + SLOPE * s,
     )
 
@@ -199,15 +199,15 @@ def mesh_object(name: str, vertices, faces, material, label: int, uvs=None, smoo
 
 
 def strip(name: str, section, material, label: int, s0: float, s1: float, step: float = 1.0):  # type: ignore[no-untyped-def]
-    """Sweep a cross section [(l, h), …] along the street from s0 to s1; UVs are (s, l + h) in metres."""
+    """Sweep a cross section [(t, h), …] along the street from s0 to s1; UVs are (s, t + h) in metres."""
     stations = np.linspace(s0, s1, max(2, int(round((s1 - s0) / step)) + 1))
     vertices, uvs, faces = [], [], []
     run = [0.0]
     for (l0, h0), (l1, h1) in zip(section, section[1:], strict=False):
         run.append(run[-1] + math.hypot(l1 - l0, h1 - h0))
     for s in stations:
-        for (l, h), r in zip(section, run, strict=True):  # noqa: E741
-            vertices.append(place(float(s), l, h))
+        for (t, h), r in zip(section, run, strict=True):
+            vertices.append(place(float(s), t, h))
             uvs.append((float(s), section[0][0] + r))
     w = len(section)
     for i in range(len(stations) - 1):
@@ -221,12 +221,12 @@ def box_faces():  # type: ignore[no-untyped-def]
     return [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
 
 
-def street_box(name: str, s: float, l: float, h: float, size, material, label: int):  # type: ignore[no-untyped-def]  # noqa: E741
-    """A box aligned with the street: centre of its base at (s, l, h), size (along, across, up)."""
+def street_box(name: str, s: float, t: float, h: float, size, material, label: int):  # type: ignore[no-untyped-def]
+    """A box aligned with the street: centre of its base at (s, t, h), size (along, across, up)."""
     a, b, c = size[0] / 2, size[1] / 2, size[2]
     corners = [(-a, -b, 0), (a, -b, 0), (a, b, 0), (-a, b, 0), (-a, -b, c), (a, -b, c), (a, b, c), (-a, b, c)]
     turn = heading(s)
-    base = place(s, l, h)
+    base = place(s, t, h)
     points = [
         (base[0] + x * math.cos(turn) - y * math.sin(turn), base[1] + x * math.sin(turn) + y * math.cos(turn),
          base[2] + z)
@@ -258,8 +258,8 @@ def ground(materials) -> None:  # type: ignore[no-untyped-def]
                 "bay", [(side * 2.48, 0.035), (side * 4.25, 0.018)], materials["paint"], ROAD, s, s + 0.1, 0.1
             )
             s += 5.6
-    for s, l in ((9.0, 0.9), (31.0, -1.2), (47.0, 1.4)):  # noqa: E741
-        disc = [(place(s + 0.33 * math.cos(a), l + 0.33 * math.sin(a), 0.058)) for a in np.linspace(0, 2 * math.pi, 25)[:-1]]
+    for s, t in ((9.0, 0.9), (31.0, -1.2), (47.0, 1.4)):
+        disc = [(place(s + 0.33 * math.cos(a), t + 0.33 * math.sin(a), 0.058)) for a in np.linspace(0, 2 * math.pi, 25)[:-1]]
         mesh_object("manhole", disc, [tuple(range(24))], materials["iron"], ROAD)
 
 
@@ -279,9 +279,9 @@ def facade(name: str, s: float, width: float, side: int, floors: int, wall, trim
         faces.append((2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1))
     for st in (s, s + width):  # gable ends and back
         k = len(vertices)
-        for l, h in ((l0, 0.0), (l0, height), (l0 + depth, height), (l0 + depth, 0.0)):  # noqa: E741
-            vertices.append(place(float(st), l, h))
-            uvs.append((abs(l), h))
+        for t, h in ((l0, 0.0), (l0, height), (l0 + depth, height), (l0 + depth, 0.0)):
+            vertices.append(place(float(st), t, h))
+            uvs.append((abs(t), h))
         faces.append((k, k + 1, k + 2, k + 3))
     mesh_object(name, vertices, faces, wall, BUILDING, uvs)
     strip(name + " plinth", [(l0 - side * 0.07, 0.16), (l0 - side * 0.07, 0.75), (l0, 0.8)], trim["plinth"], BUILDING, s, s + width)
@@ -308,11 +308,11 @@ def facade(name: str, s: float, width: float, side: int, floors: int, wall, trim
             street_box(name + " sill", centre, l0 - side * 0.1, sill - 0.13, (1.3, 0.24, 0.08), trim["light"], BUILDING)
 
 
-def tree(s: float, l: float, rng, materials) -> None:  # type: ignore[no-untyped-def]  # noqa: E741
+def tree(s: float, t: float, rng, materials) -> None:  # type: ignore[no-untyped-def]
     """A trunk and a crown of overlapping lumps."""
     import bmesh
 
-    base = place(s, l, 0.1)
+    base = place(s, t, 0.1)
     mesh = bpy.data.meshes.new("trunk")
     bm = bmesh.new()
     bmesh.ops.create_cone(bm, segments=10, radius1=0.17, radius2=0.1, depth=2.9, cap_ends=True)
@@ -344,9 +344,9 @@ def tree(s: float, l: float, rng, materials) -> None:  # type: ignore[no-untyped
     bpy.context.collection.objects.link(obj)
 
 
-def cylinder(name: str, s: float, l: float, h: float, radius: float, height: float, material, label: int):  # type: ignore[no-untyped-def]  # noqa: E741
+def cylinder(name: str, s: float, t: float, h: float, radius: float, height: float, material, label: int):  # type: ignore[no-untyped-def]
     """An upright cylinder."""
-    base = place(s, l, h)
+    base = place(s, t, h)
     ring = [(math.cos(a) * radius, math.sin(a) * radius) for a in np.linspace(0, 2 * math.pi, 13)[:-1]]
     vertices = [(base[0] + x, base[1] + y, base[2] + z) for z in (0.0, height) for x, y in ring]
     faces = [(i, (i + 1) % 12, 12 + (i + 1) % 12, 12 + i) for i in range(12)] + [tuple(range(12, 24))]
@@ -529,7 +529,7 @@ def person(shirt, trousers, materials):  # type: ignore[no-untyped-def]
     return parts
 
 
-def put(parts, name: str, s: float, l: float, turn: float, label: int, instance: int, h: float | None = None) -> None:  # type: ignore[no-untyped-def]  # noqa: E741
+def put(parts, name: str, s: float, t: float, turn: float, label: int, instance: int, h: float | None = None) -> None:  # type: ignore[no-untyped-def]
     """Join parts into one object on the street (on the kerb's level beyond it) and number it."""
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -552,8 +552,8 @@ def put(parts, name: str, s: float, l: float, turn: float, label: int, instance:
     for part in parts:
         bpy.data.objects.remove(part)
     obj = bpy.data.objects.new(name, joined)
-    height = h if h is not None else (0.155 if abs(l) > 4.7 else 0.012)
-    obj.location = place(s, l, height)
+    height = h if h is not None else (0.155 if abs(t) > 4.7 else 0.012)
+    obj.location = place(s, t, height)
     obj.rotation_euler = (0, -math.atan(SLOPE) if abs(turn) < 0.5 else math.atan(SLOPE), heading(s) + turn)
     obj["class"], obj["instance"] = label, instance
     bpy.context.collection.objects.link(obj)
@@ -628,8 +628,8 @@ def build(seed: int):  # type: ignore[no-untyped-def]
         ("hatch", (0.05, 0.20, 0.13), 26.5, 4.35, math.pi), ("saloon", (0.30, 0.045, 0.06), 34.0, 3.45, math.pi),
         ("hatch", (0.50, 0.50, 0.52), 41.5, -3.5, 0.0),
     ]  # fmt: skip
-    for number, (kind, color, s, l, turn) in enumerate(cars, start=1):  # noqa: E741
-        put(car(kind, color, materials), kind, s, l, turn, CAR, number, h=0.075 if abs(l) > 4 else None)
+    for number, (kind, color, s, t, turn) in enumerate(cars, start=1):
+        put(car(kind, color, materials), kind, s, t, turn, CAR, number, h=0.075 if abs(t) > 4 else None)
     put(person((0.32, 0.06, 0.05), (0.05, 0.06, 0.12), materials), "person", 22.8, 5.15, 2.6, PERSON, 11)
     put(person((0.08, 0.22, 0.26), (0.10, 0.09, 0.08), materials), "person", 25.2, -5.3, -2.2, PERSON, 12)
 

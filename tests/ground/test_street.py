@@ -39,30 +39,30 @@ def drive_on_circle(radius: float, slope: float, frames: int = 24, step: float =
     return cameras
 
 
-def true_street(radius: float, s: np.ndarray, l: np.ndarray) -> np.ndarray:  # noqa: E741
+def true_street(radius: float, s: np.ndarray, t: np.ndarray) -> np.ndarray:
     """World x, y of true street coordinates on the circle."""
     if not np.isfinite(radius):
-        return np.stack([s, l], axis=1)
+        return np.stack([s, t], axis=1)
     angle = s / radius
     centre = np.stack([radius * np.sin(angle), radius * (1 - np.cos(angle))], axis=1)
-    return centre + l[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    return centre + t[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
 
 
 @pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
 def test_path_follows_the_circle(radius: float) -> None:
     path = fit_path(drive_on_circle(radius, 0.0))
     generator = np.random.default_rng(0)
-    s, l = generator.uniform(0, 25, 400), generator.uniform(-6, 6, 400)  # noqa: E741
-    world = np.concatenate([true_street(radius, s, l), np.zeros((400, 1))], axis=1)
+    s, t = generator.uniform(0, 25, 400), generator.uniform(-6, 6, 400)
+    world = np.concatenate([true_street(radius, s, t), np.zeros((400, 1))], axis=1)
     street = path.to_street(world)
-    assert np.abs(street[:, 1] - l).max() < 0.12
+    assert np.abs(street[:, 1] - t).max() < 0.12
     assert np.abs(street[:, 0] - s).max() < 0.8
 
 
-@given(s=st.floats(-40, 70), l=st.floats(-8, 8), h=st.floats(-3, 9))
+@given(s=st.floats(-40, 70), t=st.floats(-8, 8), h=st.floats(-3, 9))
 @settings(max_examples=60, deadline=None)
-def test_round_trip(s: float, l: float, h: float) -> None:  # noqa: E741
-    street = np.array([[s, l, h]])
+def test_round_trip(s: float, t: float, h: float) -> None:
+    street = np.array([[s, t, h]])
     back = PATH.to_street(PATH.to_world(street))
     assert abs(back[0, 2] - h) < 1e-9
     assert np.abs(PATH.to_world(back) - PATH.to_world(street)).max() < 0.05
@@ -83,11 +83,11 @@ def test_standing_camera_looks_along_the_street() -> None:
 def street_points(radius: float, slope: float, seed: int = 0) -> np.ndarray:
     """Ground points with a 12 cm kerb at 4 m on both sides, and a hole under parked cars."""
     generator = np.random.default_rng(seed)
-    s, l = generator.uniform(-5, 45, 60_000), generator.uniform(-7, 7, 60_000)  # noqa: E741
-    hole = (s > 8) & (s < 20) & (l < -1.5) & (l > -5)
-    s, l = s[~hole], l[~hole]  # noqa: E741
-    h = slope * s + np.where(np.abs(l) > 4, 0.12, 0.0) + generator.normal(0, 0.005, len(s))
-    return np.concatenate([true_street(radius, s, l), h[:, None]], axis=1)
+    s, t = generator.uniform(-5, 45, 60_000), generator.uniform(-7, 7, 60_000)
+    hole = (s > 8) & (s < 20) & (t < -1.5) & (t > -5)
+    s, t = s[~hole], t[~hole]
+    h = slope * s + np.where(np.abs(t) > 4, 0.12, 0.0) + generator.normal(0, 0.005, len(s))
+    return np.concatenate([true_street(radius, s, t), h[:, None]], axis=1)
 
 
 @pytest.mark.parametrize(("radius", "slope"), [(np.inf, 0.0), (60.0, 0.03), (-80.0, -0.05)])
@@ -95,11 +95,11 @@ def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) ->
     path = fit_path(drive_on_circle(radius, slope))
     ground = fit_ground(path, street_points(radius, slope))
     s = np.repeat(np.linspace(9, 19, 21), 2)
-    l = np.tile([-3.0, -4.6], 21)  # noqa: E741
-    world = np.concatenate([true_street(radius, s, l), np.zeros((42, 1))], axis=1)
+    t = np.tile([-3.0, -4.6], 21)
+    world = np.concatenate([true_street(radius, s, t), np.zeros((42, 1))], axis=1)
     street = path.to_street(world)
     height = ground.height_at(street[:, 0], street[:, 1])
-    expected = slope * s + np.where(np.abs(l) > 4, 0.12, 0.0)
+    expected = slope * s + np.where(np.abs(t) > 4, 0.12, 0.0)
     assert np.abs(height - expected).max() < 0.04
     assert ground.inside(street[:, 0], street[:, 1]).all()
 
@@ -144,8 +144,8 @@ def test_rays_go_over_a_crest_and_up_a_hill() -> None:
     cameras = [look(np.array([x, 0.0, float(height(np.array(x))) + 1.6]), 0.0, 0.0) for x in np.arange(0.0, 24.0)]
     path = fit_path(cameras)
     rng = np.random.default_rng(4)
-    s, l = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)  # noqa: E741
-    ground = fit_ground(path, np.column_stack([s, l, height(s)]))
+    s, t = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)
+    ground = fit_ground(path, np.column_stack([s, t, height(s)]))
     camera = cameras[0]
     rays = np.column_stack([np.ones(200), rng.uniform(-0.02, 0.02, 200), np.linspace(-0.3, 0.06, 200)])
     depth, street = ground.intersect(camera, rays)
