@@ -101,3 +101,9 @@ def test_imports_by_a_computed_name_are_few() -> None:
 @pytest.mark.parametrize("page", PARTS)
 def test_generated_parts_of_the_pages_are_up_to_date(page: str) -> None:
     assert (ROOT / "docs" / page).read_text(encoding="utf-8") == generated(page), f"run `{COMMAND}`"
+
+
+def test_kernels_share_threads_in_one_way() -> None:
+    """``base/parallel`` says why: numba's own parallel loops keep a count of threads of their own."""
+    sources = {str(p.relative_to(ROOT)): p.read_text(encoding="utf-8") for p in sorted((ROOT / PACKAGE).rglob("*.py"))}
+    assert [name for name, text in sources.items() if "prange" in text or "parallel=True" in text] == []
