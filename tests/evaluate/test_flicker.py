@@ -152,7 +152,7 @@ def test_depth_images_of_another_size_are_read_where_the_pixels_lie(tmp_path: Pa
 
     given, _ = depth_of(*size)
     write_image_atomic(tmp_path / "depth.png", np.round(given * 256).astype(np.uint16))
-    found = read_depth(tmp_path / "depth.png", camera, 1.0)
+    found = read_depth(tmp_path / "depth.png", camera)
     assert found.step == 1
     true, post = depth_of(WIDTH, HEIGHT)
     known = (true > 0) & (found.depth > 0)
