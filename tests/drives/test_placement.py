@@ -14,7 +14,7 @@ from tests.small_street import make_small_street
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing import import_drive, localized
 from unveil_core.drives.placement import UP_AXES, camera_height, estimate_up, place_drive
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity
@@ -167,6 +167,18 @@ def test_instant_ngp_says_which_way_is_up(street: Path) -> None:
         edit(street, lambda d, bad=bad: d.update(up=bad))
         with pytest.raises(DriveError, match="up is no direction"):
             open_drive(street)
+
+
+def test_a_workspaces_copy_has_metres_whatever_was_estimated_for_it(street: Path) -> None:
+    put_into_other_frame(street)
+    copy = import_drive(open_drive(street), street.parent.parent / "ws/drive")
+    placed = place_drive(open_drive(copy.root))
+    assert placed.to_world.shifts_only and not placed.surprising and placed.up_source == "told"
+    assert placed.message() == "coordinates are metres, as an import before has estimated; up is z, as the drive says"
+    again = import_drive(open_drive(copy.root), street.parent.parent / "again/drive")
+    assert again.scale_source == "camera height"
+    assert np.abs(again.to_world.matrix - copy.to_world.matrix).max() < 1e-9
+    assert place_drive(open_drive(copy.root), scale=2.0).message().startswith("1 m is 2 units, as given")
 
 
 @pytest.mark.parametrize("scale", ["much", None, 0, -1.0, float("inf"), float("nan")])

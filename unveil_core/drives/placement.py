@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, tracks
-from unveil_core.geometry.axes import upright
+from unveil_core.geometry.axes import UP, upright
 from unveil_core.geometry.similarity import Similarity
 
 __all__ = ["CAMERA_HEIGHT_M", "UP_AXES", "Placement", "camera_height", "estimate_up", "place_drive"]
@@ -60,17 +60,19 @@ class Placement:
             "nothing".
         up_source: "given", "told", or, estimated, "ground" and "cameras".
         height: of the cameras above the ground, in units of the drive, where it was needed; None = not looked for or not found.
+        before: the scale was estimated when the drive, now of metres, was imported into another workspace.
     """
 
     to_world: Similarity
     scale_source: str
     up_source: str
     height: float | None = None
+    before: bool = False
 
     @property
     def scale_is_known(self) -> bool:
         """False where the scale was estimated."""
-        return self.scale_source not in ("camera height", "nothing")
+        return self.before or self.scale_source not in ("camera height", "nothing")
 
     @property
     def up_is_known(self) -> bool:
@@ -114,7 +116,10 @@ class Placement:
             "ground": f"up is taken as {self.up_name}, by cameras and ground; --up decides",
             "cameras": f"up is taken as {self.up_name}, by the cameras; --up decides",
         }
-        return f"{scales[self.scale_source]}; {ups[self.up_source]}"
+        known = (
+            "coordinates are metres, as an import before has estimated" if self.before else scales[self.scale_source]
+        )
+        return f"{known}; {ups[self.up_source]}"
 
     def to_json(self) -> dict[str, object]:
         """What is recorded of it."""
@@ -132,7 +137,14 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
     Args:
         drive: as read from disk.
         scale: units per metre that the user gives; up: a name in :data:`UP_AXES` likewise.
+    Raises:
+        DriveError: a pose that is none, or a scale that is none.
     """
+    for frame in drive.frames:
+        if not np.isfinite(frame.camera.world_to_camera).all():
+            raise DriveError(
+                f"the pose of frame {frame.name} holds NaN or infinity", path=drive.root, mend="redo its pose"
+            )
     source = "given" if up is not None else "told"
     axis = UP_AXES[up] if up is not None else drive.up
     if axis is None:
@@ -144,10 +156,13 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
         low, high = BELIEVED_HEIGHTS_M
         if told is not None and height is not None and not low <= height / told <= high:
             told = None
+    before = False
     if told is None:
         told, scale_source = (1.0, "nothing") if height is None else (height / CAMERA_HEIGHT_M, "camera height")
+    else:
+        before = scale is None and scale_source in ("camera height", "nothing")
     try:
-        return Placement(Similarity(told, upright(axis)), scale_source, source, height)
+        return Placement(Similarity(told, upright(axis)), scale_source, source, height, before)
     except ValueError as error:
         raise DriveError(f"has no frame: {error}", path=drive.root, mend="give --scale and --up") from error
 
@@ -190,7 +205,8 @@ def _up_of_cameras(drive: Drive) -> Float64:
     tell, else to them and to the way."""
     poses = np.stack([f.camera.world_to_camera for f in drive.frames])
     above, right = -poses[:, 1, :3], poses[:, 0, :3]
-    mean: Float64 = above.mean(axis=0) / np.linalg.norm(above.mean(axis=0))
+    length = float(np.linalg.norm(above.mean(axis=0)))
+    mean: Float64 = above.mean(axis=0) / length if length > 1e-6 else UP
     if len(right) >= 3:
         _, values, turned = np.linalg.svd(right)
         # The direction in which the x axes have the least extent.
