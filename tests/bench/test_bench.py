@@ -77,7 +77,9 @@ def test_command_measures_a_step_and_writes_its_file(tmp_path: Path, capsys: pyt
     assert main(["bench", "step", "--size", "48x32", "--surfels", "300", "-o", str(target)]) == 0
     measured = json.loads(target.read_text())
     assert measured["surfels"] == 300 and measured["size"] == [48, 32]
-    assert 0 < measured["least_ms"] <= measured["step_ms"] and measured["second_process_s"] > 0 and "ratio" not in measured
+    assert (
+        0 < measured["least_ms"] <= measured["step_ms"] and measured["second_process_s"] > 0 and "ratio" not in measured
+    )
     assert '"step_ms"' in capsys.readouterr().out
 
 

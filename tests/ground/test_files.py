@@ -13,12 +13,12 @@ from unveil_core.ground.files import read_ground, write_ground
 from unveil_core.ground.fit import DriveGround
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import fit_path
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 
 CAMERAS = drive_on_circle(60.0, 0.03)
 PATH = fit_path(CAMERAS)
 FIELD = HeightField(np.eye(3), np.zeros(2), 0.5, np.where(np.eye(4) > 0, np.nan, 1.0))
-WHOLE = DriveGround(PATH, fit_ground(PATH, street_points(60.0, 0.03)), FIELD)
+WHOLE = DriveGround(PATH, fit_street_heights(PATH, street_points(60.0, 0.03)), FIELD)
 
 
 def test_it_comes_back_as_it_was(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path, shift_path
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -93,7 +93,7 @@ def street_points(radius: float, slope: float, seed: int = 0) -> np.ndarray:
 @pytest.mark.parametrize(("radius", "slope"), [(np.inf, 0.0), (60.0, 0.03), (-80.0, -0.05)])
 def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) -> None:
     path = fit_path(drive_on_circle(radius, slope))
-    ground = fit_ground(path, street_points(radius, slope))
+    ground = fit_street_heights(path, street_points(radius, slope))
     s = np.repeat(np.linspace(9, 19, 21), 2)
     t = np.tile([-3.0, -4.6], 21)
     world = np.concatenate([true_street(radius, s, t), np.zeros((42, 1))], axis=1)
@@ -107,7 +107,7 @@ def test_ground_continues_the_kerb_under_the_car(radius: float, slope: float) ->
 def test_rays_meet_the_ground_where_they_should() -> None:
     cameras = drive_on_circle(60.0, 0.03)
     path = fit_path(cameras)
-    ground = fit_ground(path, street_points(60.0, 0.03))
+    ground = fit_street_heights(path, street_points(60.0, 0.03))
     camera = cameras[5]
     rays = camera.rays().reshape(-1, 3)
     depth, street = ground.intersect(camera, rays)
@@ -145,7 +145,7 @@ def test_rays_go_over_a_crest_and_up_a_hill() -> None:
     path = fit_path(cameras)
     rng = np.random.default_rng(4)
     s, t = rng.uniform(-5, 80, 90_000), rng.uniform(-7, 7, 90_000)
-    ground = fit_ground(path, np.column_stack([s, t, height(s)]))
+    ground = fit_street_heights(path, np.column_stack([s, t, height(s)]))
     camera = cameras[0]
     rays = np.column_stack([np.ones(200), rng.uniform(-0.02, 0.02, 200), np.linspace(-0.3, 0.06, 200)])
     depth, street = ground.intersect(camera, rays)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.ground.test_street import drive_on_circle
 from unveil_core.ground.path import fit_path
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -65,7 +65,7 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
     path = fit_path(drive_on_circle(np.inf, 0.0))
     s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
     points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
-    ground = fit_ground(path, path.to_world(points))
+    ground = fit_street_heights(path, path.to_world(points))
     rows, columns = int(28 / TEXEL), int(14 / TEXEL)
     empty = StreetChart(
         ground,

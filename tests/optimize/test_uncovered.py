@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster import render

@@ -33,7 +33,7 @@ print(hashlib.sha256(b"".join(plane.tobytes() for plane in planes)).hexdigest())
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
+def printed(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
     """What both programs print in a process that compiles the kernels, and in one that loads them."""
     cache, lines = tmp_path_factory.mktemp("kernels"), []
     for _ in range(2):

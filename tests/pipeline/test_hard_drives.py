@@ -19,8 +19,8 @@ from unveil_core.app.export_mesh import export_mesh
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.importing import localized
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.reconstruct import ReconstructSettings, reconstruct

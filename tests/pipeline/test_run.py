@@ -21,8 +21,8 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.runner import depends_on
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.up_to_date import depends_on
 from unveil_core.workspace.workspace import Workspace
 
 # Few steps: what they lead to is for the tests of the reconstruction, which choose for themselves how many they take.

@@ -16,9 +16,9 @@ import numpy as np
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
 from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars

@@ -14,9 +14,9 @@ from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.graph import STAGES

@@ -1,8 +1,8 @@
 """Memory that is used again: page faults of fresh arrays cost more than the arithmetic on them.
 
 A forward pass borrows a set of named :class:`Buffers` until its backward pass is done; two live passes get two sets.
-What goes out to callers (planes, gradients) is lent by :func:`lend`: an array whose memory comes back by itself when
-nobody holds the array, or a tensor made of it, any more. So a training step allocates nothing once it has run twice.
+Arrays returned to callers (planes, gradients) come from :func:`lend`: their memory goes back to the pool when the last
+reference to the array, or to a tensor made of it, is dropped. So a training step allocates nothing once it has run twice.
 """
 
 from __future__ import annotations

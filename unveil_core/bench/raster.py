@@ -1,4 +1,4 @@
-"""The rasterizer: milliseconds against error, for every knob, size and rival, in one run."""
+"""Benchmark of the rasterizer: time and error per option, image size and competing implementation, in one run."""
 
 from __future__ import annotations
 

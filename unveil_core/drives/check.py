@@ -1,4 +1,4 @@
-"""Whether a drive can be used, before any work starts: each problem is one line that names the file and the mend."""
+"""Whether a drive can be used, before any work starts: each problem is one line that names the file and the remedy."""
 
 from __future__ import annotations
 

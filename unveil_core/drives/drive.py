@@ -83,7 +83,7 @@ class Drive:
         points: LiDAR or SfM points.
         to_world: from the coordinates of cameras, points and boxes to those of the files; identity before import.
         units_per_metre: of these coordinates; None where the files do not tell. 1 once imported.
-        scale_source: how the scale is known, see :class:`unveil_core.drives.placement.Placement`.
+        scale_source: how the scale is known, see :class:`unveil_core.drives.scale_and_up.Placement`.
         up: (3,) unit vector; None where the files do not tell. z once imported.
         up_source: how up is known, likewise.
         semantic_classes: "cityscapes" or None.

@@ -1,4 +1,4 @@
-"""How bright and how tinted each photograph is, and the two doors between photographs and the scene's own colours.
+"""Exposure and white balance of each photograph: conversion between its colours and the scene's canonical ones.
 
 A camera with automatic exposure and white balance shows one wall in many colours. The scene has one *canonical* colour for
 it; each photograph is an affine function of that, per channel of sRGB: ``photograph = gain * canonical + bias``.

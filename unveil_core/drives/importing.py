@@ -29,8 +29,8 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.placement import Placement, place_drive
 from unveil_core.drives.points import write_points
+from unveil_core.drives.scale_and_up import Placement, place_drive
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels

@@ -16,9 +16,9 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.baselines import with_border, with_neighbours
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.frame_scores import FrameScores, Networks, Sources, score_frame

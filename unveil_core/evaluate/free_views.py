@@ -21,8 +21,8 @@ from unveil_core.base.files import read_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.camera_path import View, read_camera_path
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, squared_error, ssim_map
 from unveil_core.raster.picture import picture_of
 from unveil_core.surfels.ply import read_surfels

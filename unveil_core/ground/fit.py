@@ -13,7 +13,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath, way_of
 from unveil_core.ground.street import Ground
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
@@ -80,7 +80,7 @@ def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], pa
         return None
     sides = labels.indices(SIDE_CLASSES)
     walls = means[np.isin(of_surfel, sides) & opaque] if sides else None
-    return fit_ground(path, means[chosen], walls=walls)
+    return fit_street_heights(path, means[chosen], walls=walls)
 
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:

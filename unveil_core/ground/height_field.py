@@ -1,4 +1,4 @@
-"""Heights of the ground on a grid, and the one walk by which rays find it.
+"""Height grids of the ground, and the ray march that intersects them.
 
 The grid lies over the horizontal plane, or along a path, in street coordinates: the plane is the case of a path with a single
 node. So the street, the terrain around it and the ground that points alone tell of are met by rays in the same way.

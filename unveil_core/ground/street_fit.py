@@ -10,7 +10,7 @@ from unveil_core.base.types import Float64
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.street import Ground
 
-__all__ = ["fit_ground"]
+__all__ = ["fit_street_heights"]
 
 S_CELL_M, T_CELL_M = 1.0, 0.1
 """Cells along the street, where little changes, and across it, where a kerb is a step."""
@@ -27,7 +27,7 @@ WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 FEWEST_OF_WALLS = 50
 
 
-def fit_ground(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
+def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
     """Height field and lateral limits from ground points.
 
     The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked

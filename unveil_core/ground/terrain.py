@@ -1,8 +1,8 @@
 """The ground as it goes on behind and beneath what is removed.
 
-Surfels end where nobody looked: behind a car on a bank the scene shows the hill far beyond. The points of the drive, LiDAR
-above all, tell the height of the ground all around to centimetres, better than surfels that were moved to please the pictures,
-and between them it goes on smoothly. It is fitted as a height field over the horizontal plane, so banks, meadows and verges
+Surfels cover observed surfaces only: behind a car on a bank the scene shows the hill far beyond. The points of the drive, LiDAR
+above all, give the height of the ground all around to centimetres, better than surfels that were displaced by photometric
+optimization, and between them it goes on smoothly. It is fitted as a height field over the horizontal plane, so banks, meadows and verges
 are in it as well as the street.
 """
 

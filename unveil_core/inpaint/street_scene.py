@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import StreetChart, read_chart, usable_pixels

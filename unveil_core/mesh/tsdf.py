@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
-from unveil_core.mesh import kernels
+from unveil_core.mesh import tsdf_kernels as kernels
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 
 __all__ = ["DepthView", "fuse"]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.scale import NEAR_M
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 

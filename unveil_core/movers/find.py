@@ -17,8 +17,8 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.images import border_px
+from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
-from unveil_core.ground.sparse import find_ground
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
 from unveil_core.movers.points import points_along_track, points_behind_contacts

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
-from unveil_core.drives.scale import NEAR_M
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
 from unveil_core.ground.height_field import HeightField

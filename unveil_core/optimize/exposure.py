@@ -19,9 +19,9 @@ from scipy.sparse import csr_array
 from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposure, Exposures
-from unveil_core.drives.scale import NEAR_M
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Looks
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames

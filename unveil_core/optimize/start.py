@@ -18,8 +18,8 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.adaptation.choices import decibels

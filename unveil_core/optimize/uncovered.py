@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
 from unveil_core.semantics.visibility import points_in_view

@@ -9,7 +9,7 @@ from unveil_core.base.errors import UnveilError
 from unveil_core.drives import open_drive
 from unveil_core.drives.check import check_drive
 from unveil_core.drives.marked import marked_objects
-from unveil_core.drives.placement import place_drive
+from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.runner import run_stages

@@ -13,7 +13,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,13 +22,13 @@ from typing import Any
 from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
 from unveil_core.base.peak_memory import peak_memory_mb
-from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
+from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.journal import PARTIAL, commit, recover
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["depends_on", "is_current", "run_stages"]
+__all__ = ["run_stages"]
 
 
 @contextmanager
@@ -44,11 +44,6 @@ def _signals(flag: threading.Event) -> Iterator[None]:
     finally:
         for s, handler in previous.items():
             signal.signal(s, handler)
-
-
-def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool:
-    """Whether an input is one of the outputs, a folder that holds one, or lies in one."""
-    return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in outputs)
 
 
 def _follows(stage: Stage, recorded: dict[str, Any]) -> dict[str, str]:
@@ -131,11 +126,6 @@ def run_stages(
             ran.append(stage.name)
             digests.save()
     return ran
-
-
-def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str) -> bool:
-    """Whether a stage's outputs are there and were made from what its input hash ``wanted`` says."""
-    return recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
 
 
 @dataclass

@@ -33,7 +33,8 @@ class RunSettings:
         seed: of everything random.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
-        max_side: longer image side that larger images are reduced to, pixels; None = the preset of the quality.
+        max_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
+            ``pipeline.steps.import_.WORKING_SIZE_PX``.
         shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
             direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
         iterations, splats: steps and largest number of surfels of the reconstruction; None = chosen while it runs, by held-out

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import UnveilError, WorkspaceError
-from unveil_core.pipeline.digests import Digests, input_hash
 from unveil_core.pipeline.graph import STAGES
-from unveil_core.pipeline.runner import depends_on, is_current
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage
+from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["stage_states"]

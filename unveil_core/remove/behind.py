@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import DriveGround
 from unveil_core.raster import render

@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 from unveil_core.base.errors import SelectionError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
-from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances

@@ -11,7 +11,7 @@ import pytest
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.placement import place_drive
+from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.geometry.transforms import quat_to_rotation, rotation_to_quat
 
 UP = np.array([0.1, -0.98, 0.17]) / np.linalg.norm([0.1, -0.98, 0.17])

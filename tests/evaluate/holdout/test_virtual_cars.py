@@ -12,7 +12,7 @@ from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -89,7 +89,7 @@ def street(cars: tuple[Car, ...]) -> tuple[Ground, Surfels, list[SceneView], np.
     points = np.concatenate(clouds)
     path = fit_path(cameras)
     floor = points[points[:, 2] < 0.05]
-    ground = fit_ground(path, floor)
+    ground = fit_street_heights(path, floor)
     count = len(points)
     surfels = surfels_from_points(
         points,

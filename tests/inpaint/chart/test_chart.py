@@ -12,7 +12,7 @@ from tests.ground.test_street import drive_on_circle, street_points, true_street
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
@@ -45,7 +45,7 @@ def in_shadow(s: np.ndarray, t: np.ndarray) -> np.ndarray:
 def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
     cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
     path = fit_path(cameras)
-    ground = fit_ground(path, street_points(RADIUS, 0.0))
+    ground = fit_street_heights(path, street_points(RADIUS, 0.0))
     images, labels, usable = [], [], []
     for camera in cameras:
         depth, at = ground.intersect(camera, camera.rays().reshape(-1, 3))

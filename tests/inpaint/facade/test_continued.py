@@ -10,7 +10,7 @@ from tests.inpaint.sunny_street import box_surfels
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
-from unveil_core.ground.street_fit import fit_ground
+from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.facade.facade_chart import FacadeView, facade_offsets, invented_facades, read_facade
@@ -27,7 +27,7 @@ def street(radius: float) -> tuple[Ground, list[Camera]]:
     path = fit_path(cameras)
     s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
     points = np.stack([s.ravel(), t.ravel(), np.zeros(s.size)], axis=1)
-    return fit_ground(path, path.to_world(points)), cameras
+    return fit_street_heights(path, path.to_world(points)), cameras
 
 
 def houses(radius: float, first: float = 0.0, last: float = 26.0) -> Surfels:

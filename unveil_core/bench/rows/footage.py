@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.bench.rows.footage import SOLID, Footage, Splats, deliver, fill_around, open_splats
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import tracks
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.raster.picture import render_numpy

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.bench.rows.footage import Footage, Splats, deliver, fill_around, look, open_splats
-from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.inpaint.frames.seed import seed_pixels

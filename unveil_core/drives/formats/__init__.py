@@ -1,1 +1,1 @@
-"""Readers of drives on disk, one format a module."""
+"""Readers of drives on disk, one format a module; ``registry`` chooses among them."""

@@ -99,7 +99,7 @@ def _quilt(texture, canvas, patch, search):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _cost(texture, canvas, box, shift, ring):  # type: ignore[no-untyped-def]
-    """How badly the rows ``shift`` away meet what is known in and around a patch; 1e30 where they lack too much of it."""
+    """Matching cost of the source rows ``shift`` away against the known texels in and around a patch; 1e30 if too few are valid."""
     detail, valid, hole = texture.detail, texture.valid, texture.hole
     r0, r1, c0, c1 = box
     rows, columns = hole.shape

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
-from unveil_core.drives.scale import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels

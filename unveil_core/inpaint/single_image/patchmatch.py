@@ -3,7 +3,7 @@
 Coarse to fine: every patch that touches the hole looks for its nearest patch among the known ones (Barnes et al. 2009,
 *PatchMatch*: propagation and random search), then every hole pixel takes what the patches over it say (Wexler et al.
 2007, *Space-Time Completion of Video*: weighted votes), again and again until both agree. Random numbers come from a
-hash of place and turn, so the same image always gives the same result.
+hash of pixel position and iteration, so the same image always gives the same result.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LEAST_SPREAD = np.float32(4.0)
 
 @dataclass(frozen=True)
 class PatchFillSettings:
-    """How much work it may be.
+    """Effort of the search.
 
     Attributes:
         rounds_coarse, rounds_fine: rounds of matching and voting at the coarsest and at the finest level.

@@ -26,13 +26,13 @@ NS_A_PIXEL, NS_A_SURFEL = 150.0, 220.0
 
 @dataclass(frozen=True)
 class AdaptSettings:
-    """When more is worth it.
+    """Thresholds for going on: the least gain in held-out error per extra cost.
 
     Attributes:
         least_gain: dB of the held-out error that a tenth more work must buy.
         sh_gain: dB that a higher degree of colour must buy.
-        every: steps between two looks, and between two turns of density control, right after them.
-        looks: how many looks the slope is taken over.
+        every: held-out blocks are measured every so many steps; density control runs right after each measurement.
+        looks: number of measurements over which the slope is taken.
     """
 
     least_gain: float = 0.1

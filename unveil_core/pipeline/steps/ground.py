@@ -1,4 +1,4 @@
-"""Stage ``ground``: the street's path, its ground and the terrain around it, once for a scene, whatever is chosen to go."""
+"""Stage ``ground``: the street's path, its ground and the terrain around it, fitted once per scene."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track

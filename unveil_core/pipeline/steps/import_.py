@@ -6,21 +6,21 @@ from pathlib import Path
 
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing import import_drive
-from unveil_core.drives.placement import place_drive
+from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
-MAX_SIDE = {"draft": 512, "standard": 768, "high": 1600}
+WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
 
 
 def run(context: StageContext) -> Facts:
     """drive/: undistorted, in metres with z up."""
     settings = context.settings
-    side = settings.max_side or MAX_SIDE[settings.quality]
+    side = settings.max_side or WORKING_SIZE_PX[settings.quality]
     drive = open_drive(context.drive)
     placement = place_drive(drive, scale=settings.scale, up=settings.up)
     import_drive(drive, context.output("drive"), max_side=side, placement=placement, progress=context.progress)

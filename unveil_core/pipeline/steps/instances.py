@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
-from unveil_core.drives.scale import NEAR_M
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
 from unveil_core.pipeline.stage import Stage, StageContext

@@ -9,10 +9,10 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground

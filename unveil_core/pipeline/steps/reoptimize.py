@@ -6,9 +6,9 @@ import numpy as np
 import torch
 
 from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.scale import FAR_M, NEAR_M
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.frames.compose import compose_frame
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize

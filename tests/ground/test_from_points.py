@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.ground.test_street import look
 from unveil_core.drives.drive import Drive, Frame, PointCloud
-from unveil_core.ground.sparse import find_ground
+from unveil_core.ground.from_points import find_ground
 
 
 def hill(horizontal: np.ndarray) -> np.ndarray:

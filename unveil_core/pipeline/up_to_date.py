@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.pipeline.settings import RunSettings
@@ -14,7 +15,7 @@ from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Digests", "input_hash"]
+__all__ = ["Digests", "depends_on", "input_hash", "is_current"]
 
 
 class Digests:
@@ -67,3 +68,13 @@ def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive:
     if stage.outside is not None:
         parts += [digests.of_outside(stage.outside(workspace, settings, drive))]
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
+
+
+def depends_on(inputs: Sequence[str], outputs: Sequence[str] | set[str]) -> bool:
+    """Whether an input is one of the outputs, a folder that holds one, or lies in one."""
+    return any(a == b or a.startswith(f"{b}/") or b.startswith(f"{a}/") for a in inputs for b in outputs)
+
+
+def is_current(stage: Stage, workspace: Workspace, recorded: Mapping[str, Any], wanted: str) -> bool:
+    """Whether a stage's outputs are there and were made from what its input hash ``wanted`` says."""
+    return recorded.get("input_hash") == wanted and all((workspace.root / n).exists() for n in stage.outputs)
