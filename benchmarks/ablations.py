@@ -37,14 +37,14 @@ ROWS: dict[str, list[str]] = {
 }
 
 
-def row(told: dict) -> dict[str, float | str | None]:
+def row(measured: dict) -> dict[str, float | str | None]:
     """What the table shows of a run."""
-    held, geometry = told["held_out"], told["geometry"]
+    held, geometry = measured["held_out"], measured["geometry"]
     return {
-        "drive": told["drive"], "cpu_seconds": told["cpu_seconds"], "surfels": told["surfels"], "psnr": held["psnr"],
+        "drive": measured["drive"], "cpu_seconds": measured["cpu_seconds"], "surfels": measured["surfels"], "psnr": held["psnr"],
         "ssim": held["ssim"], "miou": held["miou"], "f_score_0.25": geometry["f_score_0.25"],
         "f_score_0.05": geometry["f_score_0.05"], "chamfer_m": geometry["chamfer_m"],
-        "unobserved_iou": geometry.get("unobserved_iou"), "iterations": told["choices"]["iterations"]["chosen"]
+        "unobserved_iou": geometry.get("unobserved_iou"), "iterations": measured["choices"]["iterations"]["chosen"]
     }
 
 
@@ -78,10 +78,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name in wanted:
             for scene in SCENES:
-                told = measure(scene, "draft", Path(folder), ROWS[name])
+                measured = measure(scene, "draft", Path(folder), ROWS[name])
                 rows = [r for r in rows if (r["row"], r["drive"]) != (name, scene)]
-                rows.append({"row": name, **row(told)})
-                target.write_text(json.dumps({"machine": told["machine"], "rows": rows}, indent=1) + "\n")
+                rows.append({"row": name, **row(measured)})
+                target.write_text(json.dumps({"machine": measured["machine"], "rows": rows}, indent=1) + "\n")
     plot(rows, target.with_suffix(".png"))
 
 

@@ -145,8 +145,8 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
     begun = time.perf_counter()
     run(drive, workspace, case.settings(), until="reoptimize")
     seconds = time.perf_counter() - begun
-    told = run_evaluation(workspace)
-    regions = told["truth"]["regions"]
+    measured = run_evaluation(workspace)
+    regions = measured["truth"]["regions"]
     sums: dict[str, list[tuple[float, float, int]]] = {}
     changed = black = gone_pixels = bare = bare_unchanged = 0
     largest, worst = 0.0, (1.0, "")
@@ -182,7 +182,7 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
             m: {k: v[k] for k in ("psnr", "ssim")} for m, v in regions["removed"]["methods"].items() if m != "ours"
         },
         "changed_beside_share": round(changed / max(1, pixels), 5),
-        "untouched": told["untouched"],
+        "untouched": measured["untouched"],
         "black_pixels_in_the_gone_region": black,
         "frames_without_it": bare,
         "of_these_unchanged": bare_unchanged,
@@ -227,15 +227,15 @@ def main() -> None:
     """Measure all cases, or those named on the command line."""
     every = cases()
     names = sys.argv[1:] or list(every)
-    told = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {"machine": {}, "cases": {}}
+    measured = json.loads(RESULTS.read_text()) if RESULTS.is_file() else {"machine": {}, "cases": {}}
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(os.environ.get("UNVEIL_KEEP", temporary))
         for name in names:
             drive, workspace = folder / name.replace(" ", "_") / "drive", folder / name.replace(" ", "_") / "workspace"
             row = measure(every[name], drive, workspace)
-            told["cases"][name] = row
-            told["nothing_chosen"] = nothing_chosen(drive, folder)
-            write_json_atomic(RESULTS, {**told, "machine": machine()})
+            measured["cases"][name] = row
+            measured["nothing_chosen"] = nothing_chosen(drive, folder)
+            write_json_atomic(RESULTS, {**measured, "machine": machine()})
             print(name, row["seconds"], row["regions"], row["black_pixels_in_the_gone_region"], flush=True)
         homes = [folder / n.replace(" ", "_") for n in every]
         if all((home / "workspace").is_dir() for home in homes):

@@ -83,7 +83,7 @@ def views(row: dict) -> Iterator[DepthView]:
 
 def measure(row: dict) -> dict:
     """Fuse one street in this process."""
-    told = {**row, "memory_before_mb": peak_memory_mb()}
+    measured = {**row, "memory_before_mb": peak_memory_mb()}
     blocks = seeing = 0.0
 
     def timed() -> Iterator[DepthView]:
@@ -108,7 +108,7 @@ def measure(row: dict) -> dict:
         beside = np.maximum(np.maximum(low - vertices, vertices - high), 0)
         error = np.minimum(error, np.linalg.norm(beside, axis=1))
     return {
-        **told, "seconds": round(seconds, 1), "peak_memory_mb": peak, "blocks": int(blocks),
+        **measured, "seconds": round(seconds, 1), "peak_memory_mb": peak, "blocks": int(blocks),
         "triangles": len(mesh.faces), "error_median_mm": round(1000 * float(np.median(error)), 3),
         "error_95_percent_mm": round(1000 * float(np.quantile(error, 0.95)), 3)
     }

@@ -27,7 +27,7 @@ RUNS = (*((name, "standard") for name in ROWS), ("ours", "draft"), ("ours", "hig
 
 def measure(scene: str, row: str, quality: str, folder: Path) -> dict:
     """One row on one scene."""
-    target = folder / "told.json"
+    target = folder / "measured.json"
     command = [
         sys.executable, "-m", "unveil_core", "bench", "pipeline", str(HERE.parent / "sample_scenes" / scene),
         "--quality", quality, "--rows", row, "--scene", str(folder / f"{scene}_{quality}"), "-o", str(target)
@@ -35,15 +35,15 @@ def measure(scene: str, row: str, quality: str, folder: Path) -> dict:
     if os.environ.get("UNVEIL_KEEP"):
         command += ["--keep", str(Path(os.environ["UNVEIL_KEEP"]) / scene / quality)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    told: dict = json.loads(target.read_text())
-    return told
+    measured: dict = json.loads(target.read_text())
+    return measured
 
 
-def kept(runs: list[dict], told: dict) -> list[dict]:
+def kept(runs: list[dict], measured: dict) -> list[dict]:
     """The runs with a new one in the place of its predecessor."""
-    name = (told["drive"], told["quality"], told["rows"][0]["row"])
+    name = (measured["drive"], measured["quality"], measured["rows"][0]["row"])
     others = [r for r in runs if (r["drive"], r["quality"], r["rows"][0]["row"]) != name]
-    return [*others, told]
+    return [*others, measured]
 
 
 def main() -> None:
@@ -57,10 +57,10 @@ def main() -> None:
             for row, quality in RUNS:
                 if rows and row not in rows:
                     continue
-                told = measure(scene, row, quality, Path(folder))
-                runs = kept(runs, told)
+                measured = measure(scene, row, quality, Path(folder))
+                runs = kept(runs, measured)
                 target.write_text(json.dumps({"runs": runs}, indent=1) + "\n")
-                one = told["rows"][0]
+                one = measured["rows"][0]
                 figures = one.get("regions", {}).get("removed", {})
                 print(scene, quality, row, one["status"], one.get("seconds"), figures, flush=True)
             here = [r for r in runs if r["drive"] == scene]

@@ -28,18 +28,18 @@ RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 def measure(scene: str, quality: str, folder: Path, more: Sequence[str] = ()) -> dict[str, object]:
     """One reconstruction, without every eighth frame."""
-    target = folder / "told.json"
+    target = folder / "measured.json"
     drive = HERE.parent / "sample_scenes" / scene
     command = [sys.executable, "-m", "unveil_core", "bench", "reconstruction", str(drive), "--quality", quality, *more]
     subprocess.run([*command, "-o", str(target)], check=True, stdout=subprocess.DEVNULL)
-    told = json.loads(target.read_text())
-    told["choices"].pop("looks", None)
-    held, geometry = told["held_out"], told["geometry"]
+    measured = json.loads(target.read_text())
+    measured["choices"].pop("looks", None)
+    held, geometry = measured["held_out"], measured["geometry"]
     shown = {k: held[k] for k in ("psnr", "miou", "label_error")} | {
         k: geometry.get(k) for k in ("f_score_0.25", "f_score_0.05", "chamfer_m", "unobserved_iou")
     }
-    print(scene, quality, *more, told["seconds"], told["surfels"], shown, flush=True)
-    return dict(told)
+    print(scene, quality, *more, measured["seconds"], measured["surfels"], shown, flush=True)
+    return dict(measured)
 
 
 def main() -> None:
@@ -49,9 +49,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for quality, more in RUNS:
             for scene in SCENES if quality in sys.argv[1:] or not sys.argv[1:] else ():
-                told = measure(scene, quality, Path(folder), more)
-                runs = [r for r in runs if any(r[k] != told[k] for k in ("drive", "quality", "variant", "salt"))]
-                runs.append(told)
+                measured = measure(scene, quality, Path(folder), more)
+                runs = [r for r in runs if any(r[k] != measured[k] for k in ("drive", "quality", "variant", "salt"))]
+                runs.append(measured)
                 target.write_text(json.dumps({"runs": runs}, indent=1) + "\n")
 
 

@@ -121,10 +121,10 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
     if data is None:
         raise ValueError(f"{workspace}: holds no imported drive (import one first)")
     try:
-        told = data["to_world"]
-        offset = np.array(told["translation"], np.float64).reshape(3)
-        rotation = np.array(told["rotation"], np.float64).reshape(3, 3)
-        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(told["scale"]), rotation)
+        similarity = data["to_world"]
+        offset = np.array(similarity["translation"], np.float64).reshape(3)
+        rotation = np.array(similarity["rotation"], np.float64).reshape(3, 3)
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(similarity["scale"]), rotation)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
             tracks.setdefault(entry["camera"], []).append(_frame(entry, drive))

@@ -141,9 +141,9 @@ def _free_channel(strips: object) -> int:
 
 def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
     """What the keyframes invented, as pictures of their own, and a marker in the timeline for each."""
-    told = read_json(drive.workspace / "inpaint" / "keyframes.json") or {}
+    recorded = read_json(drive.workspace / "inpaint" / "keyframes.json") or {}
     wanted = {}
-    for entry in told.get("keyframes", ()):
+    for entry in recorded.get("keyframes", ()):
         track, name = str(entry["camera"]), str(entry["frame"])
         file = drive.workspace / "inpainted" / track / f"{name}.png"
         order = [f.name for f in drive.tracks.get(track, ())]

@@ -126,10 +126,10 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
 
     def _stage(self, layout: Any, name: str, stage: StageState) -> None:
         row = layout.row(align=True)
-        told = duration(stage.seconds) if stage.seconds is not None else stage.state
+        status = duration(stage.seconds) if stage.seconds is not None else stage.state
         columns = row.split(factor=0.62)
         columns.label(text=STAGES[name], icon=ICONS[stage.state])
-        columns.label(text=told)
+        columns.label(text=status)
         button = row.row(align=True)
         button.enabled = not session.busy
         button.operator("unveil.stage", text="", icon="PLAY").stage = name
@@ -141,7 +141,7 @@ def _has_results(context: bpy.types.Context) -> bool:
 
 
 def _live(stage: StageState) -> StageState:
-    """With what the running job has told of it."""
+    """With what the running job has reported of it."""
     state = session.last if session.busy else None
     if state is None:
         return stage

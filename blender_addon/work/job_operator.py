@@ -35,7 +35,7 @@ class JobOperator:
     """Mix in before ``bpy.types.Operator``; give ``bl_label``, :meth:`arguments` and, where wanted, :meth:`finished`."""
 
     _timer: Any = None
-    _told: Any = None
+    _drawn: Any = None
     _scene, workspace_used = "", ""
     """Of the job: another scene, or another workspace in it, may be looked at when it ends."""
     _modal = False
@@ -153,9 +153,9 @@ class JobOperator:
         if state is None or job is None:
             return
         text = f"Unveil: {progress_text(state)}   [Esc] cancels"
-        told = (text, round(state.fraction, 2), len(state.ended), job.cancelling)
-        if told != self._told:  # drawing costs the worker's cores time where there is no graphics card
-            self._told = told
+        drawn = (text, round(state.fraction, 2), len(state.ended), job.cancelling)
+        if drawn != self._drawn:  # drawing costs the worker's cores time where there is no graphics card
+            self._drawn = drawn
             context.workspace.status_text_set(text)
             redraw(context)
 

@@ -89,7 +89,7 @@ def _can_make(python: str) -> bool:
 
 
 PATIENCE_S = 5.0
-"""What a command has to end once it was told to."""
+"""What a command has to end once it was asked to."""
 
 _commands: list[subprocess.Popen[str]] = []
 _stop = threading.Event()
@@ -112,15 +112,15 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     _commands.append(process)
     if _stop.is_set():  # set while it started: whoever did so has perhaps not seen it
         _end_commands()
-    last, label, told, before = "", what, 0.0, 0
+    last, label, reported_at, before = "", what, 0.0, 0
     try:
         for line in process.stdout:
             line = line.strip()
             progress = re.fullmatch(r"Progress (\d+) of (\d+)", line)
             if progress:
                 done, total = (int(g) for g in progress.groups())
-                if total and (done == total or time.monotonic() - told > 0.2):
-                    told = time.monotonic()
+                if total and (done == total or time.monotonic() - reported_at > 0.2):
+                    reported_at = time.monotonic()
                     share = _share(before + done)
                     tell(step * 100 + share, steps * 100, f"{label} ({done / 1e6:.0f} of {total / 1e6:.0f} MB)")
                 before += total if done == total else 0
@@ -222,7 +222,7 @@ def _end_with_stdin() -> None:
 
 
 def _watch() -> None:
-    """From now on this ends when it is told to, or when its standard input does, together with what it has started."""
+    """From now on this ends when it is asked to, or when its standard input does, together with what it has started."""
     for name in ("SIGINT", "SIGTERM", "SIGBREAK"):  # the last is that of Windows
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _stop_now)

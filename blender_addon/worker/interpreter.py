@@ -173,10 +173,10 @@ def check(candidate: Candidate, *, full: bool = True, timeout_s: float = 120) ->
     elif _numbers(facts.get("unveil")) < LEAST_UNVEIL:
         problem = f"unveil {facts.get('unveil')} is too old, this add-on needs {'.'.join(map(str, LEAST_UNVEIL))}"
     elif full:
-        told, problem = _ask([str(candidate.python), "-P", "-m", "unveil_core", "doctor", "--json"], timeout_s)
-        facts.update(told)
-        if told.get("problem"):
-            problem = f"unveil does not work there: {told['problem']}"
+        answer, problem = _ask([str(candidate.python), "-P", "-m", "unveil_core", "doctor", "--json"], timeout_s)
+        facts.update(answer)
+        if answer.get("problem"):
+            problem = f"unveil does not work there: {answer['problem']}"
     return Found(candidate.python, candidate.source, not problem, f"{problem} ({MEND})" if problem else "", facts)
 
 

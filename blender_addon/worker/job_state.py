@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a job has told of itself so far: its JSON lines, read one by one. No bpy here."""
+"""What a job has reported so far: its JSON lines, read one by one. No bpy here."""
 
 from __future__ import annotations
 

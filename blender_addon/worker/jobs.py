@@ -52,7 +52,7 @@ class Job:
 
     Attributes:
         command: what is run.
-        state: what it has told; up to date after :meth:`drain`.
+        state: what it has reported; up to date after :meth:`drain`.
         started: clock of ``time.monotonic``.
     """
 
@@ -101,7 +101,7 @@ class Job:
 
     @property
     def cancelling(self) -> bool:
-        """Whether it was told to end."""
+        """Whether it was asked to end."""
         return self._cancelled is not None
 
     def _read(self, stream) -> None:  # type: ignore[no-untyped-def]
@@ -124,7 +124,7 @@ class Job:
         return self.state
 
     def _look(self, exit_code: int | None, silent: bool) -> None:
-        """With all that it has told taken in: whether it has ended, or has to be made to."""
+        """With all that it has reported taken in: whether it has ended, or has to be made to."""
         now = time.monotonic()
         if not self.state.running:
             return

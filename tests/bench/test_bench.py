@@ -36,12 +36,12 @@ def test_front_holds_what_nothing_beats() -> None:
 
 def test_alternating_gives_medians_and_ratios() -> None:
     seen: list[str] = []
-    told = alternate(
+    measured = alternate(
         {"a": lambda: seen.append("a"), "b": lambda: (seen.append("b"), time.sleep(0.002))}, rounds=3, base="a"
     )
     assert seen == ["a", "b"] * 4
-    assert told["a"]["ratio"] == 1.0
-    assert told["b"]["ms"] > 1.9 and told["b"]["ratio"] > 1
+    assert measured["a"]["ratio"] == 1.0
+    assert measured["b"]["ms"] > 1.9 and measured["b"]["ratio"] > 1
 
 
 def test_corridor_is_a_street() -> None:
@@ -57,17 +57,17 @@ def test_corridor_is_a_street() -> None:
 
 
 def test_raster_tables_tell_times_and_errors(tmp_path: Path) -> None:
-    told = bench_raster(TINY)
-    rows = {row["name"]: row for row in told["knobs"]["forward_and_backward"]}
+    measured = bench_raster(TINY)
+    rows = {row["name"]: row for row in measured["knobs"]["forward_and_backward"]}
     assert rows["specified, all planes"]["gradient_error"] < 1e-4
     assert rows["exponential of degree 3"]["gradient_error"] > rows["specified, all planes"]["gradient_error"]
     assert rows["cut at alpha 1/32"]["plane_error"] > 100 * rows["specified, all planes"]["plane_error"]
     assert rows["whole boxes, no exact reach"]["plane_error"] == rows["specified, all planes"]["plane_error"]
     assert all(row["ms"] > 0 for row in rows.values())
-    assert told["sweep"][0]["surfels"] == 200 and told["sweep"][0]["plane_error"] < 1e-3
-    assert any("plain torch" in row["name"] for row in told["rivals"])
-    json.dumps(told)
-    write_plot(told, tmp_path / "front.png")
+    assert measured["sweep"][0]["surfels"] == 200 and measured["sweep"][0]["plane_error"] < 1e-3
+    assert any("plain torch" in row["name"] for row in measured["rivals"])
+    json.dumps(measured)
+    write_plot(measured, tmp_path / "front.png")
     picture = cv2.imread(str(tmp_path / "front.png"))
     assert picture is not None and picture.shape[0] > 400
 
@@ -75,9 +75,9 @@ def test_raster_tables_tell_times_and_errors(tmp_path: Path) -> None:
 def test_command_measures_a_step_and_writes_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "step.json"
     assert main(["bench", "step", "--size", "48x32", "--surfels", "300", "-o", str(target)]) == 0
-    told = json.loads(target.read_text())
-    assert told["surfels"] == 300 and told["size"] == [48, 32]
-    assert 0 < told["least_ms"] <= told["step_ms"] and told["second_process_s"] > 0 and "ratio" not in told
+    measured = json.loads(target.read_text())
+    assert measured["surfels"] == 300 and measured["size"] == [48, 32]
+    assert 0 < measured["least_ms"] <= measured["step_ms"] and measured["second_process_s"] > 0 and "ratio" not in measured
     assert '"step_ms"' in capsys.readouterr().out
 
 

@@ -30,7 +30,7 @@ def test_a_box_knows_what_lies_in_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"id": 0}, "id 0"),
         ({"size": [4.0, 0.0, 1.0]}, "not positive"),
@@ -39,8 +39,8 @@ def test_a_box_knows_what_lies_in_it() -> None:
         ({"class": ""}, "class is empty"),
     ],
 )
-def test_a_bad_box_is_one_line(change: dict[str, Any], told: str) -> None:
-    with pytest.raises(DriveError, match=rf"t\.json: box 0 of frame 00: .*{told}"):
+def test_a_bad_box_is_one_line(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(DriveError, match=rf"t\.json: box 0 of frame 00: .*{message}"):
         read_boxes([{**BOX, **change}], Path("t.json"), "00")
 
 

@@ -1,4 +1,4 @@
-"""Scale and up of a drive: given, told, or estimated, and said."""
+"""Scale and up of a drive: given, read from the drive, or estimated, and reported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def street(tmp_path: Path) -> Path:
 
 
 def unknown(path: Path, up: np.ndarray, scale: float = 1.0) -> Drive:
-    """The street in a frame of which nothing is told."""
+    """The street in a frame of which nothing is known."""
     return open_drive(put_into_other_frame(path, Similarity(scale, upright(up), np.array([5.0, -3.0, 2.0]))))
 
 
@@ -162,7 +162,7 @@ def test_points_of_a_laser_scanner_are_metres(street: Path, name: str) -> None:
 def test_instant_ngp_says_which_way_is_up(street: Path) -> None:
     put_into_other_frame(street, up=[0, 2.0, 0])
     placed = place_drive(open_drive(street))
-    assert placed.up_source == "told" and placed.up_name == "y"
+    assert placed.up_source == "drive" and placed.up_name == "y"
     for bad in ([0, 0], [0, 0, 0], ["a", 0, 0], "y", [0, 0, float("nan")]):
         edit(street, lambda d, bad=bad: d.update(up=bad))
         with pytest.raises(DriveError, match="up is no direction"):
@@ -173,7 +173,7 @@ def test_a_workspaces_copy_has_metres_whatever_was_estimated_for_it(street: Path
     put_into_other_frame(street)
     copy = import_drive(open_drive(street), street.parent.parent / "ws/drive")
     placed = place_drive(open_drive(copy.root))
-    assert placed.to_world.shifts_only and not placed.surprising and placed.up_source == "told"
+    assert placed.to_world.shifts_only and not placed.surprising and placed.up_source == "drive"
     assert placed.message() == "coordinates are metres, as an import before has estimated; up is z, as the drive says"
     again = import_drive(open_drive(copy.root), street.parent.parent / "again/drive")
     assert again.scale_source == "camera height"

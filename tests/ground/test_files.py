@@ -49,7 +49,7 @@ def damaged(**changes: object) -> dict[str, np.ndarray]:
         "street_height": street.height,
         "street_first": np.array([street.s_start, street.t_start]),
         "street_cell": np.array([1.0, 0.1]),
-        "street_limits": np.stack([street.right, street.left]),
+        "street_limits": np.stack([street.t_min, street.t_max]),
         **changes,
     }
     return {k: np.asarray(v) for k, v in arrays.items() if v is not None}

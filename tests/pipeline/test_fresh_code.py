@@ -51,6 +51,8 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> list[list[str]]:
 
 
 @pytest.mark.parametrize(("number", "program"), [(0, "render"), (1, "sweep")])
-def test_freshly_compiled_and_cached_code_give_the_same_bits(told: list[list[str]], number: int, program: str) -> None:
-    fresh, cached = (said[number] for said in told)
+def test_freshly_compiled_and_cached_code_give_the_same_bits(
+    printed: list[list[str]], number: int, program: str
+) -> None:
+    fresh, cached = (said[number] for said in printed)
     assert fresh == cached, program

@@ -57,8 +57,10 @@ def reconstructed(path: Path, *, judges: Path | None = None) -> Outcome:
         assert bool(torch.isfinite(values).all())
     frames = list((drive if judges is None else localized(open_drive(judges))).frames)
     frames = frames[:: max(1, len(frames) // 10)]
-    told = evaluate_views(surfels, sky, frames, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity)
-    return Outcome(surfels, told["psnr"], told["miou"])
+    scores = evaluate_views(
+        surfels, sky, frames, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity
+    )
+    return Outcome(surfels, scores["psnr"], scores["miou"])
 
 
 def photographs(path: Path) -> list[np.ndarray]:

@@ -1,6 +1,6 @@
 """Cameras without photographs: views that a user wants to see, from a file or beside a drive's own path.
 
-Three files are read, told apart by what is in them: a nerfstudio or Instant-NGP ``transforms.json``; a camera path as
+Three kinds of files are read, distinguished by what is in them: a nerfstudio or Instant-NGP ``transforms.json``; a camera path as
 nerfstudio's viewer exports it (``camera_path``, ``camera_to_world`` with OpenGL axes, vertical ``fov`` in degrees; see
 ``nerfstudio/cameras/camera_paths.py``); and a workspace's own ``drive/cameras.json``. All poses are in the coordinates of the
 drive's file. Views are pinhole: a lens distortion that a file names is left out.

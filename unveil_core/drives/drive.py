@@ -98,7 +98,7 @@ class Drive:
     units_per_metre: float | None = 1.0
     scale_source: str = "metric"
     up: NDArray[np.float64] | None = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
-    up_source: str = "told"
+    up_source: str = "drive"
     semantic_classes: str | None = None
     truth_root: Path | None = None
     sources: tuple[Path, ...] = ()

@@ -58,7 +58,7 @@ class Placement:
         to_world: scale and rotation from local to the drive's own coordinates; no translation.
         scale_source: "given", "metric", "depth unit", "measured points", "applied_scale", or, estimated, "camera height" and
             "nothing".
-        up_source: "given", "told", or, estimated, "ground" and "cameras".
+        up_source: "given", "drive", or, estimated, "ground" and "cameras".
         height: of the cameras above the ground, in units of the drive, where it was needed; None = not looked for or not found.
         before: the scale was estimated when the drive, now of metres, was imported into another workspace.
     """
@@ -77,7 +77,7 @@ class Placement:
     @property
     def up_is_known(self) -> bool:
         """False where up was estimated."""
-        return self.up_source in ("given", "told")
+        return self.up_source in ("given", "drive")
 
     @property
     def up_name(self) -> str:
@@ -112,7 +112,7 @@ class Placement:
         }
         ups = {
             "given": f"up is {self.up_name}, as given",
-            "told": f"up is {self.up_name}, as the drive says",
+            "drive": f"up is {self.up_name}, as the drive says",
             "ground": f"up is taken as {self.up_name}, by cameras and ground; --up decides",
             "cameras": f"up is taken as {self.up_name}, by the cameras; --up decides",
         }
@@ -132,7 +132,7 @@ class Placement:
 
 
 def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = None) -> Placement:
-    """Scale and up of a drive, given, told or estimated.
+    """Scale and up of a drive, given, read from the drive, or estimated.
 
     Args:
         drive: as read from disk.
@@ -145,24 +145,24 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
             raise DriveError(
                 f"the pose of frame {frame.name} holds NaN or infinity", path=drive.root, mend="redo its pose"
             )
-    source = "given" if up is not None else "told"
+    source = "given" if up is not None else "drive"
     axis = UP_AXES[up] if up is not None else drive.up
     if axis is None:
         axis, source = estimate_up(drive)
     height = None
-    told, scale_source = (scale, "given") if scale is not None else (drive.units_per_metre, drive.scale_source)
-    if told is None or scale_source in ("depth unit", "measured points", "applied_scale"):
+    units, scale_source = (scale, "given") if scale is not None else (drive.units_per_metre, drive.scale_source)
+    if units is None or scale_source in ("depth unit", "measured points", "applied_scale"):
         height = camera_height(drive, axis)
         low, high = BELIEVED_HEIGHTS_M
-        if told is not None and height is not None and not low <= height / told <= high:
-            told = None
+        if units is not None and height is not None and not low <= height / units <= high:
+            units = None
     before = False
-    if told is None:
-        told, scale_source = (1.0, "nothing") if height is None else (height / CAMERA_HEIGHT_M, "camera height")
+    if units is None:
+        units, scale_source = (1.0, "nothing") if height is None else (height / CAMERA_HEIGHT_M, "camera height")
     else:
         before = scale is None and scale_source in ("camera height", "nothing")
     try:
-        return Placement(Similarity(told, upright(axis)), scale_source, source, height, before)
+        return Placement(Similarity(units, upright(axis)), scale_source, source, height, before)
     except ValueError as error:
         raise DriveError(f"has no frame: {error}", path=drive.root, mend="give --scale and --up") from error
 

@@ -164,19 +164,21 @@ def _meet(points, radius, waiting, around):
         waiting: (DEEPEST, 4) begin and end of two ranges in row 0; the rest is room for their parts.
         around: (DEEPEST, 2, 2, D) the boxes around the two likewise.
     """
-    reach, dimensions, left = radius * radius, points.shape[1], 1
+    reach, dimensions, pending = radius * radius, points.shape[1], 1
     part, mate = np.empty((2, 2, dimensions)), np.empty((2, dimensions))
-    while left > 0:
-        left -= 1
-        a0, a1, b0, b1 = waiting[left, 0], waiting[left, 1], waiting[left, 2], waiting[left, 3]
+    while pending > 0:
+        pending -= 1
+        a0, a1, b0, b1 = waiting[pending, 0], waiting[pending, 1], waiting[pending, 2], waiting[pending, 3]
         # The longest side is halved.
         longest, which, axis, farthest = -1.0, 0, 0, 0.0
         for k in range(dimensions):
             for w in range(2):
-                side = around[left, w, 1, k] - around[left, w, 0, k]
+                side = around[pending, w, 1, k] - around[pending, w, 0, k]
                 if side > longest:
                     longest, which, axis = side, w, k
-            beyond = max(around[left, 0, 1, k] - around[left, 1, 0, k], around[left, 1, 1, k] - around[left, 0, 0, k])
+            beyond = max(
+                around[pending, 0, 1, k] - around[pending, 1, 0, k], around[pending, 1, 1, k] - around[pending, 0, 0, k]
+            )
             farthest += beyond * beyond
         if farthest <= reach or longest <= FINE * radius:
             return True
@@ -189,24 +191,24 @@ def _meet(points, radius, waiting, around):
                     if away <= reach:
                         return True
             continue
-        begin, end = waiting[left, 2 * which], waiting[left, 2 * which + 1]
-        low, high = around[left, which, 0, axis], around[left, which, 1, axis]
+        begin, end = waiting[pending, 2 * which], waiting[pending, 2 * which + 1]
+        low, high = around[pending, which, 0, axis], around[pending, which, 1, axis]
         middle = low + (high - low) / 2
         cut = _partition(points, begin, end, axis, middle if middle < high else low)
         _surround(points, begin, cut, part[0])
         _surround(points, cut, end, part[1])
-        _copy(around[left, 1 - which], mate)
+        _copy(around[pending, 1 - which], mate)
         front, back = _apart(part[0], mate), _apart(part[1], mate)
         for turn in range(2):
             # The nearer part comes last, so that it is looked at first.
             chosen = turn if front > back else 1 - turn
             if (front if chosen == 0 else back) > reach:
                 continue
-            waiting[left, 0], waiting[left, 1], waiting[left, 2], waiting[left, 3] = a0, a1, b0, b1
-            waiting[left, 2 * which + 1 - chosen] = cut
-            _copy(part[chosen], around[left, which])
-            _copy(mate, around[left, 1 - which])
-            left += 1
+            waiting[pending, 0], waiting[pending, 1], waiting[pending, 2], waiting[pending, 3] = a0, a1, b0, b1
+            waiting[pending, 2 * which + 1 - chosen] = cut
+            _copy(part[chosen], around[pending, which])
+            _copy(mate, around[pending, 1 - which])
+            pending += 1
     return False
 
 

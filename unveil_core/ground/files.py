@@ -54,7 +54,7 @@ def write_ground(ground: DriveGround, path: Path) -> None:
             "street_height": street.height,
             "street_first": np.array([street.s_start, street.t_start]),
             "street_cell": np.array([street.s_cell, street.t_cell]),
-            "street_limits": np.stack([street.right, street.left]),
+            "street_limits": np.stack([street.t_min, street.t_max]),
         }
     if terrain is not None:
         arrays |= {"terrain_height": terrain.height, "terrain_corner": terrain.corner, "terrain_cell": terrain.cell}
@@ -112,10 +112,10 @@ def _ground(arrays: dict[str, Float64]) -> DriveGround:
     if "street_height" in arrays:
         height = array("street_height", None, None)
         (s_start, t_start), (s_cell, t_cell) = array("street_first", 2), size("street_cell", 2)
-        right, left = array("street_limits", 2, len(height))
+        t_min, t_max = array("street_limits", 2, len(height))
         if min(height.shape) < 2:
             raise ValueError("street_height is too small")
-        street = Ground(path, float(s_start), float(t_start), float(s_cell), float(t_cell), height, left, right)
+        street = Ground(path, float(s_start), float(t_start), float(s_cell), float(t_cell), height, t_max, t_min)
     if "terrain_height" in arrays:
         height = array("terrain_height", None, None, gaps=True)
         if min(height.shape) < 2:

@@ -32,7 +32,7 @@ class Ground:
         path: the street coordinates.
         s_start, t_start: of the grid's first cell centres; s_cell, t_cell: cell sizes, metres.
         height: (A, B) heights at cell centres.
-        left, right: (A,) largest and smallest lateral offset that is still ground, per cell of arc length.
+        t_max, t_min: (A,) largest and smallest lateral offset that is still ground, per cell of arc length.
     """
 
     path: StreetPath
@@ -41,8 +41,8 @@ class Ground:
     s_cell: float
     t_cell: float
     height: Float64
-    left: Float64
-    right: Float64
+    t_max: Float64
+    t_min: Float64
 
     def height_at(self, s: Float64, t: Float64) -> Float64:
         """Bilinear height at street coordinates, clamped at the grid's border."""
@@ -66,9 +66,9 @@ class Ground:
 
     def inside(self, s: Float64, t: Float64) -> Mask:
         """Whether street coordinates lie on ground as far as anyone saw it."""
-        a = np.clip(np.round((s - self.s_start) / self.s_cell).astype(int), 0, len(self.left) - 1)
-        s_end = self.s_start + self.s_cell * (len(self.left) - 1)
-        return (t <= self.left[a]) & (t >= self.right[a]) & (s >= self.s_start) & (s <= s_end)
+        a = np.clip(np.round((s - self.s_start) / self.s_cell).astype(int), 0, len(self.t_max) - 1)
+        s_end = self.s_start + self.s_cell * (len(self.t_max) - 1)
+        return (t <= self.t_max[a]) & (t >= self.t_min[a]) & (s >= self.s_start) & (s <= s_end)
 
     @cached_property
     def _grid(self) -> Grid:
@@ -81,8 +81,8 @@ class Ground:
             self.height,
             np.array([self.s_start - path.start, self.t_start]),
             np.array([self.s_cell, self.t_cell]),
-            minimum_filter1d(self.right, rim) - RIM_M,
-            maximum_filter1d(self.left, rim) + RIM_M,
+            minimum_filter1d(self.t_min, rim) - RIM_M,
+            maximum_filter1d(self.t_max, rim) + RIM_M,
         )
 
     def intersect(self, camera: Camera, rays: Float64) -> tuple[Float64, Float64]:

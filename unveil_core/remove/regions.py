@@ -1,7 +1,7 @@
-"""Where the picture changes when the objects are removed, and which part of that no frame ever showed.
+"""The regions of a frame: nothing removed, observed, seen elsewhere, unobserved.
 
-The ideal mask of *3D StreetUnveiler*, section 3.2: a pixel is unobserved where the alpha of the scene falls when the
-objects are taken out, because no view gave surfels for what lies behind.
+Which pixels are unobserved is decided in ``remove.observed``. The mask of *3D StreetUnveiler*, section 3.2, is here for comparison
+only: the benchmark of the reconstruction measures how far it is from the truth.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ def unobserved_mask(
     opaque: float = 0.99,
     smallest_px: int = 12,
 ) -> NDArray[np.bool_]:
-    """Pixels (H, W) that must be invented.
+    """Pixels (H, W) that are unobserved by the paper's rule: alpha falls when the objects are taken out, because no view gave
+    surfels for what lies behind.
 
     Args:
         alpha_full, alpha_empty: (H, W) with and without the objects.

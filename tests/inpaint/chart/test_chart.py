@@ -23,13 +23,13 @@ RADIUS = 60.0
 
 
 def paint(s: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """True colours: asphalt, an edge line at -2.2 m, a walk beyond the kerb at 4 m with joints every 60 cm."""
+    """True colours: asphalt, an edge line at -2.2 m, a sidewalk beyond the kerb at 4 m with joints every 60 cm."""
     grain = 0.03 * np.sin(13 * s + 7 * t) * np.cos(11 * t - 5 * s)
     color = np.repeat((0.35 + grain)[..., None], 3, axis=-1)
     color[np.abs(t + 2.2) < 0.1] = 0.85
-    walk = np.abs(t) > 4
-    color[walk] = np.array([0.6, 0.57, 0.52])
-    color[walk & (np.abs((s / 0.6) % 1) < 0.08)] = 0.42
+    sidewalk = np.abs(t) > 4
+    color[sidewalk] = np.array([0.6, 0.57, 0.52])
+    color[sidewalk & (np.abs((s / 0.6) % 1) < 0.08)] = 0.42
     return color
 
 

@@ -26,7 +26,7 @@ def wavy_street(wander_m: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.nda
     return np.where(seen[..., None], picture, 0), seen
 
 
-def test_wander_is_found_to_a_centimetre_or_two() -> None:
+def test_drift_is_found_to_a_centimetre_or_two() -> None:
     s = np.arange(1400) / PER_M
     wander = 0.12 * np.sin(2 * np.pi * s / 18) + 0.004 * (s - 28)
     color, seen = wavy_street(wander)
@@ -47,7 +47,7 @@ def test_medians_are_sharper_once_it_is_out() -> None:
     assert scatter(*drift.rectify(color, seen)) < 0.5 * scatter(color, seen)
 
 
-def test_a_street_without_paint_and_one_that_nobody_saw_stay_straight() -> None:
+def test_a_street_without_paint_and_one_that_nobody_saw_have_no_drift() -> None:
     plain = np.full((300, 100, 3), 0.4, dtype=np.float32)
     for seen in (np.ones((300, 100), dtype=bool), np.zeros((300, 100), dtype=bool)):
         drift = find_drift(plain, seen, texels_per_m=PER_M)
@@ -57,7 +57,7 @@ def test_a_street_without_paint_and_one_that_nobody_saw_stay_straight() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 1000), st.floats(-8, 8))
-def test_bending_undoes_straightening(seed: int, shift: float) -> None:
+def test_unrectify_undoes_rectify(seed: int, shift: float) -> None:
     rng = np.random.default_rng(seed)
     smooth = np.cumsum(rng.normal(0, 0.01, (40, 60, 3)), axis=1).astype(np.float32)
     drift = Drift(np.full(40, shift, dtype=np.float32))

@@ -187,7 +187,7 @@ def test_a_house_that_the_picture_cuts_off_is_as_high_as_farther_along() -> None
     assert np.array_equal(as_high_as_beside(chart, at, seen, []), seen)
 
 
-def test_what_floats_before_a_front_is_not_of_the_house() -> None:
+def test_what_floats_before_a_facade_is_not_of_the_house() -> None:
     chart, *_ = lit_street(SUNS[0])
     house = box_surfels(HOUSE, spacing=0.2)
     stray = box_surfels(np.array([[18.0, -7.5, 5.0], [18.6, -7.0, 5.6]]), spacing=0.2)

@@ -195,14 +195,14 @@ def refused(path: Path, load=load_single_image) -> str:
         ([*images(64, 64), ("reference", FLOAT, (1, 3, 64, 64))], "--reference-inpainter"),
     ],
 )
-def test_wrong_inputs_are_told(inputs: list, said: str, tmp_path: Path) -> None:
+def test_wrong_inputs_are_reported(inputs: list, said: str, tmp_path: Path) -> None:
     path = save(
         tmp_path / "wrong.onnx", inputs, [helper.make_node("Identity", [inputs[0][0]], ["out"])], kind=inputs[0][1]
     )
     assert said in refused(path)
 
 
-def test_wrong_answers_are_told(tmp_path: Path) -> None:
+def test_wrong_answers_are_reported(tmp_path: Path) -> None:
     numbers = {
         **networks.MEAN,
         "nothing": np.array(np.nan, np.float32),
@@ -224,7 +224,7 @@ def test_wrong_answers_are_told(tmp_path: Path) -> None:
     assert "does not take (1, 3, 72, 72) and (1, 1, 72, 72): " in refused(path)
 
 
-def test_values_that_are_not_finite_later_are_told_too(tmp_path: Path) -> None:
+def test_values_that_are_not_finite_later_are_reported_too(tmp_path: Path) -> None:
     """Zero over zero, where nothing at all is known."""
     nodes = [
         helper.make_node("Sub", ["one", "mask"], ["known"]),

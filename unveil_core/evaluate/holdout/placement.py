@@ -188,8 +188,8 @@ def _free_places(
     above = ground.over(street)
     track = ground.path.to_street(np.stack([c.centre for c in cameras]))
     s_low, s_high = track[:, 0].min() + 2.0, track[:, 0].max() + 25.0
-    s_high = min(s_high, ground.s_start + ground.s_cell * (len(ground.left) - 1))
-    t_low, t_high = float(ground.right.min()), float(ground.left.max())
+    s_high = min(s_high, ground.s_start + ground.s_cell * (len(ground.t_max) - 1))
+    t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
     if s_high <= s_low or t_high - t_low < WIDTH_M:
         return []
 

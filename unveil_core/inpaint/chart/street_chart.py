@@ -145,9 +145,9 @@ def read_chart(
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    t_low, t_high = float(ground.right.min()), float(ground.left.max())
+    t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
     s_low = ground.s_start
-    s_high = ground.s_start + ground.s_cell * (len(ground.left) - 1)
+    s_high = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     rows, columns = int((s_high - s_low) / texel_m) + 1, int((t_high - t_low) / texel_m) + 1
     s = s_low + texel_m * np.arange(rows)
     t = t_low + texel_m * np.arange(columns)

@@ -145,7 +145,7 @@ def read_facade(
         left: which side of the street.
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    end = ground.s_start + ground.s_cell * (len(ground.left) - 1)
+    end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     s = np.arange(ground.s_start, end, texel_m)
     offset = facade_offsets(walls, ground, s, left=left)
     shape = (len(s), int(TOP_M / texel_m))

@@ -92,7 +92,7 @@ def run(context: StageContext) -> None:
 
 
 def _street_from(scene: SceneLabels, street: Ground | None) -> str | None:
-    """What told the street's ground from everything else; None where there is none."""
+    """What distinguished the street's ground from everything else; None where there is none."""
     if street is None:
         return None
     return "labels" if scene.labels.indices(GROUND_CLASSES) else "level surfels"
