@@ -2,8 +2,8 @@
 
 Surfels cover observed surfaces only: behind a car on a bank the scene shows the hill far beyond. The points of the drive, LiDAR
 above all, give the height of the ground all around to centimetres, better than surfels that were displaced by photometric
-optimization, and between them it goes on smoothly. It is fitted as a height field over the horizontal plane, so banks, meadows and verges
-are in it as well as the street.
+optimization, and between them it goes on smoothly. It is fitted as a height field over the horizontal plane, so banks, meadows
+and verges are in it as well as the street.
 """
 
 from __future__ import annotations
