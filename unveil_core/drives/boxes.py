@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["TrackedBox", "read_boxes"]
+__all__ = ["TrackedBox", "boxes_at", "read_boxes"]
 
 MEND = "a box is {id, class, centre: [x, y, z], size: [length, width, height], yaw}, metres and radians"
 
@@ -119,3 +120,30 @@ def read_boxes(entries: object, path: Path, frame: str) -> tuple[TrackedBox, ...
             mend="an id stands for one object and occurs once a frame",
         )
     return tuple(boxes)
+
+
+def boxes_at(time: float, stamps: Sequence[float], boxes: Sequence[Sequence[TrackedBox]]) -> tuple[TrackedBox, ...]:
+    """The boxes at a time, interpolated between annotations before and after it; outside of them the nearest.
+
+    Args:
+        time: seconds; stamps: of the annotations, ascending; boxes: of each.
+    """
+    if not stamps:
+        return ()
+    k = bisect.bisect_left(stamps, time)
+    if k == 0 or k == len(stamps):
+        return tuple(boxes[min(k, len(stamps) - 1)])
+    share = (time - stamps[k - 1]) / (stamps[k] - stamps[k - 1])
+    later = {b.id: b for b in boxes[k]}
+    nearest = boxes[k - 1] if share < 0.5 else boxes[k]
+    earlier = {b.id: b for b in boxes[k - 1]}
+    return tuple(
+        _between(earlier[b.id], later[b.id], share) if b.id in earlier and b.id in later else b for b in nearest
+    )
+
+
+def _between(a: TrackedBox, b: TrackedBox, share: float) -> TrackedBox:
+    turn = (b.yaw - a.yaw + math.pi) % (2 * math.pi) - math.pi
+    centre = np.asarray(a.centre) * (1 - share) + np.asarray(b.centre) * share
+    size = np.asarray(a.size) * (1 - share) + np.asarray(b.size) * share
+    return replace(a, centre=_three(centre.tolist()), size=_three(size.tolist()), yaw=a.yaw + share * turn)

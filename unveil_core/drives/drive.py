@@ -6,8 +6,10 @@ to metres, z up and a local origin, and the imported copy opens as a :class:`Dri
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["Distortion", "Drive", "Frame", "PointCloud", "tracks"]
+__all__ = ["Distortion", "Drive", "Frame", "FrameLabels", "PointCloud", "Sweep", "SweepPoints", "tracks"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,21 @@ class Distortion:
     def is_zero(self) -> bool:
         """True where the lens is a pinhole and nothing needs undistorting (a fisheye never is)."""
         return self.model == "OPENCV" and not any(self.coefficients)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameLabels:
+    """Labels of one photograph, decoded from a dataset's own encoding.
+
+    Attributes:
+        semantic: (H, W) uint8 Cityscapes trainIds, 255 void.
+        instance: (H, W) uint16 instance ids, 0 none; None where the dataset has none.
+        ego: (H, W) bool, pixels that show the ego vehicle; None likewise.
+    """
+
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.uint16] | None = None
+    ego: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +65,10 @@ class Frame:
         depth_path: depth file named by the drive, or None.
         timestamp: seconds, or None.
         boxes: of tracked objects at this frame's time, where the drive has any.
+        labels: reads the labels of a dataset that keeps them in an encoding of its own; None where it has none.
+        image_bytes: reads the encoded photograph where ``image_path`` names a file that holds many; its suffix tells the
+            encoding all the same, and its stem the frame.
+        ego_rows: lowest rows of the photograph that show the ego vehicle, where the dataset is known to have such.
     """
 
     name: str
@@ -61,16 +82,66 @@ class Frame:
     depth_path: Path | None = None
     timestamp: float | None = None
     boxes: tuple[TrackedBox, ...] = ()
+    labels: Callable[[], FrameLabels] | None = None
+    image_bytes: Callable[[], bytes] | None = None
+    ego_rows: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """LiDAR or SfM points: ``positions`` (P, 3) float64, ``colors`` (P, 3) uint8 or None; ``measured`` where their file has what
-    only laser scanners write."""
+    """LiDAR or SfM points.
+
+    Attributes:
+        positions: (P, 3) float64.
+        colors: (P, 3) uint8, or None.
+        measured: their file has what only laser scanners write.
+        classes: (P,) uint8 Cityscapes trainIds, 255 unknown; None where nothing labels them.
+        moving: (P,) bool, points that lay in the box of a dynamic object when they were measured; None = none did.
+    """
 
     positions: NDArray[np.float64]
     colors: NDArray[np.uint8] | None = None
     measured: bool = False
+    classes: NDArray[np.uint8] | None = None
+    moving: NDArray[np.bool_] | None = None
+
+    def select(self, keep: NDArray[np.bool_]) -> PointCloud:
+        """The points of a mask (P,)."""
+
+        def part(values: NDArray[Any] | None) -> Any:
+            return None if values is None else values[keep]
+
+        return PointCloud(self.positions[keep], part(self.colors), self.measured, part(self.classes), part(self.moving))
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPoints:
+    """Points of one sweep.
+
+    Attributes:
+        positions: (P, 3) float64 in the drive's coordinates.
+        classes: (P,) uint8 Cityscapes trainIds, 255 unknown; None where the dataset does not label this sweep.
+    """
+
+    positions: NDArray[np.float64]
+    classes: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One turn of a LiDAR, read when it is asked for: a drive's sweeps do not fit into memory together.
+
+    Attributes:
+        path: of its file, for messages and digests.
+        read: its points. Raises DriveError.
+        timestamp: seconds, or None.
+        boxes: of tracked objects at the sweep's time.
+    """
+
+    path: Path
+    read: Callable[[], SweepPoints]
+    timestamp: float | None = None
+    boxes: tuple[TrackedBox, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +151,8 @@ class Drive:
     Attributes:
         root: folder or file it was read from.
         frames: frames in order of travel (per camera in time order).
-        points: LiDAR or SfM points.
+        points: LiDAR or SfM points; empty in a drive with sweeps until it is imported.
+        sweeps: of its LiDARs, in order of time.
         to_world: from the coordinates of cameras, points and boxes to those of the files; identity before import.
         units_per_metre: of these coordinates; None where the files do not tell. 1 once imported.
         scale_source: how the scale is known, see :class:`unveil_core.drives.scale_and_up.Placement`.
@@ -88,7 +160,10 @@ class Drive:
         up_source: how up is known, likewise.
         semantic_classes: "cityscapes" or None.
         truth_root: folder of the true empty street, or None.
-        sources: the files that it was read from, beside those of the frames.
+        sources: the files that it was read from, beside those of the frames and sweeps.
+        front_cameras: names of the cameras that are read unless others are asked for; none = all.
+        notices: what a user should know of how it was read, one line each.
+        key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
     """
 
     root: Path
@@ -102,6 +177,10 @@ class Drive:
     semantic_classes: str | None = None
     truth_root: Path | None = None
     sources: tuple[Path, ...] = ()
+    sweeps: tuple[Sweep, ...] = ()
+    front_cameras: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
+    key_frames: frozenset[str] | None = None
 
 
 def tracks(drive: Drive) -> list[list[int]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SelectionError
+from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 
 __all__ = [
     "CITYSCAPES",
@@ -26,29 +27,6 @@ __all__ = [
     "expand_names",
 ]
 
-CITYSCAPES: tuple[str, ...] = (
-    "road",
-    "sidewalk",
-    "building",
-    "wall",
-    "fence",
-    "pole",
-    "traffic light",
-    "traffic sign",
-    "vegetation",
-    "terrain",
-    "sky",
-    "person",
-    "rider",
-    "car",
-    "truck",
-    "bus",
-    "train",
-    "motorcycle",
-    "bicycle",
-)
-"""Cityscapes class names; the position is the trainId."""
-
 COLORS: tuple[tuple[int, int, int], ...] = (
     (128, 64, 128), (244, 35, 232), (70, 70, 70), (102, 102, 156), (190, 153, 153), (153, 153, 153), (250, 170, 30),
     (220, 220, 0), (107, 142, 35), (152, 251, 152), (70, 130, 180), (220, 20, 60), (255, 0, 0), (0, 0, 142),
@@ -56,7 +34,6 @@ COLORS: tuple[tuple[int, int, int], ...] = (
 )  # fmt: skip
 """The colours that the field draws these classes in (sRGB)."""
 
-VOID = 255
 REMOVABLE: tuple[str, ...] = ("person", "rider", "car", "truck", "bus", "train", "motorcycle", "bicycle")
 GROUPS: dict[str, tuple[str, ...]] = {
     "vehicle": ("car", "truck", "bus", "train", "motorcycle", "bicycle"),

@@ -1,35 +1,103 @@
-"""All readers, and which of them reads a given path. A new format is a module beside this one and a line here."""
+"""All readers, and which of them reads a given path. A new format is a module beside this one and a line in ``FORMATS``."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from unveil_core.base.errors import DriveError
+from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
+from unveil_core.drives.formats import pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
 
-__all__ = ["open_drive"]
+__all__ = ["FORMATS", "Format", "open_drive"]
 
 
-def open_drive(path: str | Path) -> Drive:
-    """Read a drive from a transforms.json or its folder, a COLMAP folder, or the drive/ folder of a workspace.
+@dataclass(frozen=True)
+class Format:
+    """One kind of drive on disk.
 
+    Attributes:
+        name: as documents call it.
+        looked_for: what tells it, for the message where nothing is recognized.
+        recognizes: whether a path is of this kind; it looks at names only.
+        read: the drive at a path, with all its cameras. Raises DriveError.
+        scenes: names of the drives that a folder holds, where it may hold several; ``read`` then takes one of them.
+    """
+
+    name: str
+    looked_for: str
+    recognizes: Callable[[Path], bool]
+    read: Callable[..., Drive]
+    scenes: Callable[[Path], list[str]] | None = None
+
+
+FORMATS: tuple[Format, ...] = (
+    Format(
+        "transforms.json",
+        "transforms.json",
+        lambda p: p.suffix.lower() == ".json" if p.is_file() else (p / "transforms.json").is_file(),
+        read_transforms_json,
+    ),
+    Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), read_imported),
+    Format(
+        "PandaSet",
+        "camera/, lidar/ and annotations/ (PandaSet)",
+        pandaset.recognizes,
+        pandaset.read_pandaset,
+        pandaset.scenes,
+    ),
+    Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
+)
+"""In the order in which they are asked: a processed layout may hold a COLMAP model beside what it knows better."""
+
+SHOWN_SCENES = 8
+"""Names that a message lists at most."""
+
+
+def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
+    """Read a drive: a transforms.json or its folder, a dataset's folder (see docs/datasets.md), a COLMAP folder, or the drive/
+    folder of a workspace.
+
+    Args:
+        path: of the drive.
+        options: which part of it is read; None = all frames of its front camera, or of all cameras where it names none.
     Raises:
         DriveError: it is none of these, or cannot be read.
+        SettingsError: a camera, range or scene that it does not have.
     """
-    path = Path(path)
+    path, options = Path(path), options or DriveOptions()
     if not path.exists():
         raise DriveError("there is no such drive", path=path, mend="check the path")
-    if path.is_file():
-        if path.suffix.lower() != ".json":
+    kind = next((f for f in FORMATS if f.recognizes(path)), None)
+    if kind is None:
+        if path.is_file():
             raise DriveError("is no drive", path=path, mend="give a transforms.json or a folder")
-        return read_transforms_json(path)
-    if (path / "transforms.json").is_file():
-        return read_transforms_json(path)
-    if (path / "cameras.json").is_file():
-        return read_imported(path)
-    if find_model(path) is not None:
-        return read_colmap(path)
-    raise DriveError("holds no drive", path=path, mend="transforms.json or a COLMAP model in sparse/0 is looked for")
+        looked_for = "; ".join(f.looked_for for f in FORMATS)
+        raise DriveError("holds no drive", path=path, mend=f"looked for: {looked_for}")
+    if kind.scenes is None:
+        if options.scene is not None:
+            raise SettingsError(f"a drive of {kind.name} is one scene", mend="leave --scene out")
+        drive = kind.read(path)
+    else:
+        drive = kind.read(path, _scene(kind, path, kind.scenes(path), options.scene))
+    if not drive.frames and not drive.notices:
+        raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
+    return select_part(in_order_of_time(drive), options)
+
+
+def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:
+    """The scene that is meant, where a folder holds several."""
+    shown = ", ".join(scenes[:SHOWN_SCENES]) + (
+        f" and {len(scenes) - SHOWN_SCENES} more" * (len(scenes) > SHOWN_SCENES)
+    )
+    if wanted is None and len(scenes) != 1:
+        problem = f"holds {len(scenes)} drives of {kind.name}"
+        raise DriveError(problem, path=path, mend=f"choose one by --scene: {shown or 'none is complete'}")
+    if wanted is not None and wanted not in scenes:
+        raise SettingsError(f"{path} has no scene {wanted}", mend=f"it has {shown or 'none'}")
+    return wanted if wanted is not None else scenes[0]

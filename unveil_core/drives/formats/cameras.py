@@ -1,0 +1,154 @@
+"""What readers of datasets share: cameras from calibrations, the size of a picture, ids of tracks, tables of numbers."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from unveil_core.base.errors import DriveError
+from unveil_core.base.types import Float64
+from unveil_core.drives.formats.transforms_json import ROTATION_TOLERANCE
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation
+
+__all__ = [
+    "TrackIds",
+    "calibrated_camera",
+    "picture_size",
+    "pose_of",
+    "read_numbers",
+    "rigid",
+]
+
+HEADER_BYTES = 1 << 16
+"""So much of a picture is read to find its size; the markers before it hold a thumbnail at most."""
+
+
+def rigid(matrix: object, path: Path, what: str) -> Float64:
+    """A checked (4, 4) rigid transform from 12 or 16 numbers or a matrix; rotations off by rounding are made exact.
+
+    Args:
+        path, what: of the transform, for messages.
+    Raises:
+        DriveError: not so many numbers, NaN, or no rotation.
+    """
+    try:
+        values = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.size not in (12, 16):
+        raise DriveError(f"{what} is not a 4x4 or 3x4 matrix", path=path)
+    found = np.eye(4)
+    found[: values.size // 4] = values.reshape(-1, 4)
+    if not np.isfinite(found).all():
+        raise DriveError(f"{what} holds NaN or infinity", path=path, mend="download it again or drop the frame")
+    rotation, error = nearest_rotation(found[:3, :3])
+    if error > ROTATION_TOLERANCE:
+        raise DriveError(f"{what} is no rotation (off by {error:.3g})", path=path)
+    found[:3, :3] = rotation
+    found[3] = (0, 0, 0, 1)
+    return found
+
+
+def pose_of(quat: Sequence[float] | Float64, position: Sequence[float] | Float64, path: Path, what: str) -> Float64:
+    """(4, 4) transform of a quaternion wxyz and a position (3,).
+
+    Raises:
+        DriveError: numbers that make none.
+    """
+    q, t = np.asarray(quat, dtype=np.float64), np.asarray(position, dtype=np.float64)
+    if q.shape != (4,) or t.shape != (3,) or not np.isfinite([*q, *t]).all() or not q.any():
+        raise DriveError(f"{what} is no quaternion and position", path=path, mend="download it again or drop the frame")
+    pose = np.eye(4)
+    pose[:3, :3] = quat_to_rotation(q)
+    pose[:3, 3] = t
+    return pose
+
+
+def calibrated_camera(
+    size: tuple[int, int], focal: tuple[float, float], centre: tuple[float, float], pose: Float64, path: Path
+) -> Camera:
+    """A camera of a dataset's calibration.
+
+    Args:
+        size: width and height, pixels; focal: fx and fy, pixels.
+        centre: principal point as OpenCV counts it, from the centre of the first pixel.
+        pose: (4, 4) from the camera (x right, y down, z forward) to the drive's coordinates.
+        path: of the calibration, for messages.
+    Raises:
+        DriveError: numbers that make no camera.
+    """
+    numbers = (*focal, *centre)
+    if not np.isfinite(numbers).all() or min(focal) <= 0 or min(size) < 1:
+        raise DriveError("has camera numbers that make no camera", path=path, mend="restore the calibration")
+    world_to_camera = np.eye(4)
+    world_to_camera[:3, :3] = pose[:3, :3].T
+    world_to_camera[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    return Camera(*size, *(float(f) for f in focal), *(float(c) + 0.5 for c in centre), world_to_camera)
+
+
+def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tuple[int, int]:
+    """Width and height of a PNG or JPEG, from its header.
+
+    Args:
+        path: of the picture; content: reads it where the path names a file that holds many.
+    Raises:
+        DriveError: missing, empty or neither.
+    """
+    try:
+        if content is not None:
+            data = content()
+        else:
+            with path.open("rb") as stream:
+                data = stream.read(HEADER_BYTES)
+                if data[:2] == b"\xff\xd8":
+                    data += stream.read()
+    except OSError as error:
+        raise DriveError("there is no such readable image", path=path, mend="restore it or drop the frame") from error
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        width, height = struct.unpack(">II", data[16:24])
+        return int(width), int(height)
+    if data[:2] == b"\xff\xd8":
+        at = 2
+        while at + 9 <= len(data):
+            if data[at] != 0xFF:
+                at += 1
+                continue
+            marker = data[at + 1]
+            if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+                height, width = struct.unpack(">HH", data[at + 5 : at + 9])
+                return int(width), int(height)
+            alone = marker in (0xFF, 0x01) or 0xD0 <= marker <= 0xD8
+            at += (1 if marker == 0xFF else 2) if alone else 2 + struct.unpack(">H", data[at + 2 : at + 4])[0]
+    empty = "is empty" if not data else "is not a readable image"
+    raise DriveError(empty, path=path, mend="copy it again from its source, or drop the frame")
+
+
+def read_numbers(path: Path, mend: str) -> list[list[float]]:
+    """The numbers of a text file, line by line; empty lines are left out.
+
+    Raises:
+        DriveError: missing, or a line that is not numbers.
+    """
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DriveError("there is no such readable file", path=path, mend=mend) from error
+    try:
+        return [[float(word) for word in line.split()] for line in lines if line.strip()]
+    except ValueError as error:
+        raise DriveError(f"holds a line that is not numbers: {error}", path=path, mend=mend) from error
+
+
+class TrackIds:
+    """Numbers 1, 2, … for the tracks of a dataset, which names them by strings; in the order in which they are asked for."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+
+    def of(self, name: str) -> int:
+        """The number of a track."""
+        return self._numbers.setdefault(name, len(self._numbers) + 1)

@@ -1,0 +1,134 @@
+"""Which part of a drive is read: cameras, frames, sweeps; and its frames in the order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.drives.drive import Drive, Frame, Sweep
+
+__all__ = ["DriveOptions", "frame_range", "in_order_of_time", "select_part"]
+
+ALL_SWEEPS, KEY_SWEEPS = "all", "key"
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Attributes:
+    scene: which drive of a folder that holds several (a nuScenes scene, a Waymo segment, a KITTI-360 or odometry sequence).
+    cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
+    frames: "A:B:STEP" as in Python, counted in each camera's order of time, or None for all.
+    sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+    """
+
+    scene: str | None = None
+    cameras: tuple[str, ...] = ()
+    frames: str | None = None
+    sweeps: str = ALL_SWEEPS
+
+
+def frame_range(text: str) -> slice:
+    """The slice that "A:B:STEP" means; "7" is that frame alone.
+
+    Raises:
+        SettingsError: it is none.
+    """
+    parts = text.split(":")
+    try:
+        numbers = [int(p) if p.strip() else None for p in parts]
+    except ValueError:
+        numbers = [None] * 4
+    first, last = (numbers + [None, None])[:2]
+    step = numbers[2] if len(numbers) == 3 else None
+    if len(numbers) > 3 or not text.strip() or (step is not None and step < 1):
+        raise SettingsError(
+            f"frames {text!r} are no range", mend="give A:B:STEP as 0:80:2, counted from 0, STEP above 0"
+        )
+    if len(numbers) == 1:
+        assert first is not None
+        return slice(first, first + 1 or None)
+    return slice(first, last, step)
+
+
+def in_order_of_time(drive: Drive) -> Drive:
+    """The drive with each camera's frames by time stamp, where all of them have one; a notice where they were not."""
+    ordered: list[Frame] = []
+    notices = list(drive.notices)
+    for name in dict.fromkeys(f.camera_name for f in drive.frames):
+        track = [f for f in drive.frames if f.camera_name == name]
+        stamps = [f.timestamp for f in track if f.timestamp is not None]
+        if len(stamps) == len(track):
+            by_time = sorted(track, key=lambda f: f.timestamp or 0.0)
+            if any(a is not b for a, b in zip(track, by_time, strict=True)):
+                notices.append(
+                    f"camera {name}: time stamps are not in the order of the frames; frames are taken by time"
+                )
+            track = by_time
+        ordered += track
+    return replace(drive, frames=tuple(ordered), notices=tuple(notices))
+
+
+def select_part(drive: Drive, options: DriveOptions) -> Drive:
+    """The cameras, frames and sweeps that are asked for.
+
+    Raises:
+        SettingsError: a camera that the drive does not have, a range without frames, or no way to thin sweeps.
+    """
+    names = list(dict.fromkeys(f.camera_name for f in drive.frames))
+    wanted = options.cameras or tuple(n for n in drive.front_cameras if n in names) or ("all",)
+    if wanted == ("all",):
+        wanted = tuple(names)
+    missing = [n for n in wanted if n not in names]
+    if missing:
+        raise SettingsError(f"the drive has no camera {missing[0]}", mend=f"it has {', '.join(names) or 'none'}")
+    frames = drive.frames
+    if options.sweeps == KEY_SWEEPS and drive.key_frames is not None:
+        frames = tuple(f for f in frames if f.name in drive.key_frames)
+    chosen = tuple(f for n in wanted for f in frames if f.camera_name == n)
+    if options.frames is not None:
+        chosen = _frames_of_range(chosen, frame_range(options.frames))
+        if not chosen:
+            raise SettingsError(f"no frame lies in {options.frames}", mend=f"the drive has {len(frames)} frames")
+    sweeps = _near_in_time(drive.sweeps, chosen) if options.frames is not None else drive.sweeps
+    return replace(drive, frames=chosen, sweeps=_thinned(sweeps, options.sweeps))
+
+
+def _frames_of_range(frames: Sequence[Frame], part: slice) -> tuple[Frame, ...]:
+    """The range counts in the camera with most frames; the others give what was taken at the same times."""
+    names = list(dict.fromkeys(f.camera_name for f in frames))
+    tracks = {n: [f for f in frames if f.camera_name == n] for n in names}
+    longest = max(tracks.values(), key=len, default=[])
+    kept = longest[part]
+    if not kept:
+        return ()
+    if any(f.timestamp is None for f in frames):
+        return tuple(f for n in names for f in tracks[n][part])
+    stamps = np.array([f.timestamp for f in longest], dtype=np.float64)
+    half = 0.5 * float(np.median(np.diff(stamps))) if len(stamps) > 1 else np.inf
+    times = np.array([f.timestamp for f in kept], dtype=np.float64)
+
+    def at_those_times(frame: Frame) -> bool:
+        return bool(np.abs(times - (frame.timestamp or 0.0)).min() <= half)
+
+    return tuple(f for n in names for f in tracks[n] if (f in kept if tracks[n] is longest else at_those_times(f)))
+
+
+def _near_in_time(sweeps: Sequence[Sweep], frames: Sequence[Frame]) -> tuple[Sweep, ...]:
+    """Sweeps of the time of the frames, a second more at either end; all where time stamps are missing."""
+    if any(s.timestamp is None for s in sweeps) or any(f.timestamp is None for f in frames):
+        return tuple(sweeps)
+    times = [f.timestamp or 0.0 for f in frames]
+    return tuple(s for s in sweeps if min(times) - 1.0 <= (s.timestamp or 0.0) <= max(times) + 1.0)
+
+
+def _thinned(sweeps: Sequence[Sweep], which: str) -> tuple[Sweep, ...]:
+    if which == ALL_SWEEPS:
+        return tuple(sweeps)
+    if which == KEY_SWEEPS:
+        return tuple(s for s in sweeps if s.boxes) or tuple(sweeps)
+    if not which.isdigit() or int(which) < 1:
+        raise SettingsError(f"sweeps {which!r} is not known", mend="use all, key, or a number N for each N-th sweep")
+    return tuple(sweeps[:: int(which)])
