@@ -1,4 +1,4 @@
-"""Cityscapes classes by number: the trainIds that drives carry on disk, and the labelIds of Cityscapes' and KITTI-360's pictures."""
+"""Cityscapes classes by number: trainIds, which drives carry on disk, and labelIds, which Cityscapes and KITTI-360 do."""
 
 from __future__ import annotations
 

@@ -228,7 +228,7 @@ def test_selection(tmp_path: Path) -> None:
 def test_unknown_places_say_what_is_looked_for(tmp_path: Path) -> None:
     with pytest.raises(DriveError, match="there is no such drive"):
         open_drive(tmp_path / "nowhere")
-    with pytest.raises(DriveError, match="COLMAP model in sparse/0"):
+    with pytest.raises(DriveError, match="sparse/0 .COLMAP."):
         open_drive(tmp_path)
 
 

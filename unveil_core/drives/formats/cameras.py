@@ -87,7 +87,9 @@ def calibrated_camera(
     world_to_camera = np.eye(4)
     world_to_camera[:3, :3] = pose[:3, :3].T
     world_to_camera[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return Camera(*size, *(float(f) for f in focal), *(float(c) + 0.5 for c in centre), world_to_camera)
+    width, height = size
+    (fx, fy), (cx, cy) = focal, centre
+    return Camera(width, height, fx, fy, cx + 0.5, cy + 0.5, world_to_camera)
 
 
 def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tuple[int, int]:

@@ -186,8 +186,7 @@ def _cuboids(root: Path) -> tuple[dict[int, tuple[TrackedBox, ...]], list[Path]]
     track which lasts longer is taken."""
     files = _numbered(root / "annotations/cuboids", (".pkl.gz", ".pkl"))
     rows: list[tuple[int, dict[str, Any]]] = []
-    columns = ("uuid", "label", "yaw", "position.x", "position.y", "position.z")
-    columns += ("dimensions.x", "dimensions.y", "dimensions.z")
+    columns = ["uuid", "label", "yaw", *(f"{n}.{a}" for n in ("position", "dimensions") for a in "xyz")]
     for name, path in files.items():
         found = read_table(path)
         missing = [c for c in columns if c not in found]
@@ -200,15 +199,15 @@ def _cuboids(root: Path) -> tuple[dict[int, tuple[TrackedBox, ...]], list[Path]]
     ids = TrackIds()
     boxes: dict[int, list[TrackedBox]] = {int(name): [] for name in files}
     for number, row in rows:
-        name = BOX_CLASSES.get(str(row["label"]))
+        class_name = BOX_CLASSES.get(str(row["label"]))
         own, other = str(row["uuid"]), row["sibling"]
-        if name is None or (other in lasts and (lasts[other], other) > (lasts[own], own)):
+        if class_name is None or (other in lasts and (lasts[other], other) > (lasts[own], own)):
             continue
         centre = tuple(float(row[f"position.{a}"]) for a in "xyz")
         width, length, height = (float(row[f"dimensions.{a}"]) for a in "xyz")
         yaw = float(row["yaw"]) + math.pi / 2
         if np.isfinite([*centre, yaw]).all() and min(width, length, height) > 0:
-            boxes[number].append(TrackedBox(ids.of(own), name, centre, (length, width, height), yaw))  # type: ignore[arg-type]
+            boxes[number].append(TrackedBox(ids.of(own), class_name, centre, (length, width, height), yaw))  # type: ignore[arg-type]
     return {number: tuple(found) for number, found in boxes.items()}, list(files.values())
 
 
