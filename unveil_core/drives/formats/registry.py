@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats import pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
+from unveil_core.drives.selecting import in_order_of_time, select_part
 
 __all__ = ["FORMATS", "Format", "open_drive"]
 

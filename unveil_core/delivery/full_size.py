@@ -1,0 +1,269 @@
+"""One frame as it is delivered: the footage's own pixels, and where something was removed the clean frame in full detail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.delivery.detail import FINER_THAN, high_band, merged_sources, with_detail
+from unveil_core.delivery.lens import footage_positions, work_positions
+from unveil_core.delivery.shifts import GroundShifts
+from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
+from unveil_core.drives.drive import Footage
+from unveil_core.ground.street import Ground
+
+__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
+
+SOURCES = 6
+"""Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
+ON_GROUND = 0.05
+"""Share of its depth by which what the scene shows may lie before the ground and be the ground."""
+DARKEST = 0.02
+"""Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
+RATIOS = (0.3, 4.0)
+"""Least and largest change of light by a shadow that was taken away."""
+
+
+@dataclass(frozen=True, eq=False)
+class CleanFrame:
+    """A frame of working size.
+
+    Attributes:
+        footage: that it was made of.
+        photograph: (H, W, 3) uint8; clean: (H, W, 3) uint8, the empty street.
+        removed: (H, W) bool, pixels of removed objects; relit: (H, W) bool, pixels from which only a shadow was taken.
+    """
+
+    footage: Footage
+    photograph: NDArray[np.uint8]
+    clean: NDArray[np.uint8]
+    removed: Mask
+    relit: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class FullSize:
+    """What is the same for all frames of a drive.
+
+    Attributes:
+        views: of all frames; footage: pictures of the frames' files as they are, by index.
+        lenses: of all frames.
+        ground: the street's, None where there is none; shifts: for its invented parts.
+    """
+
+    views: Sequence[EmptyView]
+    footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
+    lenses: Sequence[Footage]
+    ground: Ground | None
+    shifts: GroundShifts | None
+
+
+def as_color(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Float32:
+    """(H, W, 3) float32 in [0, 1] of a file's picture, grey or colour, 8 or 16 bits, without its transparency."""
+    color = (
+        picture[..., :3] if picture.ndim == 3 and picture.shape[2] >= 3 else np.atleast_3d(picture).repeat(3, axis=2)
+    )
+    return color.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
+
+
+def _like_file(
+    color: Float32, picture: NDArray[np.uint8] | NDArray[np.uint16]
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Colours (N, 3) in the channels and bits of a file's picture, without its transparency."""
+    levels = np.clip(np.round(color * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
+    return (levels @ np.array([0.299, 0.587, 0.114]) if picture.ndim == 2 else levels).astype(picture.dtype)
+
+
+def _sample(plane: NDArray[np.generic], positions: Float32, mode: int) -> NDArray[np.float32]:
+    """A plane (h, w…) at positions (H, W, 2), counted from the edge of the first pixel."""
+    return cv2.remap(
+        np.asarray(plane, dtype=np.float32), positions[..., 0] - 0.5, positions[..., 1] - 0.5, mode,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip
+
+
+def full_size_frame(
+    frame: CleanFrame, index: int, drive: FullSize, picture: NDArray[np.uint8] | NDArray[np.uint16]
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """The delivered frame.
+
+    Args:
+        frame: of working size; index: its number in the drive.
+        picture: the footage as its file has it, (H, W), (H, W, 3) or (H, W, 4), 8 or 16 bits.
+    Returns:
+        the same shape and depth; outside of what was removed or relit the file's own pixels.
+    """
+    camera = drive.views[index].camera
+    at = work_positions(frame.footage, camera)
+    scale = frame.footage.camera.width / camera.width
+    removed = _sample(frame.removed.astype(np.float32), at, cv2.INTER_LINEAR) > 0
+    relit = (_sample(frame.relit.astype(np.float32), at, cv2.INTER_LINEAR) > 0) & ~removed
+    if not (removed.any() or relit.any()):
+        return picture
+    rows, columns = _box(removed | relit, round(12 * scale))
+    part = (rows, columns)
+    removed, relit, at = removed[part], relit[part], np.ascontiguousarray(at[part])
+    original = as_color(picture[part])
+    result = original.copy()
+    if relit.any():
+        photograph = frame.photograph.astype(np.float32) / 255 + DARKEST
+        ratio = np.clip((frame.clean.astype(np.float32) / 255 + DARKEST) / photograph, *RATIOS)
+        result[relit] = ((original + DARKEST) * _sample(ratio, at, cv2.INTER_LINEAR) - DARKEST)[relit]
+    if removed.any():
+        base = _sample(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
+        sharp = _sharpened(base, original, removed, at, index, drive, scale)
+        inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
+        share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
+        result = np.where(removed[..., None], original * (1 - share) + sharp * share, result)
+    changed = removed | relit
+    out = picture.copy()
+    own = out[part]
+    made = _like_file(result[changed], picture)
+    if picture.ndim == 3:
+        own[..., :3][changed] = made
+    else:
+        own[changed] = made
+    return out
+
+
+def _box(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """Rows and columns that hold a mask, with a margin."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return tuple(slice(max(0, int(i[0]) - margin), int(i[-1]) + margin + 1) for i in (rows, columns))  # type: ignore[return-value]
+
+
+def _sharpened(
+    base: Float32, original: Float32, removed: Mask, at: Float32, index: int, drive: FullSize, scale: float
+) -> Float32:
+    """(H, W, 3) the clean frame with all detail that is known of it.
+
+    Args:
+        base: (H, W, 3) enlarged; original: (H, W, 3) of the footage; removed: (H, W) bool.
+        at: (H, W, 2) positions in the working picture.
+    """
+    camera = drive.views[index].camera
+    rays = camera.rays_at(at[removed].astype(np.float64))
+    depth = nearest_depth(drive.views[index], at)[removed].astype(np.float64)
+    street = np.zeros((len(rays), 3))
+    on_ground = np.zeros(len(rays), dtype=bool)
+    if drive.ground is not None:
+        met, street = drive.ground.intersect(camera, rays)
+        on_ground = np.isfinite(met) & ((depth == 0) | (met - depth < ON_GROUND * met))
+        depth = np.where(on_ground, met, depth)
+    known = depth > 0
+    points = camera.centre + depth[:, None] * rays
+    made = np.zeros(len(rays), dtype=bool)
+    if drive.shifts is not None:
+        made[on_ground] = drive.shifts.is_made(street[on_ground])
+    elsewhere = known & ~made
+    sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
+    pictures, qualities = [], []
+    for j in sources:
+        picture, quality = _seen_in(points, elsewhere, j, drive, camera.project(points)[1] / camera.fx)
+        pictures.append(_scattered(picture, removed))
+        qualities.append(_scattered(quality, removed))
+    result, believed = base, np.zeros(removed.shape, np.float32)
+    if pictures:
+        source, shown = merged_sources(pictures, qualities, scale)
+        result, believed = with_detail(base, source, shown & removed, scale)
+    grain = _ground_grain(
+        street, on_ground & ~(believed[removed] > 0.5), index, original, removed, drive, sources, scale
+    )
+    bare = removed & (believed < 0.5)
+    has_grain = grain.any(axis=2)
+    result = result + np.where((bare & has_grain)[..., None], grain, 0)
+    rest = bare & ~has_grain
+    return result + np.where(rest[..., None], _own_grain(original, removed, scale), 0)
+
+
+def _scattered(values: NDArray[np.generic], mask: Mask) -> Float32:
+    plane = np.zeros((*mask.shape, *values.shape[1:]), np.float32)
+    plane[mask] = values
+    return plane
+
+
+def _seen_in(
+    points: Float64, asked: Mask, j: int, drive: FullSize, size: Float64
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Colours (N, 3) of world points in the footage of frame ``j``, and how well it shows them (N,), 0 = not.
+
+    Args:
+        points: (N, 3); asked: (N,) those that are looked for; size: (N,) metres of a pixel there in the frame that asks.
+    """
+    found, quality = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
+    some = np.flatnonzero(asked)
+    seen, depth = sees(drive.views[j], points[some])
+    some, depth = some[seen], depth[seen]
+    if len(some):
+        pixels, _ = footage_positions(drive.lenses[j], points[some])
+        found[some] = as_color(_read(drive.footage(j), pixels)[None])[0]
+        finer = size[some] / (depth / drive.views[j].camera.fx)
+        quality[some] = np.minimum(finer, 1.6)
+    return found, quality
+
+
+def _read(picture: NDArray[np.uint8] | NDArray[np.uint16], pixels: Float64) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """(N, C) of a file's picture at positions (N, 2)."""
+    wide = 4096
+    count = len(pixels)
+    grid = np.zeros((-(-count // wide) * wide, 2), np.float32)
+    grid[:count] = pixels - 0.5
+    grid = grid.reshape(-1, wide, 2)
+    read = cv2.remap(picture, grid[..., 0], grid[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return read.reshape(len(grid) * wide, -1)[:count]
+
+
+def _ground_grain(
+    street: Float64, asked: Mask, index: int, original: Float32, removed: Mask, drive: FullSize, sources: Sequence[int],
+    scale: float,
+) -> Float32:  # fmt: skip
+    """(H, W, 3) detail of ground that nobody saw, from ground of its kind a shift away; 0 where there is none.
+
+    Args:
+        street: (N, 3) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
+    """
+    empty = np.zeros((*removed.shape, 3), np.float32)
+    if drive.ground is None or drive.shifts is None or not asked.any():
+        return empty
+    moved = np.zeros((len(street), 2))
+    moved[asked] = drive.shifts.at(street[asked])
+    some = asked & np.isfinite(moved).all(axis=1)
+    if not some.any():
+        return empty
+    s, t = (street[some, :2] + moved[some]).T
+    points = np.zeros((len(street), 3))
+    points[some] = drive.ground.path.to_world(np.stack([s, t, drive.ground.height_at(s, t)], axis=1))
+    size = np.ones(len(street))
+    pictures, qualities = [], []
+    for rank, j in enumerate((index, *sources[:3])):
+        picture, quality = _seen_in(points, some, j, drive, size)
+        pictures.append(_scattered(picture, removed))
+        qualities.append(_scattered(np.where(quality > 0, 1.0 / (1 + rank), 0), removed))
+    source, shown = merged_sources(pictures, qualities, scale)
+    return high_band(source, shown, FINER_THAN * scale)
+
+
+def _own_grain(original: Float32, removed: Mask, scale: float) -> Float32:
+    """(H, W, 3) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
+
+    Only what is finer than a pixel of working size: larger structure would be recognized.
+    """
+    band = high_band(original, ~removed, scale)
+    limit = 2.5 * float(np.median(np.abs(band[~removed]))) if (~removed).any() else 0.0
+    band = np.clip(band, -limit, limit)  # edges are no grain
+    _, label = cv2.distanceTransformWithLabels(removed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    index = np.zeros(int(label.max()) + 1, dtype=np.int64)
+    outside = np.flatnonzero(~removed)
+    index[label.ravel()[outside]] = outside
+    nearest = index[label]
+    row, column = np.divmod(nearest, removed.shape[1])
+    y, x = np.mgrid[: removed.shape[0], : removed.shape[1]]
+    row, column = np.clip(2 * row - y, 0, removed.shape[0] - 1), np.clip(2 * column - x, 0, removed.shape[1] - 1)
+    beside = band.reshape(-1, 3)[nearest]
+    mirrored: Float32 = np.where(removed[row, column][..., None], beside, band[row, column])
+    return mirrored
