@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.delivery.detail import FINER_THAN, high_band, merged_sources, with_detail
+from unveil_core.delivery.detail import FINER_THAN, BestSource, grain_of, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
 from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
@@ -21,6 +22,8 @@ __all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
 
 SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
+GRAIN_SOURCES = 3
+"""Other frames that are asked for the grain of the ground, where this one does not show the piece that it is taken from."""
 ON_GROUND = 0.05
 """Share of its depth by which what the scene shows may lie before the ground and be the ground."""
 DARKEST = 0.02
@@ -53,12 +56,14 @@ class FullSize:
     Attributes:
         views: of all frames; footage: pictures of the frames' files as they are, by index.
         lenses: of all frames.
+        grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
         ground: the street's, None where there is none; shifts: for its invented parts.
     """
 
     views: Sequence[EmptyView]
     footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
     lenses: Sequence[Footage]
+    grain: Callable[[int, float], Float32]
     ground: Ground | None
     shifts: GroundShifts | None
 
@@ -110,16 +115,16 @@ def full_size_frame(
     removed, relit, at = removed[part], relit[part], np.ascontiguousarray(at[part])
     original = as_color(picture[part])
     result = original.copy()
+    lit = original
     if relit.any():
-        photograph = frame.photograph.astype(np.float32) / 255 + DARKEST
-        ratio = np.clip((frame.clean.astype(np.float32) / 255 + DARKEST) / photograph, *RATIOS)
-        result[relit] = ((original + DARKEST) * _sample(ratio, at, cv2.INTER_LINEAR) - DARKEST)[relit]
+        lit = (original + DARKEST) * _relight(frame, at) - DARKEST
+        result[relit] = lit[relit]
     if removed.any():
         base = _sample(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
         sharp = _sharpened(base, original, removed, at, index, drive, scale)
         inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
         share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
-        result = np.where(removed[..., None], original * (1 - share) + sharp * share, result)
+        result = np.where(removed[..., None], lit * (1 - share) + sharp * share, result)
     changed = removed | relit
     out = picture.copy()
     own = out[part]
@@ -129,6 +134,17 @@ def full_size_frame(
     else:
         own[changed] = made
     return out
+
+
+def _relight(frame: CleanFrame, at: Float32) -> Float32:
+    """(H, W, 3) ratio of light that the relit pixels around a position (H, W, 2) gained; 1 where there are none."""
+    before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
+    weight = frame.relit[..., None].astype(np.float32)
+    # Beside them lie pixels of removed objects, whose change is no light.
+    share = np.atleast_3d(_sample(weight, at, cv2.INTER_LINEAR))
+    change = _sample((np.clip(after / before, *RATIOS) - 1) * weight, at, cv2.INTER_LINEAR)
+    ratio: Float32 = 1 + change / np.maximum(share, 1e-3)
+    return ratio
 
 
 def _box(mask: Mask, margin: int) -> tuple[slice, slice]:
@@ -162,23 +178,17 @@ def _sharpened(
         made[on_ground] = drive.shifts.is_made(street[on_ground])
     elsewhere = known & ~made
     sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
-    pictures, qualities = [], []
+    size = camera.project(points)[1] / camera.fx
+    best = BestSource(base, scale)
     for j in sources:
-        picture, quality = _seen_in(points, elsewhere, j, drive, camera.project(points)[1] / camera.fx)
-        pictures.append(_scattered(picture, removed))
-        qualities.append(_scattered(quality, removed))
-    result, believed = base, np.zeros(removed.shape, np.float32)
-    if pictures:
-        source, shown = merged_sources(pictures, qualities, scale)
-        result, believed = with_detail(base, source, shown & removed, scale)
-    grain = _ground_grain(
-        street, on_ground & ~(believed[removed] > 0.5), index, original, removed, drive, sources, scale
-    )
-    bare = removed & (believed < 0.5)
-    has_grain = grain.any(axis=2)
-    result = result + np.where((bare & has_grain)[..., None], grain, 0)
-    rest = bare & ~has_grain
-    return result + np.where(rest[..., None], _own_grain(original, removed, scale), 0)
+        colors, quality = _seen_in(points, elsewhere, j, drive, size)
+        shown = _scattered(quality, removed)
+        best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
+    result = base + best.believed[..., None] * (best.picture - base)
+    bare = 1.0 - best.believed
+    grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
+    grain = np.where(np.isnan(grain), _own_grain(original, removed, scale), grain)
+    return result + (bare * grain)[..., None]
 
 
 def _scattered(values: NDArray[np.generic], mask: Mask) -> Float32:
@@ -219,51 +229,47 @@ def _read(picture: NDArray[np.uint8] | NDArray[np.uint16], pixels: Float64) -> N
 
 
 def _ground_grain(
-    street: Float64, asked: Mask, index: int, original: Float32, removed: Mask, drive: FullSize, sources: Sequence[int],
-    scale: float,
-) -> Float32:  # fmt: skip
-    """(H, W, 3) detail of ground that nobody saw, from ground of its kind a shift away; 0 where there is none.
+    street: Float64, asked: Mask, index: int, removed: Mask, drive: FullSize, sources: Sequence[int], scale: float
+) -> Float32:
+    """(H, W) grain of ground that nobody saw, from ground of its kind a shift away; NaN where there is none.
 
     Args:
         street: (N, 3) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
     """
-    empty = np.zeros((*removed.shape, 3), np.float32)
+    grain = np.full(removed.shape, np.nan, np.float32)
     if drive.ground is None or drive.shifts is None or not asked.any():
-        return empty
-    moved = np.zeros((len(street), 2))
+        return grain
+    moved = np.full((len(street), 2), np.nan)
     moved[asked] = drive.shifts.at(street[asked])
-    some = asked & np.isfinite(moved).all(axis=1)
-    if not some.any():
-        return empty
+    some = np.flatnonzero(np.isfinite(moved).all(axis=1))
+    if not len(some):
+        return grain
     s, t = (street[some, :2] + moved[some]).T
-    points = np.zeros((len(street), 3))
-    points[some] = drive.ground.path.to_world(np.stack([s, t, drive.ground.height_at(s, t)], axis=1))
-    size = np.ones(len(street))
-    pictures, qualities = [], []
-    for rank, j in enumerate((index, *sources[:3])):
-        picture, quality = _seen_in(points, some, j, drive, size)
-        pictures.append(_scattered(picture, removed))
-        qualities.append(_scattered(np.where(quality > 0, 1.0 / (1 + rank), 0), removed))
-    source, shown = merged_sources(pictures, qualities, scale)
-    return high_band(source, shown, FINER_THAN * scale)
+    points = drive.ground.path.to_world(np.stack([s, t, drive.ground.height_at(s, t)], axis=1))
+    found = np.full(len(street), np.nan, np.float32)
+    for j in (index, *sources[:GRAIN_SOURCES]):
+        open_ = np.flatnonzero(np.isnan(found[some]))
+        seen, _ = sees(drive.views[j], points[open_])
+        if seen.any():
+            pixels, _ = footage_positions(drive.lenses[j], points[open_[seen]])
+            found[some[open_[seen]]] = _read(drive.grain(j, FINER_THAN * scale), pixels)[:, 0]
+    grain[removed] = found
+    return grain
 
 
 def _own_grain(original: Float32, removed: Mask, scale: float) -> Float32:
-    """(H, W, 3) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
+    """(H, W) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
 
     Only what is finer than a pixel of working size: larger structure would be recognized.
     """
-    band = high_band(original, ~removed, scale)
-    limit = 2.5 * float(np.median(np.abs(band[~removed]))) if (~removed).any() else 0.0
-    band = np.clip(band, -limit, limit)  # edges are no grain
+    band = grain_of(original, max(0.8, scale))
     _, label = cv2.distanceTransformWithLabels(removed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     index = np.zeros(int(label.max()) + 1, dtype=np.int64)
     outside = np.flatnonzero(~removed)
     index[label.ravel()[outside]] = outside
-    nearest = index[label]
-    row, column = np.divmod(nearest, removed.shape[1])
+    row, column = np.divmod(index[label], removed.shape[1])
     y, x = np.mgrid[: removed.shape[0], : removed.shape[1]]
-    row, column = np.clip(2 * row - y, 0, removed.shape[0] - 1), np.clip(2 * column - x, 0, removed.shape[1] - 1)
-    beside = band.reshape(-1, 3)[nearest]
-    mirrored: Float32 = np.where(removed[row, column][..., None], beside, band[row, column])
+    far_row = np.clip(2 * row - y, 0, removed.shape[0] - 1)
+    far_column = np.clip(2 * column - x, 0, removed.shape[1] - 1)
+    mirrored: Float32 = np.where(removed[far_row, far_column], band[row, column], band[far_row, far_column])
     return mirrored

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import link_or_copy, read_image, write_image_atomic
-from unveil_core.delivery.full_size import CleanFrame, FullSize, full_size_frame
+from unveil_core.delivery.detail import grain_of
+from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
 from unveil_core.delivery.lens import write_st_maps
 from unveil_core.delivery.shifts import GroundShifts, find_shifts
 from unveil_core.delivery.views import EmptyView
@@ -71,7 +73,9 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
         context.progress(done + 1, 2 * len(drive.frames), "looking at the empty street")
     ground = read_ground(workspace.ground_npz).street
     footage = [f.footage or Footage(f.image_path, f.camera) for f in drive.frames]
-    return FullSize(views, _cached(footage), footage, ground, _shifts(workspace))
+    pictures = _kept(lambda i: read_footage(footage[i]), CACHE_BYTES)
+    grain = _kept(lambda key: grain_of(as_color(pictures(key[0])), key[1]), CACHE_BYTES)
+    return FullSize(views, pictures, footage, lambda i, sigma: grain((i, sigma)), ground, _shifts(workspace))
 
 
 def _view(workspace: Workspace, surfels: Surfels, frame: Frame) -> EmptyView:
@@ -91,20 +95,19 @@ def _shifts(workspace: Workspace) -> GroundShifts | None:
     return find_shifts(observed, made, chart.label, s_start=chart.s_start, t_start=chart.t_start, texel=chart.texel)
 
 
-def _cached(footage: list[Footage]) -> Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]:
-    """Reads the footage by index; what was used last stays decoded."""
-    held: OrderedDict[int, NDArray[np.uint8] | NDArray[np.uint16]] = OrderedDict()
+def _kept(read: Callable[[Any], NDArray[Any]], most: int) -> Callable[[Any], NDArray[Any]]:
+    """Pictures by key; those that were used last stay, up to ``most`` bytes."""
+    held: OrderedDict[Any, NDArray[Any]] = OrderedDict()
 
-    def read(index: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
-        if index in held:
-            held.move_to_end(index)
-            return held[index]
-        held[index] = read_footage(footage[index])
-        while len(held) > 1 and sum(p.nbytes for p in held.values()) > CACHE_BYTES:
+    def get(key: Any) -> NDArray[Any]:
+        if key not in held:
+            held[key] = read(key)
+        held.move_to_end(key)
+        while len(held) > 1 and sum(p.nbytes for p in held.values()) > most:
             held.popitem(last=False)
-        return held[index]
+        return held[key]
 
-    return read
+    return get
 
 
 STAGE = Stage(
