@@ -8,7 +8,7 @@ from pathlib import Path
 
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats import pandaset
+from unveil_core.drives.formats import kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
@@ -50,6 +50,20 @@ FORMATS: tuple[Format, ...] = (
         pandaset.recognizes,
         pandaset.read_pandaset,
         pandaset.scenes,
+    ),
+    Format(
+        "KITTI raw",
+        "oxts/data and image_02/data (KITTI raw)",
+        kitti_raw.recognizes,
+        kitti_raw.read_kitti_raw,
+        kitti_raw.scenes,
+    ),
+    Format(
+        "KITTI odometry",
+        "calib.txt and image_2/ (KITTI odometry)",
+        kitti_odometry.recognizes,
+        kitti_odometry.read_kitti_odometry,
+        kitti_odometry.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )
