@@ -8,7 +8,7 @@ from pathlib import Path
 
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats import kitti_odometry, kitti_raw, pandaset
+from unveil_core.drives.formats import kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
@@ -64,6 +64,13 @@ FORMATS: tuple[Format, ...] = (
         kitti_odometry.recognizes,
         kitti_odometry.read_kitti_odometry,
         kitti_odometry.scenes,
+    ),
+    Format(
+        "KITTI-360",
+        "data_2d_raw/ with image_00/data_rect (KITTI-360)",
+        kitti360.recognizes,
+        kitti360.read_kitti360,
+        kitti360.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )
