@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from onnx import helper
 
+from tests.drives.tiny_drive import make_tiny_drive
 from tests.inpaint.networks import FLOAT, UINT8, save
 from tests.labelling import segmentation_networks as nets
 from tests.labelling.segmentation_networks import BUILDING, CAR, PERSON, ROAD, SKY, TRUCK, VEGETATION
 from unveil_core.base.errors import SettingsError
-from unveil_core.labelling.segmenter import NO_LABELS_HELP, load_segmenter, segmenter_files
+from unveil_core.base.files import read_image
+from unveil_core.drives import open_drive
+from unveil_core.labelling.segmenter import NO_LABELS_HELP, label_by_network, load_segmenter, segmenter_files
 from unveil_core.semantics.classes import REMOVABLE
 
 VOID = 255
@@ -334,3 +337,12 @@ def test_files_and_help(tmp_path: Path) -> None:
     (tmp_path / "net.toml").write_text("score = 0.5")
     assert [p.name for p in segmenter_files(path)] == ["net.onnx", "net.onnx.data", "net.toml"]
     assert "\n" not in NO_LABELS_HELP and all(w in NO_LABELS_HELP for w in ("--segmenter", "mask_path", "--marked"))
+
+
+def test_frames_of_a_drive(tmp_path: Path) -> None:
+    drive = open_drive(make_tiny_drive(tmp_path / "d", semantics=False))
+    path = nets.logits(tmp_path / "net.onnx")
+    found = list(label_by_network(drive, path))
+    assert len(found) == len(drive.frames) and all(labels.semantic.shape == (24, 32) for labels in found)
+    expected = load_segmenter(path).segment(read_image(drive.frames[1].image_path)).semantic
+    assert np.array_equal(found[1].semantic, expected)

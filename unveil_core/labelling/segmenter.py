@@ -9,7 +9,7 @@ a square. YOLO sees the image whole, as it was trained.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.files import read_image
 from unveil_core.base.onnx_files import files_of
 from unveil_core.base.types import Float32, Picture
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID, train_id
-from unveil_core.drives.drive import FrameLabels
+from unveil_core.drives.drive import Drive, FrameLabels
 from unveil_core.labelling.networks.class_tables import (
     BY_COUNT,
     ORDERS,
@@ -36,7 +37,7 @@ from unveil_core.labelling.networks.settings import NetworkSettings, read_settin
 from unveil_core.labelling.networks.windows import best_at_size, blended
 from unveil_core.labelling.networks.yolo import Yolo, find_yolo, segment_objects
 
-__all__ = ["NO_LABELS_HELP", "Segmenter", "load_segmenter", "segmenter_files"]
+__all__ = ["NO_LABELS_HELP", "Segmenter", "label_by_network", "load_segmenter", "segmenter_files"]
 
 NO_LABELS_HELP = (
     "The drive has no semantics, masks or boxes, so nothing tells what can be removed. Any of these does: "
@@ -78,6 +79,17 @@ class Segmenter:
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or not image.size:
             raise ValueError(f"an image must be (H, W, 3) uint8, not {image.shape} {image.dtype}")
         return self._label(image)
+
+
+def label_by_network(drive: Drive, path: Path) -> Iterator[FrameLabels]:
+    """Labels of each frame of an imported drive, one after the other, by the network in a file.
+
+    Raises:
+        SettingsError: see :func:`load_segmenter`. DriveError: an image that cannot be read.
+    """
+    segmenter = load_segmenter(path)
+    for frame in drive.frames:
+        yield segmenter.segment(read_image(frame.image_path))
 
 
 def segmenter_files(path: Path) -> list[Path]:
