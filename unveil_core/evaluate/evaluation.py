@@ -20,6 +20,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.baselines import with_border, with_neighbours
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.frame_scores import FrameScores, Networks, Sources, score_frame
 from unveil_core.evaluate.free_views import measure_free_views
@@ -155,7 +156,7 @@ def _flicker(
 
     def pictures_of(frame: Frame) -> dict[str, Picture]:
         shape = (frame.camera.height, frame.camera.width)
-        pictures = {"ours": read_image(frame_file(root / "frames", frame))}
+        pictures = {"ours": read_delivered(root, frame)}
         if (render_path := frame_file(root / "renders", frame)).is_file():
             pictures["render"] = fitted(read_image(render_path), shape)
         if truth is not None and (true_image := truth_file(truth / "images", frame)) is not None:

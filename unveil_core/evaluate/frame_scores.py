@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.metrics import SSIM_WINDOW, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel
 from unveil_core.evaluate.pictures import fitted, regions_of, truth_file, truth_mask, workspace_mask
@@ -131,17 +131,8 @@ def score_frame(sources: Sources, frame: Frame, with_baselines: bool) -> FrameSc
 
 def _read_delivery(root: Path, frame: Frame) -> _Delivery:
     photograph = read_image(frame.image_path)
-    delivered_path = frame_file(root / "frames", frame)
-    if not delivered_path.is_file():
-        raise WorkspaceError("this frame was not delivered yet", path=delivered_path, mend="run `unveil reoptimize`")
-    delivered = read_image(delivered_path)
+    delivered = read_delivered(root, frame)
     shape = photograph.shape[:2]
-    if delivered.shape != photograph.shape:
-        raise WorkspaceError(
-            f"the delivered frame is {delivered.shape[1]}x{delivered.shape[0]}, the image {shape[1]}x{shape[0]}",
-            path=delivered_path,
-            mend="run `unveil reoptimize` again",
-        )
     removed, shadows, unobserved = (
         workspace_mask(root / "masks" / name, frame, shape) for name in ("removed", "shadows", "unobserved")
     )

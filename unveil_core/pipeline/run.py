@@ -15,6 +15,7 @@ from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
+from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.workspace.workspace import Workspace
 
@@ -54,7 +55,8 @@ def run(
     if not (Path(workspace) / "workspace.json").is_file():
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened)
-        if until not in ("import", "objects"):  # before the choice is made
+        # Before the choice is made, and where labels only come with the import, nothing can be checked.
+        if until not in ("import", "objects") and labels_come_from(opened, settings) in ("drive", "nothing"):
             marked = {m.id for m in marked_objects(settings.marked)}
             listed = [i for i in settings.instances if i not in marked]
             if listed or settings.remove or not settings.instances:
@@ -63,10 +65,11 @@ def run(
         named_frames(opened.frames, settings.keyframes)
     placed = place_drive(opened, scale=settings.scale, up=settings.up)
     level = "warning" if placed.surprising else "notice"
-    notice = Notice("import", placed.message(), level, {"placement": placed.to_json()})
+    notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
+    notices += [Notice("import", line, "warning") for line in opened.notices]
     space = Workspace.create(workspace)
     try:
-        run_stages(space, stages, settings, Path(drive).absolute(), notice=notice, reporter=reporter)
+        run_stages(space, stages, settings, Path(drive).absolute(), notices=notices, reporter=reporter)
     except UnveilError:
         if fresh and not space.drive_dir.exists():
             shutil.rmtree(space.root, ignore_errors=True)

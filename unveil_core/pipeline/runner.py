@@ -73,7 +73,7 @@ def run_stages(
     drive: Path,
     *,
     force: bool = False,
-    notice: Notice | None = None,
+    notices: Sequence[Notice] = (),
     reporter: Reporter = silent,
 ) -> list[str]:
     """Run stages in order, each only if something that it depends on has changed.
@@ -84,7 +84,7 @@ def run_stages(
         settings: recorded in workspace.json.
         drive: the drive as the user gave it.
         force: run them even if they are up to date.
-        notice: the first event, before that of any stage.
+        notices: the first events, before those of any stage.
         reporter: receives each event.
     Returns:
         names of the stages that ran.
@@ -102,7 +102,7 @@ def run_stages(
         recover(workspace)
         digests = Digests(workspace)
         workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
-        if notice is not None:
+        for notice in notices:
             reporter(workspace.log(notice.stage, notice.message, level=notice.level, **dict[str, Any](notice.details)))
         for stage in stages:
             missing = [n for n in stage.inputs if not (workspace.root / n).exists()]

@@ -15,12 +15,12 @@ from unveil_core.base.files import (
     read_label_image,
     write_image_atomic,
 )
-from unveil_core.drives.drive import Distortion, Frame, FrameLabels
+from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
 
-__all__ = ["distortion_maps", "import_frame", "labels_at_work_size", "working_camera"]
+__all__ = ["at_work_size", "distortion_maps", "import_frame", "labels_at_work_size", "working_camera"]
 
 
 def distortion_maps(
@@ -50,15 +50,26 @@ def working_camera(camera: Camera, work_side: int | None) -> Camera:
     return camera if factor == 1.0 else camera.resized(*size)
 
 
-def _warp(picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[Any]:
-    """A picture of the frame as the target camera sees it."""
-    if frame.distortion is None:
+def _warp(
+    picture: NDArray[Any], camera: Camera, distortion: Distortion | None, target: Camera, *, label: bool, border: int
+) -> NDArray[Any]:
+    """A picture of a camera with a lens as the target camera sees it."""
+    if distortion is None:
         return _resized(picture, target, label=label)
     # Shrinking through remap would alias; undistort at full size first, then shrink.
     mode = cv2.INTER_NEAREST if label else cv2.INTER_CUBIC
-    maps = distortion_maps(frame.camera, frame.distortion, frame.camera)
+    maps = distortion_maps(camera, distortion, camera)
     flat = cv2.remap(picture, *maps, mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,) * 3)
     return _resized(flat, target, label=label)
+
+
+def at_work_size(picture: NDArray[np.uint8], footage: Footage, camera: Camera) -> NDArray[np.uint8]:
+    """A picture (H, W, 3) of a footage's size and lens as the frame's camera sees it, as import makes photographs.
+
+    Args:
+        camera: of the frame, of working size.
+    """
+    return _warp(picture, footage.camera, footage.distortion, camera, label=False, border=0)
 
 
 def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[Any]:
@@ -79,9 +90,10 @@ def labels_at_work_size(frame: Frame, found: FrameLabels, target: Camera) -> Fra
     Args:
         frame: as read, with its lens; found: of the size of its file.
     """
-    ego = None if found.ego is None else _warp(found.ego.astype(np.uint8), frame, target, label=True, border=0) > 0
-    instance = None if found.instance is None else _warp(found.instance, frame, target, label=True, border=0)
-    return FrameLabels(_warp(found.semantic, frame, target, label=True, border=255), instance, ego)
+    lens = (frame.camera, frame.distortion)
+    ego = None if found.ego is None else _warp(found.ego.astype(np.uint8), *lens, target, label=True, border=0) > 0
+    instance = None if found.instance is None else _warp(found.instance, *lens, target, label=True, border=0)
+    return FrameLabels(_warp(found.semantic, *lens, target, label=True, border=255), instance, ego)
 
 
 def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str, object]:
@@ -116,7 +128,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     if kept:
         store_photograph(frame, folder / image)
     else:
-        picture = _warp(photograph(frame), frame, target, label=False, border=0)
+        picture = _warp(photograph(frame), frame.camera, frame.distortion, target, label=False, border=0)
         write_image_atomic(folder / image, picture)
         entry["footage"] = _footage(frame, folder, f"footage/{stem}{suffix}")
     kinds = (
@@ -130,7 +142,9 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         relative = f"{place}/{stem}.png"
         if warped or path.suffix.lower() != ".png":
             labels = read(path)
-            labels = _warp(labels, frame, target, label=True, border=border) if warped else labels
+            labels = (
+                _warp(labels, frame.camera, frame.distortion, target, label=True, border=border) if warped else labels
+            )
             write_image_atomic(folder / relative, labels)
         else:
             link_or_copy(path, folder / relative)
@@ -139,7 +153,9 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         ego = np.zeros((frame.camera.height, frame.camera.width), np.uint8)
         ego[-frame.ego_rows :] = 255
         entry["ego"] = f"ego/{stem}.png"
-        write_image_atomic(folder / f"ego/{stem}.png", _warp(ego, frame, target, label=True, border=0))
+        write_image_atomic(
+            folder / f"ego/{stem}.png", _warp(ego, frame.camera, frame.distortion, target, label=True, border=0)
+        )
     return entry
 
 

@@ -15,6 +15,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border, with_neighbours
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
@@ -133,7 +134,7 @@ def _pictures(
     held: HoldoutFrame, root: Path, photograph: Picture, filled: Mapping[Frame, Mapping[str, Picture]]
 ) -> dict[str, Picture]:
     """What each method shows in place of the cars."""
-    pictures = {"ours": read_image(frame_file(root / "frames", held.frame))}
+    pictures = {"ours": read_delivered(root, held.frame)}
     render_path = frame_file(root / "renders", held.frame)
     if render_path.is_file():
         pictures["render"] = fitted(read_image(render_path), photograph.shape)

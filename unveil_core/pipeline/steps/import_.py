@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from unveil_core.base.onnx_files import files_of
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels
@@ -16,7 +15,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["STAGE"]
+__all__ = ["STAGE", "labels_come_from"]
 
 WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
@@ -39,24 +38,35 @@ def run(context: StageContext) -> Facts:
 def _labels(
     drive: Drive, imported: Drive, settings: RunSettings, progress: Progress
 ) -> tuple[Iterator[FrameLabels] | None, str]:
-    """Labels for the frames of a drive, and where they come from: "drive", "segmenter", "dataset", "boxes" or "nothing".
+    """Labels for the frames of a drive that has none in files of its own, and where they come from.
 
     Args:
         drive: as read; imported: as it was imported.
     """
-    if "segmenter" in settings.networks:
+    source = labels_come_from(drive, settings)
+    if source == "segmenter":
         from unveil_core.labelling.segmenter import label_by_network
 
-        return label_by_network(imported, settings.networks["segmenter"]), "segmenter"
-    if any(f.semantic_path is not None or f.mask_path is not None for f in drive.frames):
-        return None, "drive"
-    if all(f.labels is not None for f in drive.frames):
-        return _of_dataset(drive, imported), "dataset"
-    if imported.points.classes is not None or any(f.boxes for f in drive.frames):
+        return label_by_network(imported, settings.networks["segmenter"]), source
+    if source == "dataset":
+        return _of_dataset(drive, imported), source
+    if source == "boxes":
         from unveil_core.labelling.from_boxes import label_frames
 
-        return label_frames(imported, progress), "boxes"
-    return None, "nothing"
+        return label_frames(imported, progress), source
+    return None, source
+
+
+def labels_come_from(drive: Drive, settings: RunSettings) -> str:
+    """Where the labels of a drive, as read, come from: "segmenter", "drive", its own files; "dataset", its own encoding; "boxes",
+    these and its points; or "nothing"."""
+    if "segmenter" in settings.networks:
+        return "segmenter"
+    if any(f.semantic_path is not None or f.mask_path is not None for f in drive.frames):
+        return "drive"
+    if drive.frames and all(f.labels is not None for f in drive.frames):
+        return "dataset"
+    return "boxes" if any(f.boxes for f in drive.frames) else "nothing"
 
 
 def _of_dataset(drive: Drive, imported: Drive) -> Iterator[FrameLabels]:
@@ -72,8 +82,11 @@ def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> 
     for f in opened.frames:
         files += [p for p in (f.semantic_path, f.instance_path, f.mask_path) if p is not None]
         files += [f.image_path] if f.image_bytes is None else []
-    network = settings.networks.get("segmenter")
-    return [(str(path), path) for path in (*files, *(() if network is None else files_of(network)))]
+    if "segmenter" in settings.networks:
+        from unveil_core.labelling.segmenter import segmenter_files
+
+        files += segmenter_files(settings.networks["segmenter"])
+    return [(str(path), path) for path in files]
 
 
 def check_segmenter(settings: RunSettings) -> None:
