@@ -10,6 +10,7 @@ from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats import pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
+from unveil_core.drives.formats.nuscenes import reader as nuscenes
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
@@ -50,6 +51,13 @@ FORMATS: tuple[Format, ...] = (
         pandaset.recognizes,
         pandaset.read_pandaset,
         pandaset.scenes,
+    ),
+    Format(
+        "nuScenes",
+        "v1.0-*/ with samples/ and sweeps/ (nuScenes)",
+        nuscenes.recognizes,
+        nuscenes.read_nuscenes,
+        nuscenes.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )
