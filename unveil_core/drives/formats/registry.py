@@ -11,6 +11,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats import pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
+from unveil_core.drives.formats.processed import drivestudio, neuralsim
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
@@ -58,6 +59,20 @@ FORMATS: tuple[Format, ...] = (
         nuscenes.recognizes,
         nuscenes.read_nuscenes,
         nuscenes.scenes,
+    ),
+    Format(
+        "neuralsim and StreetUnveiler",
+        "scenario.pt (neuralsim, StreetUnveiler)",
+        neuralsim.recognizes,
+        neuralsim.read_neuralsim,
+        neuralsim.scenes,
+    ),
+    Format(
+        "DriveStudio",
+        "images/, intrinsics/, extrinsics/ and ego_pose/ (DriveStudio, S3Gaussian)",
+        drivestudio.recognizes,
+        drivestudio.read_drivestudio,
+        drivestudio.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )
