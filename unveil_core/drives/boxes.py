@@ -143,15 +143,11 @@ def boxes_at(time: float, stamps: Sequence[float], boxes: Sequence[Sequence[Trac
 
 
 def _between(a: TrackedBox, b: TrackedBox, share: float) -> TrackedBox:
-    # Plain floats: a drive has some hundred thousand boxes between annotations, arrays of three would take seconds.
+    """In plain numbers: datasets ask for hundreds of thousands of boxes, for which small arrays are slow."""
     turn = (b.yaw - a.yaw + math.pi) % (2 * math.pi) - math.pi
     rest = 1 - share
-    (ax, ay, az), (bx, by, bz) = a.centre, b.centre
-    (al, aw, ah), (bl, bw, bh) = a.size, b.size
-    return TrackedBox(
-        a.id,
-        a.class_name,
-        (ax * rest + bx * share, ay * rest + by * share, az * rest + bz * share),
-        (al * rest + bl * share, aw * rest + bw * share, ah * rest + bh * share),
-        a.yaw + share * turn,
-    )
+    (x0, y0, z0), (x1, y1, z1) = a.centre, b.centre
+    (length0, width0, height0), (length1, width1, height1) = a.size, b.size
+    centre = (rest * x0 + share * x1, rest * y0 + share * y1, rest * z0 + share * z1)
+    size = (rest * length0 + share * length1, rest * width0 + share * width1, rest * height0 + share * height1)
+    return TrackedBox(a.id, a.class_name, centre, size, a.yaw + share * turn)

@@ -138,7 +138,7 @@ def test_boxes_are_those_of_instances(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "class_name"),
     [("Pedestrian", "person"), ("human.pedestrian.adult", "person"), ("vehicle", "car"), ("REGULAR_VEHICLE", "car"),
-     ("Tram / Subway", "train"), ("Van", "car"), ("vehicle.bus.rigid", "bus"), ("Cyclist", "bicycle")],
+     ("Tram / Subway", "train"), ("Van", "car"), ("vehicle.bus.rigid", "bus"), ("Cyclist", "rider")],
 )  # fmt: skip
 def test_names_of_all_datasets_are_known(tmp_path: Path, name: str, class_name: str) -> None:
     root = write_scene(tmp_path / "000", "argoverse")

@@ -33,7 +33,7 @@ __all__ = ["read_neuralsim", "recognizes", "scenes"]
 FRONT = "camera_FRONT"
 SCENARIO = "scenario.pt"
 MEND = "prepare the segment again"
-BOX_CLASSES = {"Vehicle": "car", "Pedestrian": "person", "Cyclist": "bicycle"}
+BOX_CLASSES = {"Vehicle": "car", "Pedestrian": "person", "Cyclist": "rider"}
 """Cityscapes classes of objects; "unknown" and "Sign" stay in the street."""
 SAME_CLOCK_S = 1.0
 """Boxes are of a frame, cameras a few hundredths of a second beside it; further apart the time stamps are of other clocks."""

@@ -12,7 +12,7 @@ NAMES: dict[str, str] = {
     **nuscenes.BOX_CLASSES,
     # Waymo and nuPlan
     "Vehicle": "car",
-    "Cyclist": "bicycle",
+    "Cyclist": "rider",
     # KITTI
     "Van": "car",
     "Truck": "truck",
@@ -27,16 +27,15 @@ NAMES: dict[str, str] = {
     "ARTICULATED_BUS": "bus",
     "SCHOOL_BUS": "bus",
     "RAILED_VEHICLE": "train",
-    "BICYCLIST": "bicycle",
-    "MOTORCYCLIST": "motorcycle",
-    "WHEELED_DEVICE": "motorcycle",
-    "WHEELED_RIDER": "motorcycle",
+    "BICYCLIST": "rider",
+    "MOTORCYCLIST": "rider",
+    "WHEELED_DEVICE": "bicycle",
+    "WHEELED_RIDER": "rider",
     "OFFICIAL_SIGNALER": "person",
     "STROLLER": "person",
     "WHEELCHAIR": "person",
 }
-"""Names that are not listed, as signs, cones and animals, stay in the street. A rider counts with what is ridden: one box holds
-both."""
+"""Names that are not listed, as signs, cones and animals, stay in the street. A rider's box holds what is ridden as well."""
 BY_LOWER_CASE = {name.lower(): class_name for name, class_name in NAMES.items()}
 """The datasets agree but for upper and lower case."""
 
