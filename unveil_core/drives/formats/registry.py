@@ -11,7 +11,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats import pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
-from unveil_core.drives.formats.processed import drivestudio, neuralsim
+from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
@@ -66,6 +66,13 @@ FORMATS: tuple[Format, ...] = (
         neuralsim.recognizes,
         neuralsim.read_neuralsim,
         neuralsim.scenes,
+    ),
+    Format(
+        "Street Gaussians",
+        "pointcloud.npz and ego_pose/ (Street Gaussians)",
+        street_gaussians.recognizes,
+        street_gaussians.read_street_gaussians,
+        street_gaussians.scenes,
     ),
     Format(
         "DriveStudio",

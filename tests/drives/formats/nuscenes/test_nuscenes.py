@@ -192,6 +192,15 @@ def test_damaged_rows_are_one_error(root: Path, damage: str) -> None:
         open_drive(root, options())
 
 
+@pytest.mark.parametrize("table", ["scene", "sample_data"])
+def test_tables_of_endless_lists_are_one_error(root: Path, table: str) -> None:
+    (root / "v1.0-mini" / f"{table}.json").write_text(
+        '[{"sample_token": "scene-0061-sample0", "x": ' + "[" * 100_000 + "}]"
+    )
+    with pytest.raises(DriveError, match=f"{table}.json"):
+        open_drive(root, options())
+
+
 def test_damaged_sweeps_and_labels_are_one_error_when_read(root: Path) -> None:
     first, second, *_ = open_drive(root, options()).sweeps
     second.path.write_bytes(second.path.read_bytes()[:-4])

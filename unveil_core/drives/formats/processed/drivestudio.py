@@ -25,15 +25,14 @@ from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
-from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, read_numbers, rigid
+from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size
 from unveil_core.drives.formats.processed.lidar_columns import OF_WAYMO, WITHOUT_ORIGIN, read_sweep
 from unveil_core.drives.formats.processed.object_classes import class_of
-from unveil_core.drives.formats.processed.shared import boxes_of_track, lens, scenes_of
+from unveil_core.drives.formats.processed.shared import MEND, Boxes, Matrices, boxes_of_track, lens, scenes_of
 
 __all__ = ["read_drivestudio", "recognizes", "scenes"]
 
 FRONT = "0"
-MEND = "prepare the scene again"
 IMAGE = re.compile(r"(\d+)_(\d+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
 OPENCV_FROM_WAYMO = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """Turns a pose of a camera with axes x forward, y left, z up into one with OpenCV's, multiplied from the right."""
@@ -104,43 +103,29 @@ def read_drivestudio(path: Path, scene: str = ".") -> Drive:
         frames=tuple(frames),
         points=PointCloud(np.zeros((0, 3))),
         sweeps=tuple(sweeps),
-        sources=tuple(poses.files),
+        sources=tuple(poses.files.files),
         front_cameras=(FRONT,),
         notices=tuple(notices),
     )
 
 
 class _Poses:
-    """The matrices and numbers of a scene, read once each.
+    """Poses of cameras and sweeps.
 
     Attributes:
-        files: those that were read, for digests.
+        files: what they are read from.
         of_waymo: whether its cameras have Waymo's axes; known once a camera was asked for.
     """
 
     def __init__(self, root: Path) -> None:
-        self.root = root
-        self.files: list[Path] = []
+        self.files = Matrices(root)
         self.of_waymo = False
-        self._read: dict[Path, Float64 | None] = {}
-
-    def numbers(self, path: Path) -> list[float]:
-        """All numbers of a text file."""
-        self.files.append(path)
-        return [v for line in read_numbers(path, MEND) for v in line]
-
-    def matrix(self, relative: str) -> Float64 | None:
-        """(4, 4) of a text file; None where there is none."""
-        path = self.root / relative
-        if path not in self._read:
-            self._read[path] = rigid(self.numbers(path), path, "the pose") if path.is_file() else None
-        return self._read[path]
 
     def of_camera(self, frame: str, camera: str) -> Float64 | None:
         """World from camera (4, 4) with OpenCV's axes; None where a pose is missing."""
-        of_frame = self.matrix(f"extrinsics/{frame}_{camera}.txt")
-        mounting = self.matrix(f"extrinsics/{camera}.txt")
-        ego = self.matrix(f"ego_pose/{frame}.txt")
+        of_frame = self.files.matrix(f"extrinsics/{frame}_{camera}.txt")
+        mounting = self.files.matrix(f"extrinsics/{camera}.txt")
+        ego = self.files.matrix(f"ego_pose/{frame}.txt")
         if of_frame is not None:
             path, upright, pose = f"extrinsics/{frame}_{camera}.txt", of_frame, of_frame
         elif mounting is not None and ego is not None:
@@ -150,14 +135,16 @@ class _Poses:
         down_is_y, up_is_z = -upright[2, 1] > UPRIGHT, upright[2, 2] > UPRIGHT
         if down_is_y == up_is_z:
             problem = "has axes that are neither OpenCV's (y down) nor Waymo's (z up)"
-            raise DriveError(problem, path=self.root / path, mend="poses are ego from camera, or world from camera")
+            raise DriveError(
+                problem, path=self.files.root / path, mend="poses are ego from camera, or world from camera"
+            )
         self.of_waymo = bool(up_is_z)
         return pose @ OPENCV_FROM_WAYMO if up_is_z else pose
 
     def of_lidar(self, frame: str) -> Float64 | None:
         """World from the axes of a frame's points (4, 4); None where there is none."""
-        own = self.matrix(f"lidar_pose/{frame}.txt")
-        return own if own is not None else self.matrix(f"ego_pose/{frame}.txt")
+        own = self.files.matrix(f"lidar_pose/{frame}.txt")
+        return own if own is not None else self.files.matrix(f"ego_pose/{frame}.txt")
 
 
 def _rate(root: Path) -> float:
@@ -173,11 +160,11 @@ def _camera_frames(
     camera: str,
     images: list[tuple[int, Path]],
     poses: _Poses,
-    boxes: Mapping[int, tuple[TrackedBox, ...]],
+    boxes: Boxes,
     rate: float,
 ) -> list[Frame]:
     path = root / "intrinsics" / f"{camera}.txt"
-    k = poses.numbers(path)
+    k = poses.files.numbers(path)
     if len(k) < 4 or not np.isfinite(k).all():
         raise DriveError(f"{k} are not fx fy cx cy k1 k2 p1 p2 k3", path=path, mend=MEND)
     size = picture_size(images[0][1])
@@ -201,11 +188,11 @@ def _camera_frames(
     return frames
 
 
-def _boxes(path: Path, poses: _Poses) -> dict[int, tuple[TrackedBox, ...]]:
+def _boxes(path: Path, poses: _Poses) -> Boxes:
     """Boxes by frame number."""
     if not path.is_file():
         return {}
-    poses.files.append(path)
+    poses.files.files.append(path)
     content = read_json(path)
     found: dict[int, list[TrackedBox]] = {}
     ids = TrackIds()

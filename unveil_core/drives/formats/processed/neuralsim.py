@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
-from unveil_core.drives.boxes import TrackedBox, boxes_at
+from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 from unveil_core.drives.drive import Drive, Frame, FrameLabels, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.binary import read_archive
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, rigid
-from unveil_core.drives.formats.processed.shared import boxes_of_track, lens, scenes_of
+from unveil_core.drives.formats.processed.shared import Boxes, boxes_near, boxes_of_track, lens, scenes_of
 from unveil_core.drives.formats.safe_pickle import read_arrays
 
 __all__ = ["read_neuralsim", "recognizes", "scenes"]
@@ -35,8 +35,6 @@ SCENARIO = "scenario.pt"
 MEND = "prepare the segment again"
 BOX_CLASSES = {"Vehicle": "car", "Pedestrian": "person", "Cyclist": "rider"}
 """Cityscapes classes of objects; "unknown" and "Sign" stay in the street."""
-SAME_CLOCK_S = 1.0
-"""Boxes are of a frame, cameras a few hundredths of a second beside it; further apart the time stamps are of other clocks."""
 
 
 def recognizes(path: Path) -> bool:
@@ -126,9 +124,6 @@ def _required(observer: _Observer, key: str, shape: tuple[int, ...]) -> Float64:
         raise DriveError(problem, path=observer.path, mend=MEND) from error
 
 
-Boxes = dict[int, tuple[TrackedBox, ...]]
-
-
 def _boxes(
     objects: Mapping[Any, Any], observers: Mapping[str, _Observer], path: Path
 ) -> tuple[dict[int, float], Boxes]:
@@ -151,15 +146,6 @@ def _boxes(
     vehicle = observers.get("ego_car")
     times = {} if vehicle is None or vehicle.stamps is None else dict(zip(vehicle.numbers, vehicle.stamps, strict=True))
     return {n: float(t) for n, t in times.items()}, {n: tuple(b) for n, b in found.items()}
-
-
-def _boxes_near(time: float | None, number: int, stamps: dict[int, float], boxes: Boxes) -> tuple[TrackedBox, ...]:
-    """The boxes of a frame, moved to the time of its photograph where both are known."""
-    around = [n for n in (number - 1, number, number + 1) if n in stamps]
-    times = [stamps[n] for n in around]
-    if time is None or number not in stamps or abs(time - stamps[number]) > SAME_CLOCK_S or sorted(set(times)) != times:
-        return boxes.get(number, ())
-    return boxes_at(time, times, [boxes.get(n, ()) for n in around])
 
 
 def _camera_frames(root: Path, camera: _Observer, stamps: dict[int, float], boxes: Boxes) -> list[Frame]:
@@ -186,7 +172,7 @@ def _camera_frames(root: Path, camera: _Observer, stamps: dict[int, float], boxe
                 image_path=image,
                 distortion=lens(lenses[i]),
                 timestamp=time,
-                boxes=_boxes_near(time, number, stamps, boxes),
+                boxes=boxes_near(time, number, stamps, boxes),
                 labels=partial(_labels, mask, size) if mask.is_file() else None,
             )
         )

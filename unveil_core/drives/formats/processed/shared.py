@@ -1,16 +1,56 @@
-"""What the processed layouts share: boxes from matrices, Waymo's lens, scenes of a folder."""
+"""What the processed layouts share: matrices in text files, boxes from matrices, lenses, scenes of a folder."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from unveil_core.base.types import Float64
-from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.boxes import TrackedBox, boxes_at
 from unveil_core.drives.drive import Distortion
+from unveil_core.drives.formats.cameras import read_numbers, rigid
 
-__all__ = ["boxes_of_track", "lens", "scenes_of"]
+__all__ = ["Boxes", "Matrices", "boxes_near", "boxes_of_track", "lens", "scenes_of"]
+
+Boxes = dict[int, tuple[TrackedBox, ...]]
+"""By frame number."""
+MEND = "prepare the scene again"
+SAME_CLOCK_S = 1.0
+"""Boxes are of a frame, cameras a few hundredths of a second beside it; further apart the time stamps are of other clocks."""
+
+
+class Matrices:
+    """The matrices and numbers that a scene keeps in text files, read once each.
+
+    Attributes:
+        root: folder of the scene. files: those that were read, for digests.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.files: list[Path] = []
+        self._read: dict[Path, Float64 | None] = {}
+
+    def numbers(self, path: Path) -> list[float]:
+        """All numbers of a file.
+
+        Raises:
+            DriveError: missing, or a line that is not numbers.
+        """
+        self.files.append(path)
+        return [v for line in read_numbers(path, MEND) for v in line]
+
+    def matrix(self, relative: str) -> Float64 | None:
+        """(4, 4) rigid transform of a file; None where there is no such file.
+
+        Raises:
+            DriveError: it holds none.
+        """
+        path = self.root / relative
+        if path not in self._read:
+            self._read[path] = rigid(self.numbers(path), path, "the pose") if path.is_file() else None
+        return self._read[path]
 
 
 def boxes_of_track(number: int, class_name: str, poses: Float64, sizes: Float64) -> list[TrackedBox | None]:
@@ -29,6 +69,15 @@ def boxes_of_track(number: int, class_name: str, poses: Float64, sizes: Float64)
         sound = all(math.isfinite(v) for v in (*centre, *size, yaw)) and min(size) > 0
         found.append(TrackedBox(number, class_name, centre, tuple(size), yaw) if sound else None)
     return found
+
+
+def boxes_near(time: float | None, number: int, stamps: Mapping[int, float], boxes: Boxes) -> tuple[TrackedBox, ...]:
+    """The boxes of a frame, moved to the time of its photograph where both are known."""
+    around = [n for n in (number - 1, number, number + 1) if n in stamps]
+    times = [stamps[n] for n in around]
+    if time is None or number not in stamps or abs(time - stamps[number]) > SAME_CLOCK_S or sorted(set(times)) != times:
+        return boxes.get(number, ())
+    return boxes_at(time, times, [boxes.get(n, ()) for n in around])
 
 
 def lens(coefficients: Sequence[float]) -> Distortion | None:
