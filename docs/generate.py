@@ -33,6 +33,7 @@ ORDER = {
     "remove": "selection, visibility",
     "movers": "dynamic objects",
     "optimize": "reconstruct, re-optimize",
+    "labelling": "labels made of boxes and points",
     "ground": "path, ground, terrain",
     "semantics": "classes, votes, objects",
     "raster": "the rasterizer",

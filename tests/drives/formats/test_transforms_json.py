@@ -13,8 +13,8 @@ from tests.drives.tiny_drive import CAR, ROAD, SKY, camera_to_world, edit, make_
 from unveil_core.base.errors import DriveError, SelectionError, UnveilError
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
-from unveil_core.drives.check import check_drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.semantics.labels import choose_labels
 
 
@@ -54,7 +54,7 @@ def test_import_opens_again_and_links_originals(tmp_path: Path) -> None:
 
 def test_smaller_images_see_the_same(tmp_path: Path) -> None:
     drive = open_drive(make_tiny_drive(tmp_path / "d", masks=True))
-    local = import_drive(drive, tmp_path / "ws" / "drive", max_side=16)
+    local = import_drive(drive, tmp_path / "ws" / "drive", work_side=16)
     frame = local.frames[0]
     assert (frame.camera.width, frame.camera.height) == (16, 12)
     blocks = read_image(drive.frames[0].image_path).reshape(12, 2, 16, 2, 3).mean(axis=(1, 3))

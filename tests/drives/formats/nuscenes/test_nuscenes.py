@@ -18,11 +18,11 @@ from tests.drives.formats.nuscenes.tiny_nuscenes import (
     global_points,
     make_nuscenes,
 )
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives import open_drive
 from unveil_core.drives.cityscapes import train_id
 from unveil_core.drives.formats.nuscenes import tables
-from unveil_core.drives.selecting import DriveOptions
 
 SCENE = "scene-0061"
 
@@ -112,6 +112,14 @@ def test_a_scene_is_chosen_by_name_from_the_root_or_its_tables(root: Path) -> No
     other = open_drive(root / "v1.0-mini", DriveOptions(scene="scene-0103"))
     assert all("scene-0103" in f.name for f in other.frames)
     assert len(other.frames) == 5
+
+
+def test_tables_and_labels_count_as_sources(root: Path) -> None:
+    named = set(open_drive(root, options()).sources)
+    assert {root / "v1.0-mini" / f"{t}.json" for t in tables.TABLES} <= named
+    assert {p for p in (root / "lidarseg").rglob("*.bin") if SCENE in p.name} == {
+        p for p in named if p.suffix == ".bin"
+    }
 
 
 def test_a_scene_of_two_versions_is_read_from_the_smaller(root: Path) -> None:

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.selecting import DriveOptions
 
 WIDTH, HEIGHT, FRAMES = 48, 32, 4
 FOCAL, CENTRE = (40.0, 41.0), (23.7, 16.2)
@@ -164,6 +164,12 @@ def test_lasers_of_a_frame_are_one_sweep_without_empty_rays(tmp_path: Path) -> N
     for sweep in drive.sweeps:
         assert np.allclose(sweep.read().positions, STREET, atol=1e-4)
     assert [round((s.timestamp or 0) - 1_557_843_345.0, 3) for s in drive.sweeps] == [0.0, 0.1, 0.2, 0.3]
+
+
+def test_all_files_of_lasers_and_masks_count_as_sources(tmp_path: Path) -> None:
+    root = write_segment(tmp_path / "segment")
+    named = set(open_drive(root).sources)
+    assert {p for p in root.rglob("*") if p.suffix in (".npz", ".pt")} == named
 
 
 def test_a_missing_laser_leaves_the_others(tmp_path: Path) -> None:

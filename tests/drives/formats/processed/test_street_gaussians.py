@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.drives.formats.processed.test_neuralsim import Hostile
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.selecting import DriveOptions
 
 WIDTH, HEIGHT, FRAMES = 48, 32, 3
 FOCAL, CENTRE = (40.0, 41.0), (23.7, 16.2)

@@ -28,7 +28,6 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoint
 from unveil_core.drives.formats.binary import read_floats
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of
 from unveil_core.drives.formats.nuscenes.tables import (
-    LARGE_TABLES,
     LIDAR,
     MEND,
     TABLES,
@@ -123,8 +122,7 @@ def read_nuscenes(path: Path, scene: str) -> Drive:
         raise DriveError(
             f"has no photographs of {scene}", path=root / "samples", mend="unpack samples/ and sweeps/, too"
         )
-    # A large table takes seconds to read: whether it changed is seen by its small neighbours and by the photographs.
-    sources = [rows.table(name) for name in TABLES if name not in LARGE_TABLES]
+    sources = [*(rows.table(name) for name in TABLES), *(root / name for name in rows.labels.values())]
     return Drive(
         root=root,
         frames=tuple(frames),

@@ -24,9 +24,17 @@ __all__ = ["MEND", "SceneRows", "SensorFile", "is_tables", "read_scene", "scene_
 Row = dict[str, Any]
 MEND = "unpack the tables of v1.0-mini or v1.0-trainval again"
 LIDAR = "LIDAR_TOP"
-LARGE_TABLES = ("sample_data", "ego_pose", "sample_annotation")
-"""Those of a whole dataset hold up to a gigabyte each."""
-TABLES = (*LARGE_TABLES, "scene", "sample", "calibrated_sensor", "sensor", "instance", "category")
+TABLES = (
+    "scene",
+    "sample",
+    "sample_data",
+    "ego_pose",
+    "calibrated_sensor",
+    "sensor",
+    "sample_annotation",
+    "instance",
+    "category",
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,7 +83,7 @@ def read_neuralsim(path: Path, scene: str = ".") -> Drive:
         frames=tuple(frames),
         points=PointCloud(np.zeros((0, 3))),
         sweeps=tuple(sweeps),
-        sources=(file,),
+        sources=(file, *(p for part in ("lidars", "masks") for p in sorted((root / part).glob("*/*.npz")))),
         front_cameras=(FRONT,),
         notices=tuple(notices),
     )
