@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import cv2
@@ -230,13 +229,3 @@ def test_unknown_places_say_what_is_looked_for(tmp_path: Path) -> None:
         open_drive(tmp_path / "nowhere")
     with pytest.raises(DriveError, match="sparse/0 .COLMAP."):
         open_drive(tmp_path)
-
-
-def test_applied_transform_moves_the_points_too(tmp_path: Path) -> None:
-    path = make_tiny_drive(tmp_path)
-    before = open_drive(path).points.positions
-    turn = [[0, 1, 0, 2.0], [-1, 0, 0, 0.0], [0, 0, 1, 0.0]]
-    edit(path, lambda d: d.update(applied_transform=turn))
-    after = open_drive(path).points.positions
-    assert np.allclose(after[:, 0], before[:, 1] + 2)
-    assert json.loads(path.read_text())["applied_transform"] == turn
