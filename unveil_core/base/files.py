@@ -81,7 +81,7 @@ def read_json(path: Path) -> object:
     """
     try:
         content: object = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise DriveError(f"is not valid JSON: {error}", path=path) from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path) from error

@@ -155,12 +155,14 @@ class Sweep:
         read: its points. Raises DriveError.
         timestamp: seconds, or None.
         boxes: of tracked objects at the sweep's time.
+        annotated: its moment was annotated; False where the boxes are interpolated, in datasets that distinguish them.
     """
 
     path: Path
     read: Callable[[], SweepPoints]
     timestamp: float | None = None
     boxes: tuple[TrackedBox, ...] = ()
+    annotated: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -89,6 +89,9 @@ def _thinned(sweeps: Sequence[Sweep], which: str) -> tuple[Sweep, ...]:
     if which == ALL_SWEEPS:
         return tuple(sweeps)
     if which == KEY_SWEEPS:
+        annotated = tuple(s for s in sweeps if s.annotated)
+        if len(annotated) < len(sweeps):
+            return annotated
         return tuple(s for s in sweeps if s.boxes) or tuple(sweeps)
     if not which.isdigit() or int(which) < 1:
         raise SettingsError(f"sweeps {which!r} is not known", mend="use all, key, or a number N for each N-th sweep")

@@ -11,6 +11,8 @@ from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats import kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
+from unveil_core.drives.formats.nuscenes import reader as nuscenes
+from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import in_order_of_time, select_part
@@ -51,6 +53,34 @@ FORMATS: tuple[Format, ...] = (
         pandaset.recognizes,
         pandaset.read_pandaset,
         pandaset.scenes,
+    ),
+    Format(
+        "nuScenes",
+        "v1.0-*/ with samples/ and sweeps/ (nuScenes)",
+        nuscenes.recognizes,
+        nuscenes.read_nuscenes,
+        nuscenes.scenes,
+    ),
+    Format(
+        "neuralsim and StreetUnveiler",
+        "scenario.pt (neuralsim, StreetUnveiler)",
+        neuralsim.recognizes,
+        neuralsim.read_neuralsim,
+        neuralsim.scenes,
+    ),
+    Format(
+        "Street Gaussians",
+        "pointcloud.npz and ego_pose/ (Street Gaussians)",
+        street_gaussians.recognizes,
+        street_gaussians.read_street_gaussians,
+        street_gaussians.scenes,
+    ),
+    Format(
+        "DriveStudio",
+        "images/, intrinsics/, extrinsics/ and ego_pose/ (DriveStudio, S3Gaussian)",
+        drivestudio.recognizes,
+        drivestudio.read_drivestudio,
+        drivestudio.scenes,
     ),
     Format(
         "KITTI raw",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import io
 import pickle
+import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 
-__all__ = ["read_arrays", "read_table"]
+__all__ = ["read_archived_object", "read_arrays", "read_table"]
 
 MOST_BYTES = 1 << 30
 """Of one unpacked file: hundred times a sweep's. A few bytes of gzip can stand for more than fits into memory."""
@@ -142,8 +143,12 @@ def _load(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
         raise DriveError(f"is cut short or damaged: {error}", path=path, mend="download it again") from error
     if len(content) > MOST_BYTES:
         raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+    return _unpickled(io.BytesIO(content), admitted, path)
+
+
+def _unpickled(stream: io.BytesIO, admitted: Mapping[tuple[str, str], Any], path: Path) -> Any:
     try:
-        return _Restricted(io.BytesIO(content), admitted).load()
+        return _Restricted(stream, admitted).load()
     except MemoryError as error:
         raise DriveError("asks for more memory than there is", path=path, mend="download it again") from error
     except Exception as error:  # whatever a damaged or hostile pickle makes go wrong is that file's fault
@@ -157,6 +162,32 @@ def read_arrays(path: Path) -> Any:
         DriveError: missing, cut short, or naming anything else; nothing is run then.
     """
     return _load(path, _ARRAYS)
+
+
+def read_archived_object(path: Path, name: str) -> Any:
+    """The one object that an array of an .npz holds, which NumPy keeps there as a pickle; as :func:`read_arrays`.
+
+    Raises:
+        DriveError: missing, cut short, no such object, or naming anything else; nothing is run then.
+    """
+    try:
+        with zipfile.ZipFile(path) as packed:
+            if packed.getinfo(f"{name}.npy").file_size > MOST_BYTES:
+                raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+            stream = io.BytesIO(packed.read(f"{name}.npy"))
+        version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = header(stream)  # type: ignore[no-untyped-call]
+    except KeyError as error:
+        raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend="make it again") from error
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+        raise DriveError(f"is no archive of arrays: {error}", path=path, mend="make it again") from error
+    if shape != () or not kind.hasobject:
+        raise DriveError(f"{name} is an array of {shape} {kind}, no object", path=path, mend="make it again")
+    held = _unpickled(stream, _ARRAYS, path)
+    if not isinstance(held, np.ndarray) or held.shape != ():
+        raise DriveError(f"{name} is no object", path=path, mend="make it again")
+    return held.item()
 
 
 def read_table(path: Path) -> dict[str, NDArray[Any]]:

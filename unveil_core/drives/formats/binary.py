@@ -1,0 +1,56 @@
+"""Arrays of numbers in files of datasets: bare floats, and NumPy archives without pickles."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import DriveError
+
+__all__ = ["read_archive", "read_floats"]
+
+MOST_BYTES = 1 << 30
+"""Of the unpacked arrays of an archive: hundred times a sweep's. A few packed bytes can stand for more than fits into memory."""
+MEND = "download or make it again"
+
+
+def read_floats(path: Path, columns: int | None) -> NDArray[np.float32]:
+    """(N, columns) of a file of little-endian float32, row by row; (N,) where the columns are not known.
+
+    Raises:
+        DriveError: missing, or no whole number of rows.
+    """
+    width = columns or 1
+    try:
+        size = path.stat().st_size
+        if size % (4 * width):
+            problem = f"is cut short: {size} bytes are no rows of {width} numbers"
+            raise DriveError(problem, path=path, mend=MEND)
+        values = np.fromfile(path, dtype="<f4")
+    except OSError as error:
+        raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=MEND) from error
+    return values if columns is None else values.reshape(-1, columns)
+
+
+def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
+    """Arrays of an .npz by name. Arrays of objects, which would have to be unpickled, are refused.
+
+    Raises:
+        DriveError: missing, cut short, too large, without one of the arrays, or with objects.
+    """
+    try:
+        with zipfile.ZipFile(path) as packed:
+            if sum(packed.getinfo(f"{name}.npy").file_size for name in names) > MOST_BYTES:
+                raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+        with np.load(path, allow_pickle=False) as archive:
+            return [np.asarray(archive[name]) for name in names]
+    except KeyError as error:
+        raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend=MEND) from error
+    except (OSError, EOFError, ValueError, SyntaxError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+        raise DriveError(f"is no archive of arrays: {error}", path=path, mend=MEND) from error

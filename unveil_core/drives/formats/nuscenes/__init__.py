@@ -1,0 +1,1 @@
+"""nuScenes: its tables of JSON, streamed, and the drive that they describe."""

@@ -1,0 +1,1 @@
+"""Layouts into which projects of street reconstruction bring the datasets."""
