@@ -25,7 +25,8 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             whose size differs from its camera's.
     """
     if not drive.frames:
-        raise DriveError("has no frames", path=drive.root, mend="a drive needs at least one frame")
+        why = drive.notices[0] if drive.notices else "a drive needs at least one frame"
+        raise DriveError("has no frames", path=drive.root, mend=why)
     if not len(drive.points.positions):
         raise DriveError("has no points", path=drive.root, mend="a drive needs LiDAR or SfM points")
     seen: set[tuple[str, str]] = set()

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats import pandaset
+from unveil_core.drives.formats import argoverse2, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
+from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
 
@@ -50,6 +51,20 @@ FORMATS: tuple[Format, ...] = (
         pandaset.recognizes,
         pandaset.read_pandaset,
         pandaset.scenes,
+    ),
+    Format(
+        "Waymo Open v2",
+        "camera_image/ and vehicle_pose/ with .parquet tables (Waymo Open v2)",
+        waymo.recognizes,
+        waymo.read_waymo,
+        waymo.scenes,
+    ),
+    Format(
+        "Argoverse 2",
+        "city_SE3_egovehicle.feather, calibration/ and sensors/ (Argoverse 2)",
+        argoverse2.recognizes,
+        argoverse2.read_argoverse2,
+        argoverse2.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )
