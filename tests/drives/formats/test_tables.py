@@ -51,7 +51,9 @@ def test_columns_are_read_by_what_they_mean(path: Path) -> None:
 def test_times_count_from_1970_in_greenwich(tmp_path: Path, unit: str, zone: str | None) -> None:
     stamps = np.array([1_552_440_195_362_591, 1_552_440_195_462_613])
     path = tmp_path / "t.parquet"
-    parquet.write_table(pa.table({"t": pa.array(stamps * (1000 if unit == "ns" else 1), pa.timestamp(unit, zone))}), path)
+    parquet.write_table(
+        pa.table({"t": pa.array(stamps * (1000 if unit == "ns" else 1), pa.timestamp(unit, zone))}), path
+    )
     assert read_columns(path, ["t"]).integers("t").tolist() == stamps.tolist()
     assert read_columns(path, ["t"]).integers("t", "ns").tolist() == (stamps * 1000).tolist()
 
