@@ -11,6 +11,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ __all__ = ["Columns", "Rows", "array_of", "read_columns"]
 HELD_BYTES = 32 << 20
 """Unpacked, of the rows that are read at once. Released tables have row groups of 50 sweeps, a gigabyte each; a photograph or
 a sweep has 0.5 to 20 MB. Unpacking takes twice as much again."""
-NUMBER_BYTES = {"FLOAT": 4, "DOUBLE": 8, "INT32": 4, "INT64": 8}
 HELD_PLACES = 5
 """Places in one table that are kept open. Rows are asked for in order of time; in a table that is in order of its sensors, each
 of these (Waymo has five) then goes forward from its own place instead of starting anew for each row."""
@@ -153,6 +153,7 @@ def read_columns(path: Path, names: Sequence[str], optional: Sequence[str] = ())
                 chosen = _chosen(path, arrow.ipc.open_file(file).schema.names, names, optional)
                 file.seek(0)
                 table = feather.read_table(file, columns=chosen, use_threads=False)
+        table.validate(full=True)  # pyarrow trusts the offsets in a file and reads where a damaged one points
         return Columns(path, {name: table.column(name) for name in chosen}, table.num_rows)
 
 
@@ -240,18 +241,12 @@ class Rows:
         from pyarrow import parquet
 
         part = self._metadata.row_group(group)
-        chunks = [part.column(c) for c in range(part.num_columns)]
-        within = tuple(f"{name}." for name in self._chosen)
-        # A column of few values is small in the file, as its values stand there once; unpacked it has a number for each.
-        unpacked = sum(
-            max(c.total_uncompressed_size, c.num_values * NUMBER_BYTES.get(c.physical_type, 0))
-            for c in chunks
-            if c.path_in_schema in self._chosen or c.path_in_schema.startswith(within)
-        )
-        rows = max(1, part.num_rows * HELD_BYTES // max(unpacked, 1))
         # So it reads page by page instead of a whole column of the row group.
         way = {"pre_buffer": False, "buffer_size": 1 << 20}
         with parquet.ParquetFile(self.path, metadata=self._metadata, **way) as file:
-            yield from file.iter_batches(
-                batch_size=min(rows, part.num_rows), row_groups=[group], columns=self._chosen, use_threads=False
-            )
+            batches = partial(file.iter_batches, row_groups=[group], columns=self._chosen, use_threads=False)
+            # A column of few values is small in the file, as its values stand there once, so a row tells more than the footer,
+            # of whose columns, besides, pyarrow cannot be asked without risk: it ends the process where they are damaged.
+            first = next(batches(batch_size=1), None)
+            each = max(part.total_byte_size / max(part.num_rows, 1), 1 if first is None else first.nbytes, 1)
+            yield from batches(batch_size=max(1, min(int(HELD_BYTES / each), part.num_rows)))

@@ -153,7 +153,7 @@ def _read(lidar: _Lidar, stamp: int, pose: Float64) -> SweepPoints:
 def _image(row: Mapping[str, Any], name: str, path: Path, kind: type) -> NDArray[Any] | None:
     """The (H, W, C) image of a return in a row, None where it has none."""
     parts = {column.rsplit(".", 1)[1]: value for column, value in row.items() if f".{name}." in column}
-    if not parts:
+    if len(parts) < 2:
         return None
     values, shape = (array_of(parts[part], path, part) for part in ("values", "shape"))
     if values is None or shape is None or not len(values):
