@@ -10,7 +10,7 @@ from tests.small_street import BUILDING, CAR, HIGH, LOW, SKY, cast, make_small_s
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.labels import SceneLabels, choose_labels

@@ -116,13 +116,14 @@ def test_the_example_of_a_drive_opens(page: str, tmp_path: Path) -> None:
 
 def keys_read() -> set[str]:
     """The keys that the reader of transforms.json asks for: strings that it looks up, whatever the way."""
-    tree = ast.parse(text_of(ROOT / "unveil_core/drives/formats/transforms_json.py"))
+    formats = ROOT / "unveil_core/drives/formats"
+    files = [formats / "transforms_json.py", *(formats / "nerfstudio").glob("*.py")]
     found: set[str] = set()
-    for node in ast.walk(tree):
+    for node in (n for file in files for n in ast.walk(ast.parse(text_of(file)))):
         asked: list[ast.expr] = []
         if isinstance(node, ast.Call):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            asked = list(node.args) if called in ("get", "_number", "file") else []
+            asked = list(node.args) if called in ("get", "number", "file") else []
         elif isinstance(node, ast.Subscript):
             asked = [node.slice]
         elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):

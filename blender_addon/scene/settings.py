@@ -94,7 +94,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
         subtype="FILE_PATH",
         description="ONNX file that paints by a reference; none by default",
     )
-    max_side: IntProperty(
+    work_side: IntProperty(
         name="Largest side",
         min=0,
         subtype="PIXEL",

@@ -101,7 +101,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
                 "movers",
                 "device",
                 "seed",
-                "max_side",
+                "work_side",
                 "keyframes",
                 "order",
                 "inpainter",

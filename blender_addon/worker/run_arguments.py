@@ -40,8 +40,8 @@ def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> l
         _inpainter(settings, absolute),
         "--reference-inpainter",
         _file(settings.reference_inpainter, absolute) or "none",
-        "--max-side",
-        str(settings.max_side) if settings.max_side else "auto",
+        "--work-side",
+        str(settings.work_side) if settings.work_side else "auto",
     ]
 
 
@@ -73,7 +73,7 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         "keyframes": [] if settings.keyframes.strip() in ("", "auto") else _names(settings.keyframes),
         "inpainter": _inpainter(settings, absolute),
         "reference_inpainter": _file(settings.reference_inpainter, absolute) or None,
-        "max_side": settings.max_side or None,
+        "work_side": settings.work_side or None,
         "marked": None,
     }
     for option, value in zip(selection[::2], selection[1::2], strict=True):

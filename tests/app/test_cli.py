@@ -163,12 +163,12 @@ def test_import_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_a_workspace_s_settings_can_be_taken_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = make_tiny_drive(tmp_path / "drive")
     network = from_reference(tmp_path / "reference.onnx")
-    given = ["--max-side", "32", "--reference-inpainter", str(network), "--keyframes", "1"]
+    given = ["--work-side", "32", "--reference-inpainter", str(network), "--keyframes", "1"]
     assert main(["import", str(path), "-o", str(tmp_path / "ws"), *given]) == 0
     recorded = tmp_path / "ws/workspace.json"
     assert main(["segment", str(tmp_path / "ws")]) == 0
-    assert json.loads(recorded.read_text())["settings"]["max_side"] == 32
-    taken_back = ["--max-side", "auto", "--reference-inpainter", "none", "--keyframes", "auto"]
+    assert json.loads(recorded.read_text())["settings"]["work_side"] == 32
+    taken_back = ["--work-side", "auto", "--reference-inpainter", "none", "--keyframes", "auto"]
     assert main(["segment", str(tmp_path / "ws"), *taken_back]) == 0
     settings = json.loads(recorded.read_text())["settings"]
-    assert settings["max_side"] is settings["reference_inpainter"] is None and settings["keyframes"] == []
+    assert settings["work_side"] is settings["reference_inpainter"] is None and settings["keyframes"] == []

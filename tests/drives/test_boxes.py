@@ -14,7 +14,7 @@ from tests.other_frame import Y_UP_UTM, box_in_other_frame
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.boxes import TrackedBox, read_boxes
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 
 BOX = {"id": 7, "class": "car", "centre": [600010.0, 2.0, 0.75], "size": [4.2, 1.8, 1.5], "yaw": 0.5}
 

@@ -17,7 +17,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.camera import Camera
 
 UTM = np.array([352_140.0, 5_812_960.0, 34.0])

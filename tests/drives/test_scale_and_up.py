@@ -14,7 +14,7 @@ from tests.small_street import make_small_street
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
-from unveil_core.drives.importing import import_drive, localized
+from unveil_core.drives.importing.whole_drive import import_drive, localized
 from unveil_core.drives.scale_and_up import UP_AXES, camera_height, estimate_up, place_drive
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity

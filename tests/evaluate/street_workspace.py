@@ -11,7 +11,7 @@ import numpy as np
 from tests.mesh.street import Car, cast, street_camera
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.remove.regions import region_map

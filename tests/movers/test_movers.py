@@ -15,7 +15,7 @@ from tests.moving_street import AHEAD, FRAMES, MOVER_ID, ONCOMING, PARKED_ID, WA
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.movers.find import FoundMovers, find_movers
 from unveil_core.semantics.labels import choose_labels
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.hard_drives import make_tiny_street, replace_images
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.optimize.exposure import affine_between, fit_exposures
 
 SAMPLES = Path(__file__).parents[2] / "sample_scenes"

@@ -14,7 +14,7 @@ from tests import small_street
 from tests.hard_drives import make_tiny_street
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings
 from unveil_core.optimize.reconstruct import MANY_FRAMES, PRESETS, Reconstruction, ReconstructSettings, reconstruct

@@ -10,7 +10,7 @@ import pytest
 from tests.small_street import make_small_street
 from unveil_core.base.files import read_image
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize import start as module
 from unveil_core.optimize.start import StartSettings, start_scene

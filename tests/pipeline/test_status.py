@@ -44,7 +44,7 @@ def test_settings_make_stale_what_they_influence_and_what_follows(
 ) -> None:
     assert states(root, capsys, "--seed", "7")["segment"] == "done"
     assert states(root, capsys, "--movers", "keep")["segment"] == "stale"
-    changed = states(root, capsys, "--max-side", "32")
+    changed = states(root, capsys, "--work-side", "32")
     assert changed["import"] == changed["segment"] == "stale"
     assert main(["segment", str(root), "--movers", "keep"]) == 0  # recorded from here on
     assert states(root, capsys)["segment"] == "done"
@@ -69,7 +69,7 @@ def test_failed_running_and_killed(root: Path, capsys: pytest.CaptureFixture[str
 
 def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
     stages = Workspace.open(root).state()["stages"]
-    assert stages["import"]["settings"] == {"max_side": None, "quality": "standard", "scale": None, "up": None}
+    assert stages["import"]["settings"] == {"work_side": None, "quality": "standard", "scale": None, "up": None}
     assert set(stages["segment"]["settings"]) >= {"movers"}
 
 

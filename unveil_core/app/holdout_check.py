@@ -109,13 +109,13 @@ def check_footage(
     recorded = RunSettings.from_json(footage.state().get("settings", {}))
     ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(scene.cars)))
     chosen = replace(
-        recorded,
+        recorded.without_drive_options(),
         quality=quality or recorded.quality,
         # The images are what they are to be already.
-        max_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
+        work_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
     )
-    workspace = run(folder / "drive", folder / "workspace", chosen, until="reoptimize", reporter=reporter)
+    workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", reporter=reporter)
     progress = _progress(reporter)
     known = seen_elsewhere(scene.sights, pixels, far=FAR_M, progress=progress)
     parts = zip(scene.drive.frames, scene.sights, pixels, scene.removed, known, strict=True)

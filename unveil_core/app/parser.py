@@ -21,7 +21,8 @@ STAGE_VERBS = {
     "instances": "assign the listed objects to the scene's surfels",
     "remove": "select the surfels and pixels to remove, find what no frame shows",
     "inpaint": "fill what the removed objects hid, in every frame and as new surfels",
-    "reoptimize": "optimize the empty scene near the removed objects, write renders/ and frames/",
+    "reoptimize": "optimize the empty scene near the removed objects, write renders/ and clean/",
+    "deliver": "bring the clean frames to the size, lens and bit depth of the footage: frames/",
     "mesh": "fuse meshes of the full and the empty street",
     "report": "measure and write the report page",
 }
@@ -230,7 +231,22 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         help="of the drive's coordinates, where they are not metres",
     )
     add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
-    add("--max-side", type=_pixels, metavar="PIXELS|auto", help="reduce larger images to this side")
+    add("--scene", type=_name_or_auto, metavar="NAME", help="of a dataset's folder that holds several drives")
+    add("--cameras", type=_cameras, metavar="NAMES|all|auto", help="of a rig; by default a dataset's front camera")
+    add("--frames", type=_name_or_auto, metavar="A:B:STEP|auto", help="part of the drive, counted from 0 as in Python")
+    add("--sweeps", metavar="all|key|N", help="LiDAR sweeps: all, of annotated frames only, or each N-th")
+    add(
+        "--segmenter",
+        type=_file_or_none,
+        metavar="FILE.onnx|none",
+        help="labels the frames, beside it FILE.toml tells how",
+    )
+    add(
+        "--work-side",
+        type=_pixels,
+        metavar="PIXELS|auto",
+        help="longer side at which the scene is made; frames are delivered at their own size",
+    )
     add(
         "--shadows",
         metavar="auto|off|AZIMUTH,ELEVATION",
@@ -293,6 +309,14 @@ def _ids(text: str) -> tuple[int, ...]:
         return tuple(int(part) for part in _names(text))
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 3,7") from None
+
+
+def _name_or_auto(text: str) -> str | None:
+    return None if text.strip() == "auto" else text.strip()
+
+
+def _cameras(text: str) -> tuple[str, ...]:
+    return () if text.strip() == "auto" else _names(text)
 
 
 def _keyframes(text: str) -> tuple[str, ...]:

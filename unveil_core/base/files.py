@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import cv2
 import numpy as np
@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 
 __all__ = [
+    "decode_image",
     "disk_is_full",
     "link_or_copy",
     "read_image",
+    "read_image_as_it_is",
     "read_instance_image",
     "read_json",
     "read_label_image",
@@ -29,6 +31,9 @@ __all__ = [
     "write_image_atomic",
     "write_json_atomic",
 ]
+
+IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+"""Pixels as they are stored: cameras are calibrated for these, whatever a maker's note says of how to hold the picture."""
 
 
 def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -89,9 +94,10 @@ def write_json_atomic(path: Path, content: object) -> None:
 
 
 def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
-    """Write an image in the format of its suffix: (H, W, 3) uint8 RGB, or (H, W) uint8 or uint16."""
+    """Write an image in the format of its suffix: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), uint8 or uint16."""
     path = Path(path)
-    ordered = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    order = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
+    ordered = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
     options = [cv2.IMWRITE_JPEG_QUALITY, 95] if path.suffix.lower() in (".jpg", ".jpeg") else []
     done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(ordered), options)
     if not done:
@@ -99,13 +105,16 @@ def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
     write_bytes_atomic(path, encoded.tobytes())
 
 
-def _decode(path: Path, flags: int) -> NDArray[np.generic]:
-    try:
-        content = np.fromfile(path, dtype=np.uint8)
-    except FileNotFoundError as error:
-        raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
-    except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+def _decode(path: Path, flags: int, content: NDArray[np.uint8] | None = None) -> NDArray[np.generic]:
+    if content is None:
+        try:
+            content = np.fromfile(path, dtype=np.uint8)
+        except FileNotFoundError as error:
+            raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
+        except OSError as error:
+            raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+    if not content.size:
+        raise DriveError("is empty", path=path, mend="copy it again from its source, or drop the frame")
     suffix = Path(path).suffix.lower()
     known = content[:4].tobytes() == b"\x89PNG" or content[:2].tobytes() == b"\xff\xd8"
     truncated = (suffix == ".png" and content[-8:].tobytes() != b"IEND\xaeB`\x82") or (
@@ -113,10 +122,36 @@ def _decode(path: Path, flags: int) -> NDArray[np.generic]:
     )
     if known and truncated:
         raise DriveError("is cut short", path=path, mend="copy it again from its source")
-    image = cv2.imdecode(content, flags) if content.size else None
+    image = cv2.imdecode(content, flags)
     if image is None:
         raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")
     return image
+
+
+def decode_image(content: bytes, path: Path) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB of an encoded image.
+
+    Args:
+        path: of what it was read from, for messages; its suffix tells the encoding.
+    Raises:
+        DriveError: unreadable or cut short.
+    """
+    image = _decode(path, IN_COLOR, np.frombuffer(content, dtype=np.uint8))
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8)
+
+
+def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """(H, W), (H, W, 3) RGB or (H, W, 4) RGBA, with 8 or 16 bits as the file has them.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
+    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
+        raise DriveError(f"has {image.dtype} pixels", path=path, mend="export it again with 8 or 16 bits")
+    ordered: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
+    return ordered
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -125,7 +160,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
     Raises:
         DriveError: missing, unreadable or cut short.
     """
-    return cv2.cvtColor(_decode(path, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB).astype(np.uint8)
+    return cv2.cvtColor(_decode(path, IN_COLOR), cv2.COLOR_BGR2RGB).astype(np.uint8)
 
 
 def read_label_image(path: Path) -> NDArray[np.uint8]:

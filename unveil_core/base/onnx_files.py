@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from unveil_core.base.errors import SettingsError
 
-__all__ = ["check_readable", "files_of", "open_onnx", "short"]
+__all__ = ["ONNX_TYPES", "check_readable", "describe", "files_of", "open_onnx", "short"]
+
+ONNX_TYPES: dict[str, type[np.generic]] = {
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+    "tensor(double)": np.float64,
+    "tensor(uint8)": np.uint8,
+    "tensor(bool)": np.bool_,
+}
+"""What arrays the inputs of networks of pictures take, by the name of their type."""
 
 
 def check_readable(path: Path, mend: str) -> None:
@@ -50,3 +62,12 @@ def short(error: Exception) -> str:
     """One line: of TorchScript's tracebacks the last, which says what is wrong."""
     lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
     return textwrap.shorten(lines[-1] if "Traceback" in str(error) else " ".join(lines), 200, placeholder=" …")
+
+
+def describe(values: Sequence[Any]) -> str:
+    """Inputs or outputs of a session in words."""
+    words = []
+    for v in values:
+        shape = ", ".join("?" if not isinstance(d, int) else str(d) for d in v.shape or ())
+        words.append(f"{v.name!r} ({shape}) {str(v.type).removeprefix('tensor(').removesuffix(')')}")
+    return " and ".join(words) or "none"

@@ -20,10 +20,10 @@ from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive
-from unveil_core.drives.check import check_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.importing import localized
+from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
 from unveil_core.geometry.images import grow

@@ -18,7 +18,7 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["Distortion", "Drive", "Frame", "FrameLabels", "PointCloud", "Sweep", "SweepPoints", "tracks"]
+__all__ = ["Distortion", "Drive", "Footage", "Frame", "FrameLabels", "PointCloud", "Sweep", "SweepPoints", "tracks"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,21 @@ class FrameLabels:
 
 
 @dataclass(frozen=True, eq=False)
+class Footage:
+    """A photograph as it came, beside the undistorted one of working size that was made of it.
+
+    Attributes:
+        path: of the file.
+        camera: of the file's own size, with the frame's pose; its pinhole is that of ``distortion``.
+        distortion: of its lens, None for a pinhole.
+    """
+
+    path: Path
+    camera: Camera
+    distortion: Distortion | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """One photograph of the drive.
 
@@ -68,6 +83,8 @@ class Frame:
         labels: reads the labels of a dataset that keeps them in an encoding of its own; None where it has none.
         image_bytes: reads the encoded photograph where ``image_path`` names a file that holds many; its suffix tells the
             encoding all the same, and its stem the frame.
+        ego_path: 8-bit PNG of an imported drive, 255 where the photograph shows the ego vehicle; None where nowhere.
+        footage: of an imported drive, the file that the photograph was made of; None where it is that file.
         ego_rows: lowest rows of the photograph that show the ego vehicle, where the dataset is known to have such.
     """
 
@@ -84,6 +101,8 @@ class Frame:
     boxes: tuple[TrackedBox, ...] = ()
     labels: Callable[[], FrameLabels] | None = None
     image_bytes: Callable[[], bytes] | None = None
+    ego_path: Path | None = None
+    footage: Footage | None = None
     ego_rows: int = 0
 
 
@@ -163,6 +182,7 @@ class Drive:
         sources: the files that it was read from, beside those of the frames and sweeps.
         front_cameras: names of the cameras that are read unless others are asked for; none = all.
         notices: what a user should know of how it was read, one line each.
+        frame_rate: of its cameras, frames a second, from their time stamps; None where they have none. Set by import.
         key_frames: names of the annotated frames, where a dataset distinguishes them; None = all.
     """
 
@@ -180,6 +200,7 @@ class Drive:
     sweeps: tuple[Sweep, ...] = ()
     front_cameras: tuple[str, ...] = ()
     notices: tuple[str, ...] = ()
+    frame_rate: float | None = None
     key_frames: frozenset[str] | None = None
 
 

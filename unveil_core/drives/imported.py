@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.boxes import read_boxes
-from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.drive import Distortion, Drive, Footage, Frame
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
@@ -30,19 +31,13 @@ def read_imported(folder: Path) -> Drive:
             Frame(
                 name=e["name"],
                 camera_name=e["camera"],
-                camera=Camera(
-                    int(e["width"]),
-                    int(e["height"]),
-                    float(e["fx"]),
-                    float(e["fy"]),
-                    float(e["cx"]),
-                    float(e["cy"]),
-                    np.array(e["world_to_camera"], dtype=np.float64),
-                ),
+                camera=_camera(e, e),
                 image_path=folder / e["image"],
                 semantic_path=folder / e["semantics"] if "semantics" in e else None,
                 instance_path=folder / e["instances"] if "instances" in e else None,
                 mask_path=folder / e["mask"] if "mask" in e else None,
+                ego_path=folder / e["ego"] if "ego" in e else None,
+                footage=_footage(e, folder),
                 timestamp=e.get("timestamp"),
                 boxes=read_boxes(e.get("boxes"), path, e["name"]),
             )
@@ -55,9 +50,32 @@ def read_imported(folder: Path) -> Drive:
             to_world=Similarity.from_json(data["to_world"]),
             scale_source=str(data["scale_source"]),
             up_source=str(data["up_source"]),
+            frame_rate=data.get("frame_rate"),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),
         )
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
+
+
+def _camera(numbers: dict[str, Any], entry: dict[str, Any]) -> Camera:
+    """A camera of size and focal length in ``numbers``, with the pose in ``entry``."""
+    return Camera(
+        int(numbers["width"]),
+        int(numbers["height"]),
+        float(numbers["fx"]),
+        float(numbers["fy"]),
+        float(numbers["cx"]),
+        float(numbers["cy"]),
+        np.array(entry["world_to_camera"], dtype=np.float64),
+    )
+
+
+def _footage(entry: dict[str, Any], folder: Path) -> Footage | None:
+    found = entry.get("footage")
+    if found is None:
+        return None
+    lens = found["distortion"]
+    distortion = None if lens is None else Distortion(str(lens["model"]), tuple(float(k) for k in lens["coefficients"]))
+    return Footage(folder / found["image"], _camera(found, entry), distortion)

@@ -33,7 +33,7 @@ SCANNED = frozenset(
 
 
 def read_points(path: Path) -> PointCloud:
-    """Read x y z (any number type) and, where present, red green blue.
+    """Read x y z (any number type) and, where present, red green blue, and what :func:`write_points` writes.
 
     Raises:
         DriveError: missing, not a PLY, without x y z, without points, or with coordinates that are not finite.
@@ -59,19 +59,25 @@ def read_points(path: Path) -> PointCloud:
         colors = (colors * 255).round() if colors.dtype.kind == "f" and colors.max() <= 1 else colors
         colors = colors.astype(np.uint8)
     bare = {n.lower().removeprefix("scalar_") for n in names}
-    return PointCloud(positions, colors, measured=bool(bare & SCANNED))
+    classes = np.asarray(vertex["train_id"], dtype=np.uint8) if "train_id" in names else None
+    moving = np.asarray(vertex["moving"]) != 0 if "moving" in names else None
+    return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
 
 
 def write_points(points: PointCloud, path: Path) -> None:
-    """Write doubles and, where there are, colours; atomically."""
+    """Write doubles and, where there are, colours, classes (``train_id``) and ``moving``; atomically."""
     kind = [(n, "<f8") for n in "xyz"]
     if points.colors is not None:
         kind += [(n, "u1") for n in ("red", "green", "blue")]
+    more = {n: v for n, v in (("train_id", points.classes), ("moving", points.moving)) if v is not None}
+    kind += [(n, "u1") for n in more]
     table = np.empty(len(points.positions), dtype=kind)
     for i, name in enumerate("xyz"):
         table[name] = points.positions[:, i]
     if points.colors is not None:
         for i, name in enumerate(("red", "green", "blue")):
             table[name] = points.colors[:, i]
+    for name, values in more.items():
+        table[name] = values
     data = PlyData([PlyElement.describe(table, "vertex")], text=False, byte_order="<")
     write_atomic(path, data.write)

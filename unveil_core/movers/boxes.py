@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Mask
 from unveil_core.drives.boxes import TrackedBox
-from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.cityscapes import CITYSCAPES
+from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.importing.sweeps import in_boxes
+from unveil_core.drives.moved import moved_ids
 from unveil_core.geometry.camera import Camera
-from unveil_core.semantics.classes import CITYSCAPES, REMOVABLE
+from unveil_core.semantics.classes import REMOVABLE
 
 __all__ = ["box_pixels", "moving_boxes", "points_in_boxes"]
-
-MOVED_SHARE, MOVED_M = 0.25, 0.3
-"""An object moved if its box did by more than this share of its length plus this many metres: annotated boxes wander a little."""
-MARGIN_M = 0.15
-"""Points so close to a box, metres, belong to its object."""
 
 
 def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
@@ -29,9 +27,7 @@ def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
     Raises:
         DriveError: a class that Cityscapes does not know.
     """
-    centres: dict[int, list[NDArray[np.float64]]] = {}
     names: dict[int, str] = {}
-    lengths: dict[int, float] = {}
     for frame in drive.frames:
         for box in frame.boxes:
             if box.class_name not in CITYSCAPES:
@@ -41,15 +37,9 @@ def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
                     mend="use Cityscapes names, as car or person",
                 )
             if box.class_name in REMOVABLE:
-                centres.setdefault(box.id, []).append(np.asarray(box.centre))
                 names[box.id] = box.class_name
-                lengths[box.id] = max(lengths.get(box.id, 0.0), *box.size[:2])
-    moved = {}
-    for number, places in centres.items():
-        reach = float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
-        if reach > MOVED_SHARE * lengths[number] + MOVED_M:
-            moved[number] = names[number]
-    return moved, frozenset(set(names) - set(moved))
+    moved = moved_ids(drive)
+    return {number: names[number] for number in names if number in moved}, frozenset(names) - moved
 
 
 def _hull(box: TrackedBox, camera: Camera) -> Mask | None:
@@ -104,17 +94,12 @@ def box_pixels(
     return owner
 
 
-def points_in_boxes(points: NDArray[np.float64], drive: Drive, moved: Sequence[int]) -> Mask:
-    """(P,) points that lie in a moved box at any time, but not on the ground under it."""
-    inside = np.zeros(len(points), dtype=bool)
+def points_in_boxes(points: PointCloud, drive: Drive, moved: Sequence[int]) -> Mask:
+    """(P,) points that lie in a moved box, but not on the ground under it: when they were measured, where sweeps tell it, else at
+    the time of any frame."""
+    if points.moving is not None:
+        return points.moving
+    inside = np.zeros(len(points.positions), dtype=bool)
     for frame in drive.frames:
-        for box in frame.boxes:
-            if box.id not in moved:
-                continue
-            low, high = box.corners().min(axis=0) - 1.0, box.corners().max(axis=0) + 1.0
-            near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
-            local = box.local(points[near]) * (np.asarray(box.size) / 2)
-            half = np.asarray(box.size) / 2
-            hit = (np.abs(local) <= half + MARGIN_M).all(axis=1) & (local[:, 2] > -half[2] + MARGIN_M)
-            inside[near[hit]] = True
+        inside |= in_boxes(points.positions, [b for b in frame.boxes if b.id in moved])
     return inside

@@ -243,7 +243,7 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
 def _points(search: _Search) -> Mask:
     points = search.drive.points.positions
     boxes = [source for _, evidence, source in search.movers if evidence == "boxes"]
-    found = points_in_boxes(points, search.drive, boxes)
+    found = points_in_boxes(search.drive.points, search.drive, boxes)
     ground = search.ground
     if ground is None:
         return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from unveil_core.pipeline.stage import Stage
 from unveil_core.pipeline.steps import (
     choose,
+    deliver,
     ground,
     import_,
     inpaint,
@@ -33,6 +34,7 @@ STAGES: tuple[Stage, ...] = tuple(
         remove,
         inpaint,
         reoptimize,
+        deliver,
         mesh,
         report,
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from unveil_core.base.errors import UnveilError
 from unveil_core.drives import open_drive
-from unveil_core.drives.check import check_drive
+from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
@@ -50,7 +50,7 @@ def run(
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     fresh = not Path(workspace).exists()
-    opened = open_drive(drive)
+    opened = open_drive(drive, settings.drive_options)
     if not (Path(workspace) / "workspace.json").is_file():
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened)

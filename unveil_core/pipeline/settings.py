@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions, frame_range
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
@@ -33,8 +34,11 @@ class RunSettings:
         seed: of everything random.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
-        max_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
+        work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
+        scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
+        segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
+            that the drive has, or what follows from its boxes and labelled points.
         shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
             direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
         iterations, splats: steps and largest number of surfels of the reconstruction; None = chosen while it runs, by held-out
@@ -56,7 +60,7 @@ class RunSettings:
     quality: str = "standard"
     device: str = "auto"
     seed: int = 0
-    max_side: int | None = None
+    work_side: int | None = None
     shadows: str = "auto"
     movers: str = "auto"
     inpainter: str = "exemplar"
@@ -70,10 +74,21 @@ class RunSettings:
     marked: str | None = None
     scale: float | None = None
     up: str | None = None
+    scene: str | None = None
+    cameras: tuple[str, ...] = ()
+    frames: str | None = None
+    sweeps: str = ALL_SWEEPS
+    segmenter: str | None = None
 
     def __post_init__(self) -> None:
         if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
             raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
+        if self.segmenter is not None and not is_file(self.segmenter):
+            raise SettingsError(f"unknown segmenter {self.segmenter!r}", mend="give FILE.onnx")
+        if self.frames is not None:
+            frame_range(self.frames)
+        if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not (self.sweeps.isdigit() and int(self.sweeps)):
+            raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
         if self.marked is not None:
             object.__setattr__(self, "marked", str(Path(self.marked).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
@@ -102,8 +117,8 @@ class RunSettings:
             raise SettingsError(
                 f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
-        if self.max_side is not None and self.max_side < 32:
-            raise SettingsError(f"max_side {self.max_side} is too small", mend="at least 32 pixels")
+        if self.work_side is not None and self.work_side < 32:
+            raise SettingsError(f"work_side {self.work_side} is too small", mend="at least 32 pixels")
         for name, given, low, high in (
             ("iterations", self.iterations, 20, 1_000_000),
             ("sh_degree", self.sh_degree, 0, 3),
@@ -126,6 +141,15 @@ class RunSettings:
         return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
 
     @property
+    def drive_options(self) -> DriveOptions:
+        """Which part of the drive is read."""
+        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps)
+
+    def without_drive_options(self) -> RunSettings:
+        """The same for another drive, that is read whole and has its labels."""
+        return replace(self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, segmenter=None)
+
+    @property
     def files(self) -> dict[str, Path]:
         """The files that settings name, by setting: of them the content counts."""
         marked = {} if self.marked is None else {"marked": Path(self.marked)}
@@ -136,7 +160,11 @@ class RunSettings:
         """The networks that settings name, by setting."""
         return {
             name: Path(value)
-            for name, value in (("inpainter", self.inpainter), ("reference_inpainter", self.reference_inpainter))
+            for name, value in (
+                ("inpainter", self.inpainter),
+                ("reference_inpainter", self.reference_inpainter),
+                ("segmenter", self.segmenter),
+            )
             if value is not None and is_file(value)
         }
 

@@ -18,13 +18,20 @@ from numpy.typing import NDArray
 from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask
-from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.drives.drive import Drive, Frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.movers.find import find_movers
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 
-__all__ = ["Moving", "read_moving", "write_moving"]
+__all__ = ["Moving", "ego_pixels", "read_moving", "write_moving"]
+
+
+def ego_pixels(frame: Frame) -> Mask:
+    """(H, W) pixels of an imported frame that show the ego vehicle."""
+    if frame.ego_path is None:
+        return np.zeros((frame.camera.height, frame.camera.width), dtype=bool)
+    return load_mask(frame.ego_path)
 
 
 @dataclass(frozen=True)
@@ -61,10 +68,11 @@ class Moving:
         return [np.zeros_like(s) for s in shadows] if mode == "off" else shadows
 
     def hidden(self, drive: Drive) -> list[Mask] | None:
-        """(H, W) per frame, pixels that do not show the static scene: dynamic objects with their borders, and their shadows."""
-        if not self.count:
+        """(H, W) per frame, pixels that do not show the static scene: dynamic objects with their borders, their shadows, and the
+        ego vehicle. None where there are no such."""
+        if not self.count and all(f.ego_path is None for f in drive.frames):
             return None
-        return [grow(self.pixels(f), border_px(f.camera.width)) | self.shadow(f) for f in drive.frames]
+        return [grow(self.pixels(f), border_px(f.camera.width)) | self.shadow(f) | ego_pixels(f) for f in drive.frames]
 
     def static_part(self, drive: Drive) -> Drive:
         """The drive without the points that lie on dynamic objects."""
@@ -74,8 +82,7 @@ class Moving:
         # If all points lay on dynamic objects, there would be none to start from.
         if not keep.any():
             return drive
-        colors = drive.points.colors
-        return replace(drive, points=PointCloud(drive.points.positions[keep], None if colors is None else colors[keep]))
+        return replace(drive, points=drive.points.select(keep))
 
     def ids_of_static(self, frame: Frame, instances: NDArray[np.int64] | None) -> NDArray[np.int64] | None:
         """Instance ids (H, W) of a frame without those of dynamic objects; None where the frame has none."""

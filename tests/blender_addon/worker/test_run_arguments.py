@@ -25,7 +25,7 @@ PLAIN = {
     "keyframes": "",
     "inpainter": "exemplar",
     "reference_inpainter": "",
-    "max_side": 0,
+    "work_side": 0,
 }
 
 
@@ -33,7 +33,7 @@ PLAIN = {
     "changed",
     [
         {},
-        {"quality": "high", "device": "cpu", "seed": 12, "movers": "keep", "order": "forward", "max_side": 640},
+        {"quality": "high", "device": "cpu", "seed": 12, "movers": "keep", "order": "forward", "work_side": 640},
         {"shadows": "off"},
         {"shadows": "given", "sun_azimuth": math.radians(135), "sun_elevation": math.radians(40.5)},
         {"keyframes": "3, 7", "inpainter": "telea"},

@@ -37,7 +37,7 @@ def test_a_stage_run_anew_with_other_settings_makes_stale_what_follows(root: Pat
     before = read(root)
     assert {before.stages[n].state for n in ("import", "objects", "segment", "choose")} == {"done"}
     drive = str(root.parent / "drive/transforms.json")
-    assert main(["import", drive, "-o", str(root), "--max-side", "32"]) == 0
+    assert main(["import", drive, "-o", str(root), "--work-side", "32"]) == 0
     after = {name: stage.state for name, stage in read(root).stages.items()}
     assert after["import"] == after["objects"] == "done" and after["segment"] == after["choose"] == "stale"
     assert main(["import", drive, "-o", str(root)]) == 0  # as before, byte for byte
@@ -51,7 +51,7 @@ def test_a_stage_run_anew_with_other_settings_makes_stale_what_follows(root: Pat
         {},
         {"seed": 5},
         {"movers": "keep"},
-        {"max_side": 32},
+        {"work_side": 32},
         {"quality": "draft"},
         {"shadows": "off"},
         {"instances": (300,)},
@@ -84,7 +84,7 @@ def test_running_failed_and_killed(root: Path) -> None:
 
 
 def test_what_follows_a_stale_stage_is_stale(root: Path) -> None:
-    found = states(root, {"max_side": 32})
+    found = states(root, {"work_side": 32})
     assert found["import"] == found["segment"] == found["choose"] == "stale" and found["reconstruct"] == "to do"
 
 

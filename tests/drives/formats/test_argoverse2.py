@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from pyarrow import feather
 from scipy.spatial.transform import Rotation
 
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.check import check_drive
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.tables import read_columns
-from unveil_core.drives.selecting import DriveOptions
+from unveil_core.drives.importing.check import check_drive
 
 EVERY_CAMERA = DriveOptions(cameras=("all",))
 REAL = Path(os.environ.get("UNVEIL_REAL_DATA", "")) / "argoverse2"

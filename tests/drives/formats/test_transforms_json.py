@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import cv2
@@ -13,8 +12,8 @@ from tests.drives.tiny_drive import CAR, ROAD, SKY, camera_to_world, edit, make_
 from unveil_core.base.errors import DriveError, SelectionError, UnveilError
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
-from unveil_core.drives.check import check_drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.semantics.labels import choose_labels
 
 
@@ -54,7 +53,7 @@ def test_import_opens_again_and_links_originals(tmp_path: Path) -> None:
 
 def test_smaller_images_see_the_same(tmp_path: Path) -> None:
     drive = open_drive(make_tiny_drive(tmp_path / "d", masks=True))
-    local = import_drive(drive, tmp_path / "ws" / "drive", max_side=16)
+    local = import_drive(drive, tmp_path / "ws" / "drive", work_side=16)
     frame = local.frames[0]
     assert (frame.camera.width, frame.camera.height) == (16, 12)
     blocks = read_image(drive.frames[0].image_path).reshape(12, 2, 16, 2, 3).mean(axis=(1, 3))
@@ -230,13 +229,3 @@ def test_unknown_places_say_what_is_looked_for(tmp_path: Path) -> None:
         open_drive(tmp_path / "nowhere")
     with pytest.raises(DriveError, match="sparse/0 .COLMAP."):
         open_drive(tmp_path)
-
-
-def test_applied_transform_moves_the_points_too(tmp_path: Path) -> None:
-    path = make_tiny_drive(tmp_path)
-    before = open_drive(path).points.positions
-    turn = [[0, 1, 0, 2.0], [-1, 0, 0, 0.0], [0, 0, 1, 0.0]]
-    edit(path, lambda d: d.update(applied_transform=turn))
-    after = open_drive(path).points.positions
-    assert np.allclose(after[:, 0], before[:, 1] + 2)
-    assert json.loads(path.read_text())["applied_transform"] == turn

@@ -13,12 +13,12 @@ import pytest
 
 from tests.drives.formats import tiny_waymo as tiny
 from tests.drives.formats.tiny_waymo import NAME, STAMPS
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives import open_drive
 from unveil_core.drives.cityscapes import train_id
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.formats.waymo.segment import segment_at, vehicle_poses
-from unveil_core.drives.selecting import DriveOptions
 
 EVERY_CAMERA = DriveOptions(cameras=("all",))
 REAL = Path(os.environ.get("UNVEIL_REAL_DATA", "")) / "waymo_v2"

@@ -13,7 +13,7 @@ from tests.small_street import make_small_street
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, PointCloud
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.evaluate.holdout.drive import (
     AddedLabels,
     added_labels,

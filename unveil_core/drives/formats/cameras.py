@@ -10,11 +10,11 @@ import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
-from unveil_core.drives.formats.transforms_json import ROTATION_TOLERANCE
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation
 
 __all__ = [
+    "ROTATION_TOLERANCE",
     "TrackIds",
     "calibrated_camera",
     "picture_size",
@@ -23,6 +23,8 @@ __all__ = [
     "rigid",
 ]
 
+ROTATION_TOLERANCE = 1e-3
+"""Entries of a rotation may be so far off; poses in files are rounded."""
 HEADER_BYTES = 1 << 16
 """So much of a picture is read to find its size; the markers before it hold a thumbnail at most."""
 

@@ -15,7 +15,7 @@ from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import quat_to_rotation
 
-__all__ = ["find_model", "read_colmap"]
+__all__ = ["find_model", "read_colmap", "read_model_points"]
 
 # model id: (name, parameters)
 _MODELS = {
@@ -162,7 +162,12 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
     return sorted(images, key=lambda i: i[0])
 
 
-def _read_points(folder: Path) -> PointCloud:
+def read_model_points(folder: Path) -> PointCloud:
+    """The points of the model in a folder that at least three images agree on.
+
+    Raises:
+        DriveError: missing, damaged, or none.
+    """
     rows: list[tuple[float, ...]] = []
     if (folder / "points3D.bin").is_file():
         stream = _Bytes(folder / "points3D.bin")
@@ -226,7 +231,7 @@ def read_colmap(path: Path) -> Drive:
     return Drive(
         root=path,
         frames=tuple(frames),
-        points=_read_points(folder),
+        points=read_model_points(folder),
         units_per_metre=None,
         scale_source="",
         up=None,

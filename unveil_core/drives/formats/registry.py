@@ -6,14 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats import argoverse2, pandaset
+from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.selecting import DriveOptions, in_order_of_time, select_part
+from unveil_core.drives.selecting import in_order_of_time, select_part
 
 __all__ = ["FORMATS", "Format", "open_drive"]
 
@@ -65,6 +66,27 @@ FORMATS: tuple[Format, ...] = (
         argoverse2.recognizes,
         argoverse2.read_argoverse2,
         argoverse2.scenes,
+    ),
+    Format(
+        "KITTI raw",
+        "oxts/data and image_02/data (KITTI raw)",
+        kitti_raw.recognizes,
+        kitti_raw.read_kitti_raw,
+        kitti_raw.scenes,
+    ),
+    Format(
+        "KITTI odometry",
+        "calib.txt and image_2/ (KITTI odometry)",
+        kitti_odometry.recognizes,
+        kitti_odometry.read_kitti_odometry,
+        kitti_odometry.scenes,
+    ),
+    Format(
+        "KITTI-360",
+        "data_2d_raw/ with image_00/data_rect (KITTI-360)",
+        kitti360.recognizes,
+        kitti360.read_kitti360,
+        kitti360.scenes,
     ),
     Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
 )

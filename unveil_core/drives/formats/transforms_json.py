@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,22 +18,16 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import read_boxes
-from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
-from unveil_core.drives.points import read_points
-from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import nearest_rotation, opengl_to_opencv
+from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
+from unveil_core.drives.formats.cameras import ROTATION_TOLERANCE
+from unveil_core.drives.formats.nerfstudio.depth import assumed_unit, coarse_points, depth_sweeps
+from unveil_core.drives.formats.nerfstudio.keys import Keys
+from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
+from unveil_core.drives.formats.nerfstudio.points import read_named_points
+from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
+from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["pose_from_matrix", "read_transforms_json"]
-
-_MODELS = {
-    "PINHOLE": None,
-    "SIMPLE_PINHOLE": None,
-    "OPENCV": "OPENCV",
-    "SIMPLE_RADIAL": "OPENCV",
-    "RADIAL": "OPENCV",
-    "OPENCV_FISHEYE": "OPENCV_FISHEYE",
-}
-ROTATION_TOLERANCE = 1e-3
 
 
 def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float64]:
@@ -68,17 +60,9 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     return pose
 
 
-def _number(entry: dict[str, Any], top: dict[str, Any], *names: str) -> float | None:
-    for name in names:
-        value = entry.get(name, top.get(name))
-        if value is not None:
-            return float(value)
-    return None
-
-
 def _image_path(root: Path, name: str) -> Path:
-    """The file that ``file_path`` means; Instant-NGP leaves the suffix out."""
-    path = root / name
+    """The file that ``file_path`` means; Instant-NGP leaves the suffix out, and Windows writes backslashes."""
+    path = root / name.replace("\\", "/")
     if not path.suffix or not path.exists():
         for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
             if (candidate := path.with_name(path.name + suffix)).exists():
@@ -86,74 +70,78 @@ def _image_path(root: Path, name: str) -> Path:
     return path
 
 
-def _camera(
-    entry: dict[str, Any], top: dict[str, Any], image: Path, pose: NDArray[np.float64]
-) -> tuple[Camera, Distortion | None]:
-    size = [_number(entry, top, n) for n in ("w", "h")]
-    if size[0] is None or size[1] is None:
-        picture = cv2.imread(str(image), cv2.IMREAD_REDUCED_GRAYSCALE_8) if image.exists() else None
-        full = cv2.imread(str(image), cv2.IMREAD_GRAYSCALE) if picture is not None else None
-        if full is None:
-            raise DriveError("there is no such readable image", path=image, mend="restore it or drop the frame")
-        size = [float(full.shape[1]), float(full.shape[0])]
-    width, height = int(size[0] or 0), int(size[1] or 0)
-    fx = _number(entry, top, "fl_x")
-    if fx is None:
-        angle = _number(entry, top, "camera_angle_x")
-        if angle is None:
-            raise DriveError(
-                "has neither fl_x nor camera_angle_x", path=image, mend="add the focal length to transforms.json"
-            )
-        fx = width / (2 * math.tan(angle / 2))
-    fy = _number(entry, top, "fl_y") or fx
-    cx, cy = _number(entry, top, "cx"), _number(entry, top, "cy")
-    cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
-    if not all(math.isfinite(v) for v in (fx, fy, cx, cy)) or fx <= 0 or fy <= 0 or width < 1 or height < 1:
-        raise DriveError("has camera numbers that make no camera", path=image, mend="check w, h, fl_x, fl_y, cx, cy")
-    k = {n: _number(entry, top, n) or 0.0 for n in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")}
-    model = str(entry.get("camera_model", top.get("camera_model", "OPENCV")))
-    if model not in _MODELS:
-        raise DriveError(f"camera_model {model} is not known", path=image, mend=f"use one of {', '.join(_MODELS)}")
-    distortion = None
-    if _MODELS[model] == "OPENCV_FISHEYE":
-        distortion = Distortion("OPENCV_FISHEYE", (k["k1"], k["k2"], k["k3"], k["k4"]))
-    elif _MODELS[model] == "OPENCV":
-        order = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-        distortion = Distortion("OPENCV", tuple(k[n] for n in order))
-        distortion = None if distortion.is_zero else distortion
-    world_to_camera = np.eye(4)
-    c2w = opengl_to_opencv(pose)
-    world_to_camera[:3, :3] = c2w[:3, :3].T
-    world_to_camera[:3, 3] = -c2w[:3, :3].T @ c2w[:3, 3]
-    return Camera(width, height, fx, fy, cx, cy, world_to_camera), distortion
+def _is_scale(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
 
 
-def _scale_told(top: dict[str, Any], frames: Sequence[Frame], points: PointCloud) -> tuple[float | None, str]:
+def _scale_told(keys: Keys, frames: Sequence[Frame], points: PointCloud) -> tuple[float | None, str]:
     """Units per metre and what tells them, see :func:`read_transforms_json`."""
-    if top.get("metric"):
+    if keys.get("metric"):
         return 1.0, "metric"
-    if "metric" in top:
+    if keys.get("metric") is not None:
         return None, ""
-    if "applied_scale" in top:
-        scale = float(top["applied_scale"])
-        if not 0 < scale < math.inf:
-            raise ValueError(f"{scale:g} is not positive and finite")
+    scale = keys.number("applied_scale")
+    if scale is not None:
         return scale, "applied_scale"
-    if top.get("depth_unit_scale_factor") is not None and any(f.depth_path is not None for f in frames):
+    if keys.get("depth_unit_scale_factor") is not None and any(f.depth_path is not None for f in frames):
         return 1.0, "depth unit"
     return (1.0, "measured points") if points.measured else (None, "")
 
 
-def _up_told(top: dict[str, Any], path: Path) -> Float64 | None:
-    if top.get("up") is None:
+def _up_told(keys: Keys) -> Float64 | None:
+    if keys.get("up") is None:
         return None
     try:
-        up = np.asarray(top["up"], dtype=np.float64)
+        up = np.asarray(keys.get("up"), dtype=np.float64)
     except (TypeError, ValueError):
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
-        raise DriveError("up is no direction", path=path, mend="three numbers, as [0, 0, 1]")
+        raise DriveError("up is no direction", path=keys.path, mend="three numbers, as [0, 0, 1]")
     return np.asarray(up / np.linalg.norm(up))
+
+
+def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
+    """The frames in the order of the file."""
+    entries = top["frames"]
+    for i, entry in enumerate(entries):
+        if not isinstance(entry, dict) or not entry.get("file_path"):
+            raise DriveError(f"frame {i} has no file_path", path=path)
+    images = [_image_path(path.parent, str(entry["file_path"])) for entry in entries]
+    cameras = camera_names(entries)
+    names = frame_names(entries, cameras, [image.stem for image in images])
+    frames = []
+    for entry, image, camera_name, name in zip(entries, images, cameras, names, strict=True):
+        keys = Keys(entry, top, path, name)
+        camera, distortion = read_lens(keys, image, pose_from_matrix(entry.get("transform_matrix"), path, name))
+        time = keys.number("timestamp") if entry.get("timestamp") is not None else keys.number("time")
+        frames.append(
+            Frame(
+                name=name,
+                camera_name=camera_name,
+                camera=camera,
+                image_path=image,
+                distortion=distortion,
+                semantic_path=keys.file("semantic_path"),
+                instance_path=keys.file("instance_path"),
+                mask_path=keys.file("mask_path"),
+                depth_path=keys.file("depth_file_path"),
+                timestamp=time,
+                boxes=read_boxes(entry.get("boxes"), path, name),
+            )
+        )
+    return frames
+
+
+def _depth_unit(keys: Keys, frames: Sequence[Frame], notices: list[str]) -> float:
+    """Units of the drive a step of the depth images."""
+    first = next(f.depth_path for f in frames if f.depth_path is not None and f.depth_path.is_file())
+    unit = keys.number("depth_unit_scale_factor")
+    if unit is None:
+        unit = assumed_unit(first)
+        notices.append(f"depth images are taken to count {unit:g} m; depth_unit_scale_factor decides")
+    if unit <= 0:
+        raise DriveError(f"depth_unit_scale_factor {unit:g} is not positive", path=keys.path, mend="0.001 is usual")
+    return unit * (keys.number("applied_scale") or 1.0)
 
 
 def read_transforms_json(path: Path) -> Drive:
@@ -167,65 +155,58 @@ def read_transforms_json(path: Path) -> Drive:
 
     Up: ``up`` as Instant-NGP writes it, a direction; else it is unknown here.
 
+    Points: of the PLY that the file names; else of its depth images, as sweeps; else of a COLMAP model beside it.
+
     Args:
         path: the JSON file, or the folder that holds it.
     Raises:
         DriveError: with the file and the mend.
     """
     path = path / "transforms.json" if path.is_dir() else path
-    root = path.parent
     top: Any = read_json(path)
-    entries = top.get("frames") if isinstance(top, dict) else None
-    if not entries:
+    if not isinstance(top, dict) or not isinstance(top.get("frames"), list) or not top["frames"]:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
-    frames = []
-    for i, entry in enumerate(entries):
-        if not isinstance(entry, dict) or "file_path" not in entry:
-            raise DriveError(f"frame {i} has no file_path", path=path)
-        image = _image_path(root, str(entry["file_path"]))
-        pose = pose_from_matrix(entry.get("transform_matrix"), path, image.stem)
-        camera, distortion = _camera(entry, top, image, pose)
-
-        def file(name: str, entry: dict[str, Any] = entry) -> Path | None:
-            return root / str(entry[name]) if entry.get(name) else None
-
-        frames.append(
-            Frame(
-                name=image.stem,
-                camera_name=str(entry.get("camera", "camera")),
-                camera=camera,
-                image_path=image,
-                distortion=distortion,
-                semantic_path=file("semantic_path"),
-                instance_path=file("instance_path"),
-                mask_path=file("mask_path"),
-                depth_path=file("depth_file_path"),
-                timestamp=float(entry["timestamp"]) if entry.get("timestamp") is not None else None,
-                boxes=read_boxes(entry.get("boxes"), path, image.stem),
+    keys = Keys({}, top, path)
+    if "applied_scale" in top and not _is_scale(top["applied_scale"]):
+        raise DriveError(f"applied_scale is no scale: {str(top['applied_scale'])[:40]!r}", path=path, mend="correct it")
+    frames = _frames(top, path)
+    notices: list[str] = []
+    cropped = crop_notice(keys.number("fisheye_crop_radius"), [(f.camera, f.distortion) for f in frames])
+    notices += [] if cropped is None else [cropped]
+    points = PointCloud(np.zeros((0, 3)))
+    sources: tuple[Path, ...] = (path,)
+    sweeps: tuple[Sweep, ...] = ()
+    with_depth = [f.depth_path for f in frames if f.depth_path is not None]
+    missing = [p for p in with_depth if not p.is_file()]
+    if keys.get("ply_file_path") or len(missing) == len(with_depth):
+        named = read_named_points(keys, [f.camera for f in frames])
+        if named is None:
+            raise DriveError(
+                "names no points",
+                path=path,
+                mend="set ply_file_path to a PLY of LiDAR or SfM points, or give depth images",
             )
-        )
-    if not top.get("ply_file_path"):
-        raise DriveError("names no points", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points")
-    points = read_points(root / str(top["ply_file_path"]))
-    if "applied_transform" in top:
-        # nerfstudio turns the poses by this and leaves the points as they were.
-        applied = np.asarray(top["applied_transform"], dtype=np.float64)[:3, :4]
-        scale = float(top.get("applied_scale", 1.0))
-        moved = scale * (points.positions @ applied[:, :3].T + applied[:, 3])
-        points = replace(points, positions=moved)
-    truth = root / "truth"
-    try:
-        units_per_metre, scale_source = _scale_told(top, frames, points)
-    except (TypeError, ValueError) as error:
-        raise DriveError(f"applied_scale is no scale: {error}", path=path) from error
+        points, sources = named.cloud, (path, *named.sources)
+        notices += [] if named.notice is None else [named.notice]
+    else:
+        sweeps = depth_sweeps(frames, _depth_unit(keys, frames, notices))
+        if missing:
+            notices.append(f"{len(missing)} of {len(with_depth)} depth images are not there, the first {missing[0]}")
+    units_per_metre, scale_source = _scale_told(keys, frames, points)
+    up = _up_told(keys)
+    if sweeps and (up is None or scale_source != "metric"):
+        points = coarse_points(sweeps)
+    truth = path.parent / "truth"
     return Drive(
         root=path,
         frames=tuple(frames),
         points=points,
         units_per_metre=units_per_metre,
         scale_source=scale_source,
-        up=_up_told(top, path),
-        semantic_classes=top.get("semantic_classes"),
+        up=up,
+        semantic_classes=keys.get("semantic_classes"),
         truth_root=truth if truth.is_dir() else None,
-        sources=(path, root / str(top["ply_file_path"])),
+        sources=sources,
+        sweeps=sweeps,
+        notices=tuple(notices),
     )

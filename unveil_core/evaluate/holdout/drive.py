@@ -19,7 +19,7 @@ from unveil_core.base.files import read_image, read_instance_image, read_label_i
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame, PointCloud
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
 from unveil_core.geometry.images import border_px, grow

@@ -15,17 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "describe", "read_ports"]
+from unveil_core.base.onnx_files import ONNX_TYPES, describe
+
+__all__ = ["BOTH", "IMAGE", "MASK", "REFERENCE", "Port", "SignatureProblem", "read_ports"]
 
 IMAGE, MASK, BOTH, REFERENCE = "image", "mask", "image and mask", "reference"
 CHANNELS = {IMAGE: 3, MASK: 1, BOTH: 4, REFERENCE: 3}
-TYPES: dict[str, type[np.generic]] = {
-    "tensor(float)": np.float32,
-    "tensor(float16)": np.float16,
-    "tensor(double)": np.float64,
-    "tensor(uint8)": np.uint8,
-    "tensor(bool)": np.bool_,
-}
 SMALLEST_PX = 16
 """No network that inpaints takes less on a side; what declares less is something else."""
 
@@ -86,20 +81,11 @@ def read_ports(inputs: Sequence[Any], *, reference: bool) -> list[Port]:
     return ports
 
 
-def describe(values: Sequence[Any]) -> str:
-    """Inputs or outputs of a session in words."""
-    words = []
-    for v in values:
-        shape = ", ".join("?" if not isinstance(d, int) else str(d) for d in v.shape or ())
-        words.append(f"{v.name!r} ({shape}) {str(v.type).removeprefix('tensor(').removesuffix(')')}")
-    return " and ".join(words) or "none"
-
-
 def _port(given: Any) -> Port:
     name, shape = given.name, list(given.shape or ())
-    if given.type not in TYPES:
+    if given.type not in ONNX_TYPES:
         raise SignatureProblem(f"wants {describe([given])}, and is given float, float16, double or uint8")
-    dtype = TYPES[given.type]
+    dtype = ONNX_TYPES[given.type]
     if len(shape) != 4:
         raise SignatureProblem(f"wants {describe([given])}, and is given four dimensions (1, C, H, W) or (1, H, W, C)")
     if isinstance(shape[0], int) and shape[0] != 1:

@@ -1,11 +1,16 @@
-"""Stage ``import``: the drive in one layout, undistorted, in metres, at the working size."""
+"""Stage ``import``: the drive in one layout, undistorted, in metres, at the working size, with labels."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
+from unveil_core.base.onnx_files import files_of
+from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.drive import Drive, FrameLabels
+from unveil_core.drives.importing.frames import labels_at_work_size
+from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
@@ -18,22 +23,73 @@ WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 
 
 def run(context: StageContext) -> Facts:
-    """drive/: undistorted, in metres with z up."""
+    """drive/: undistorted, in metres with z up, with labels where the drive has what they follow from."""
     settings = context.settings
-    side = settings.max_side or WORKING_SIZE_PX[settings.quality]
-    drive = open_drive(context.drive)
+    side = settings.work_side or WORKING_SIZE_PX[settings.quality]
+    drive = open_drive(context.drive, settings.drive_options)
     placement = place_drive(drive, scale=settings.scale, up=settings.up)
-    import_drive(drive, context.output("drive"), max_side=side, placement=placement, progress=context.progress)
-    return placement.to_json()
+    folder = context.output("drive")
+    imported = import_drive(drive, folder, work_side=side, placement=placement, progress=context.progress)
+    labels, source = _labels(drive, imported, settings, context.progress)
+    if labels is not None:
+        write_labels(folder, labels, context.progress)
+    return {**placement.to_json(), "labels": source, "notices": list(drive.notices)}
+
+
+def _labels(
+    drive: Drive, imported: Drive, settings: RunSettings, progress: Progress
+) -> tuple[Iterator[FrameLabels] | None, str]:
+    """Labels for the frames of a drive, and where they come from: "drive", "segmenter", "dataset", "boxes" or "nothing".
+
+    Args:
+        drive: as read; imported: as it was imported.
+    """
+    if "segmenter" in settings.networks:
+        from unveil_core.labelling.segmenter import label_by_network
+
+        return label_by_network(imported, settings.networks["segmenter"]), "segmenter"
+    if any(f.semantic_path is not None or f.mask_path is not None for f in drive.frames):
+        return None, "drive"
+    if all(f.labels is not None for f in drive.frames):
+        return _of_dataset(drive, imported), "dataset"
+    if imported.points.classes is not None or any(f.boxes for f in drive.frames):
+        from unveil_core.labelling.from_boxes import label_frames
+
+        return label_frames(imported, progress), "boxes"
+    return None, "nothing"
+
+
+def _of_dataset(drive: Drive, imported: Drive) -> Iterator[FrameLabels]:
+    for frame, done in zip(drive.frames, imported.frames, strict=True):
+        assert frame.labels is not None
+        yield labels_at_work_size(frame, frame.labels(), done.camera)
 
 
 def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
     """Everything that a drive consists of. Where it lies counts too: the workspace refers to its ground truth."""
-    opened = open_drive(drive)
-    files = [*opened.sources]
+    opened = open_drive(drive, settings.drive_options)
+    files = [*opened.sources, *(s.path for s in opened.sweeps)]
     for f in opened.frames:
-        files += [p for p in (f.image_path, f.semantic_path, f.instance_path, f.mask_path) if p is not None]
-    return [(str(path), path) for path in files]
+        files += [p for p in (f.semantic_path, f.instance_path, f.mask_path) if p is not None]
+        files += [f.image_path] if f.image_bytes is None else []
+    network = settings.networks.get("segmenter")
+    return [(str(path), path) for path in (*files, *(() if network is None else files_of(network)))]
 
 
-STAGE = Stage("import", run, (), ("drive",), ("max_side", "quality", "scale", "up"), outside=files_of_drive)
+def check_segmenter(settings: RunSettings) -> None:
+    """Raise a SettingsError unless the named network is there and labels images."""
+    if "segmenter" in settings.networks:
+        from unveil_core.labelling.segmenter import load_segmenter
+
+        load_segmenter(settings.networks["segmenter"])
+
+
+STAGE = Stage(
+    "import",
+    run,
+    (),
+    ("drive",),
+    ("work_side", "quality", "scale", "up", "scene", "cameras", "frames", "sweeps", "segmenter"),
+    outside=files_of_drive,
+    check=check_segmenter,
+)

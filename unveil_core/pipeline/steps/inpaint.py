@@ -16,6 +16,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
+from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
@@ -40,9 +41,9 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> Facts:
-    """inpainted/ in canonical colours, inpaint/keyframes.json, masks/shadows; surfels/seeds.ply, and of full.ply's surfels
-    those that they replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns where the sun was
-    found."""
+    """inpainted/ in canonical colours, inpaint/keyframes.json, inpaint/chart.npz, masks/shadows; surfels/seeds.ply, and of
+    full.ply's surfels those that they replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns
+    where the sun was found."""
     return inpaint_with(context)
 
 
@@ -99,6 +100,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
+    save_chart(chart, context.output("inpaint/chart.npz"))
     if sun is None:
         return {"sun": None}
     numbers = {"azimuth_deg": sun.azimuth, "elevation_deg": sun.elevation, "score": sun.score}
@@ -200,6 +202,7 @@ STAGE = Stage(
     outputs=(
         "inpainted",
         "inpaint/keyframes.json",
+        "inpaint/chart.npz",
         "masks/shadows",
         "surfels/seeds.ply",
         "surfels/displaced.npy",

@@ -29,7 +29,7 @@ from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_lab
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
-from unveil_core.workspace.movers import read_moving
+from unveil_core.workspace.movers import ego_pixels, read_moving
 
 __all__ = ["STAGE"]
 
@@ -103,6 +103,7 @@ def run(context: StageContext) -> None:
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, share[..., 2])
+        own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
         views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))

@@ -1,4 +1,4 @@
-"""Stage ``reoptimize``: the scene optimized again near removed objects; renders and delivered frames."""
+"""Stage ``reoptimize``: the scene optimized again near removed objects; renders and clean frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> None:
-    """surfels/empty.ply; renders/ and frames/, each in its own photograph's exposure."""
+    """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -67,7 +67,7 @@ def run(context: StageContext) -> None:
         optimized = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
-        write_image_atomic(frame_file(context.output("frames"), frame), delivered)
+        write_image_atomic(frame_file(context.output("clean"), frame), delivered)
 
 
 STAGE = Stage(
@@ -91,7 +91,7 @@ STAGE = Stage(
     outputs=(
         "surfels/empty.ply",
         "renders",
-        "frames",
+        "clean",
     ),
     settings=("quality", "seed"),
 )

@@ -34,6 +34,7 @@ STAGE = Stage(
     run,
     inputs=(
         "drive",
+        "clean",
         "frames",
         "renders",
         "inpainted",

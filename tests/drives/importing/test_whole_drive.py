@@ -12,11 +12,11 @@ import pytest
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import PointCloud
-from unveil_core.drives.importing import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.drives.points import write_points
 from unveil_core.semantics.classes import CITYSCAPES
 
-SAMPLE = Path(__file__).parents[2] / "sample_scenes/parked_street"
+SAMPLE = Path(__file__).parents[3] / "sample_scenes/parked_street"
 SIZE = (1920, 1280)
 CAR = CITYSCAPES.index("car")
 
@@ -71,7 +71,7 @@ def test_reduced_labels_are_not_shifted_against_the_photograph(tmp_path: Path, w
         "frames": [frame],
     }
     (tmp_path / "transforms.json").write_text(json.dumps(document))
-    done = import_drive(open_drive(tmp_path), tmp_path / "ws" / "drive", max_side=width).frames[0]
+    done = import_drive(open_drive(tmp_path), tmp_path / "ws" / "drive", work_side=width).frames[0]
     assert done.semantic_path is not None and done.instance_path is not None and done.mask_path is not None
     photograph = read_image(done.image_path)[..., 0] / 255
     assert photograph.shape == (round(1280 * width / 1920), width)

@@ -1,0 +1,49 @@
+"""Which part of a drive is asked for. Importing this loads no NumPy: the command line's grammar uses it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from unveil_core.base.errors import SettingsError
+
+__all__ = ["ALL_SWEEPS", "KEY_SWEEPS", "DriveOptions", "frame_range"]
+
+ALL_SWEEPS, KEY_SWEEPS = "all", "key"
+
+
+@dataclass(frozen=True)
+class DriveOptions:
+    """Attributes:
+    scene: which drive of a folder that holds several (a nuScenes scene, a Waymo segment, a KITTI-360 or odometry sequence).
+    cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
+    frames: "A:B:STEP" as in Python, counted in each camera's order of time, or None for all.
+    sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+    """
+
+    scene: str | None = None
+    cameras: tuple[str, ...] = ()
+    frames: str | None = None
+    sweeps: str = ALL_SWEEPS
+
+
+def frame_range(text: str) -> slice:
+    """The slice that "A:B:STEP" means; "7" is that frame alone.
+
+    Raises:
+        SettingsError: it is none.
+    """
+    parts = text.split(":")
+    try:
+        numbers = [int(p) if p.strip() else None for p in parts]
+    except ValueError:
+        numbers = [None] * 4
+    first, last = (numbers + [None, None])[:2]
+    step = numbers[2] if len(numbers) == 3 else None
+    if len(numbers) > 3 or not text.strip() or (step is not None and step < 1):
+        raise SettingsError(
+            f"frames {text!r} are no range", mend="give A:B:STEP as 0:80:2, counted from 0, STEP above 0"
+        )
+    if len(numbers) == 1:
+        assert first is not None
+        return slice(first, first + 1 or None)
+    return slice(first, last, step)

@@ -1,0 +1,275 @@
+"""One frame as it is delivered: the footage's own pixels, and where something was removed the clean frame in full detail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.delivery.detail import FINER_THAN, BestSource, grain_of, with_detail
+from unveil_core.delivery.lens import footage_positions, work_positions
+from unveil_core.delivery.shifts import GroundShifts
+from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
+from unveil_core.drives.drive import Footage
+from unveil_core.ground.street import Ground
+
+__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
+
+SOURCES = 6
+"""Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
+GRAIN_SOURCES = 3
+"""Other frames that are asked for the grain of the ground, where this one does not show the piece that it is taken from."""
+ON_GROUND = 0.05
+"""Share of its depth by which what the scene shows may lie before the ground and be the ground."""
+DARKEST = 0.02
+"""Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
+RATIOS = (0.3, 4.0)
+"""Least and largest change of light by a shadow that was taken away."""
+
+
+@dataclass(frozen=True, eq=False)
+class CleanFrame:
+    """A frame of working size.
+
+    Attributes:
+        footage: that it was made of.
+        photograph: (H, W, 3) uint8; clean: (H, W, 3) uint8, the empty street.
+        removed: (H, W) bool, pixels of removed objects; relit: (H, W) bool, pixels from which only a shadow was taken.
+    """
+
+    footage: Footage
+    photograph: NDArray[np.uint8]
+    clean: NDArray[np.uint8]
+    removed: Mask
+    relit: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class FullSize:
+    """What is the same for all frames of a drive.
+
+    Attributes:
+        views: of all frames; footage: pictures of the frames' files as they are, by index.
+        lenses: of all frames.
+        grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
+        ground: the street's, None where there is none; shifts: for its invented parts.
+    """
+
+    views: Sequence[EmptyView]
+    footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
+    lenses: Sequence[Footage]
+    grain: Callable[[int, float], Float32]
+    ground: Ground | None
+    shifts: GroundShifts | None
+
+
+def as_color(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Float32:
+    """(H, W, 3) float32 in [0, 1] of a file's picture, grey or colour, 8 or 16 bits, without its transparency."""
+    color = (
+        picture[..., :3] if picture.ndim == 3 and picture.shape[2] >= 3 else np.atleast_3d(picture).repeat(3, axis=2)
+    )
+    return color.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
+
+
+def _like_file(
+    color: Float32, picture: NDArray[np.uint8] | NDArray[np.uint16]
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Colours (N, 3) in the channels and bits of a file's picture, without its transparency."""
+    levels = np.clip(np.round(color * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
+    return (levels @ np.array([0.299, 0.587, 0.114]) if picture.ndim == 2 else levels).astype(picture.dtype)
+
+
+def _sample(plane: NDArray[np.generic], positions: Float32, mode: int) -> NDArray[np.float32]:
+    """A plane (h, w…) at positions (H, W, 2), counted from the edge of the first pixel."""
+    return cv2.remap(
+        np.asarray(plane, dtype=np.float32), positions[..., 0] - 0.5, positions[..., 1] - 0.5, mode,
+        borderMode=cv2.BORDER_REPLICATE,
+    )  # fmt: skip
+
+
+def full_size_frame(
+    frame: CleanFrame, index: int, drive: FullSize, picture: NDArray[np.uint8] | NDArray[np.uint16]
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """The delivered frame.
+
+    Args:
+        frame: of working size; index: its number in the drive.
+        picture: the footage as its file has it, (H, W), (H, W, 3) or (H, W, 4), 8 or 16 bits.
+    Returns:
+        the same shape and depth; outside of what was removed or relit the file's own pixels.
+    """
+    camera = drive.views[index].camera
+    at = work_positions(frame.footage, camera)
+    scale = frame.footage.camera.width / camera.width
+    removed = _sample(frame.removed.astype(np.float32), at, cv2.INTER_LINEAR) > 0
+    relit = (_sample(frame.relit.astype(np.float32), at, cv2.INTER_LINEAR) > 0) & ~removed
+    if not (removed.any() or relit.any()):
+        return picture
+    rows, columns = _box(removed | relit, round(12 * scale))
+    part = (rows, columns)
+    removed, relit, at = removed[part], relit[part], np.ascontiguousarray(at[part])
+    original = as_color(picture[part])
+    result = original.copy()
+    lit = original
+    if relit.any():
+        lit = (original + DARKEST) * _relight(frame, at) - DARKEST
+        result[relit] = lit[relit]
+    if removed.any():
+        base = _sample(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
+        sharp = _sharpened(base, original, removed, at, index, drive, scale)
+        inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
+        share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
+        result = np.where(removed[..., None], lit * (1 - share) + sharp * share, result)
+    changed = removed | relit
+    out = picture.copy()
+    own = out[part]
+    made = _like_file(result[changed], picture)
+    if picture.ndim == 3:
+        own[..., :3][changed] = made
+    else:
+        own[changed] = made
+    return out
+
+
+def _relight(frame: CleanFrame, at: Float32) -> Float32:
+    """(H, W, 3) ratio of light that the relit pixels around a position (H, W, 2) gained; 1 where there are none."""
+    before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
+    weight = frame.relit[..., None].astype(np.float32)
+    # Beside them lie pixels of removed objects, whose change is no light.
+    share = np.atleast_3d(_sample(weight, at, cv2.INTER_LINEAR))
+    change = _sample((np.clip(after / before, *RATIOS) - 1) * weight, at, cv2.INTER_LINEAR)
+    ratio: Float32 = 1 + change / np.maximum(share, 1e-3)
+    return ratio
+
+
+def _box(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """Rows and columns that hold a mask, with a margin."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return tuple(slice(max(0, int(i[0]) - margin), int(i[-1]) + margin + 1) for i in (rows, columns))  # type: ignore[return-value]
+
+
+def _sharpened(
+    base: Float32, original: Float32, removed: Mask, at: Float32, index: int, drive: FullSize, scale: float
+) -> Float32:
+    """(H, W, 3) the clean frame with all detail that is known of it.
+
+    Args:
+        base: (H, W, 3) enlarged; original: (H, W, 3) of the footage; removed: (H, W) bool.
+        at: (H, W, 2) positions in the working picture.
+    """
+    camera = drive.views[index].camera
+    rays = camera.rays_at(at[removed].astype(np.float64))
+    depth = nearest_depth(drive.views[index], at)[removed].astype(np.float64)
+    street = np.zeros((len(rays), 3))
+    on_ground = np.zeros(len(rays), dtype=bool)
+    if drive.ground is not None:
+        met, street = drive.ground.intersect(camera, rays)
+        on_ground = np.isfinite(met) & ((depth == 0) | (met - depth < ON_GROUND * met))
+        depth = np.where(on_ground, met, depth)
+    known = depth > 0
+    points = camera.centre + depth[:, None] * rays
+    made = np.zeros(len(rays), dtype=bool)
+    if drive.shifts is not None:
+        made[on_ground] = drive.shifts.is_made(street[on_ground])
+    elsewhere = known & ~made
+    sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
+    size = camera.project(points)[1] / camera.fx
+    best = BestSource(base, scale)
+    for j in sources:
+        colors, quality = _seen_in(points, elsewhere, j, drive, size)
+        shown = _scattered(quality, removed)
+        best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
+    result = base + best.believed[..., None] * (best.picture - base)
+    bare = 1.0 - best.believed
+    grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
+    grain = np.where(np.isnan(grain), _own_grain(original, removed, scale), grain)
+    return result + (bare * grain)[..., None]
+
+
+def _scattered(values: NDArray[np.generic], mask: Mask) -> Float32:
+    plane = np.zeros((*mask.shape, *values.shape[1:]), np.float32)
+    plane[mask] = values
+    return plane
+
+
+def _seen_in(
+    points: Float64, asked: Mask, j: int, drive: FullSize, size: Float64
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Colours (N, 3) of world points in the footage of frame ``j``, and how well it shows them (N,), 0 = not.
+
+    Args:
+        points: (N, 3); asked: (N,) those that are looked for; size: (N,) metres of a pixel there in the frame that asks.
+    """
+    found, quality = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
+    some = np.flatnonzero(asked)
+    seen, depth = sees(drive.views[j], points[some])
+    some, depth = some[seen], depth[seen]
+    if len(some):
+        pixels, _ = footage_positions(drive.lenses[j], points[some])
+        found[some] = as_color(_read(drive.footage(j), pixels)[None])[0]
+        finer = size[some] / (depth / drive.views[j].camera.fx)
+        quality[some] = np.minimum(finer, 1.6)
+    return found, quality
+
+
+def _read(picture: NDArray[np.uint8] | NDArray[np.uint16], pixels: Float64) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """(N, C) of a file's picture at positions (N, 2)."""
+    wide = 4096
+    count = len(pixels)
+    grid = np.zeros((-(-count // wide) * wide, 2), np.float32)
+    grid[:count] = pixels - 0.5
+    grid = grid.reshape(-1, wide, 2)
+    read = cv2.remap(picture, grid[..., 0], grid[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return read.reshape(len(grid) * wide, -1)[:count]
+
+
+def _ground_grain(
+    street: Float64, asked: Mask, index: int, removed: Mask, drive: FullSize, sources: Sequence[int], scale: float
+) -> Float32:
+    """(H, W) grain of ground that nobody saw, from ground of its kind a shift away; NaN where there is none.
+
+    Args:
+        street: (N, 3) street coordinates of the removed pixels; asked: (N,) bool, which of them are looked for.
+    """
+    grain = np.full(removed.shape, np.nan, np.float32)
+    if drive.ground is None or drive.shifts is None or not asked.any():
+        return grain
+    moved = np.full((len(street), 2), np.nan)
+    moved[asked] = drive.shifts.at(street[asked])
+    some = np.flatnonzero(np.isfinite(moved).all(axis=1))
+    if not len(some):
+        return grain
+    s, t = (street[some, :2] + moved[some]).T
+    points = drive.ground.path.to_world(np.stack([s, t, drive.ground.height_at(s, t)], axis=1))
+    found = np.full(len(street), np.nan, np.float32)
+    for j in (index, *sources[:GRAIN_SOURCES]):
+        open_ = np.flatnonzero(np.isnan(found[some]))
+        seen, _ = sees(drive.views[j], points[open_])
+        if seen.any():
+            pixels, _ = footage_positions(drive.lenses[j], points[open_[seen]])
+            found[some[open_[seen]]] = _read(drive.grain(j, FINER_THAN * scale), pixels)[:, 0]
+    grain[removed] = found
+    return grain
+
+
+def _own_grain(original: Float32, removed: Mask, scale: float) -> Float32:
+    """(H, W) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
+
+    Only what is finer than a pixel of working size: larger structure would be recognized.
+    """
+    band = grain_of(original, max(0.8, scale))
+    _, label = cv2.distanceTransformWithLabels(removed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    index = np.zeros(int(label.max()) + 1, dtype=np.int64)
+    outside = np.flatnonzero(~removed)
+    index[label.ravel()[outside]] = outside
+    row, column = np.divmod(index[label], removed.shape[1])
+    y, x = np.mgrid[: removed.shape[0], : removed.shape[1]]
+    far_row = np.clip(2 * row - y, 0, removed.shape[0] - 1)
+    far_column = np.clip(2 * column - x, 0, removed.shape[1] - 1)
+    mirrored: Float32 = np.where(removed[far_row, far_column], band[row, column], band[far_row, far_column])
+    return mirrored

@@ -1,0 +1,102 @@
+"""What the frames of a drive show of the empty street, at working size: the look-ups of delivery."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.geometry.camera import Camera
+
+__all__ = ["EmptyView", "choose_sources", "sees"]
+
+SAME_DEPTH = 0.03
+"""Share of its depth by which a place may lie before or behind what a view shows there and be it all the same."""
+ASKED = 1500
+"""Places of a hole by which sources are chosen."""
+MOST_ASKED_VIEWS = 96
+"""Views that are asked at most, those nearest in space; more of a long drive show nothing else."""
+LEAST_GAIN = 0.01
+"""Share of a hole that a further source has to add."""
+FINER = 1.6
+"""A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmptyView:
+    """One frame.
+
+    Attributes:
+        camera: of working size.
+        depth: (H, W) of the empty scene along the optical axis, 0 where it has no surface.
+        barred: (H, W) bool, pixels that show something that goes, its shadow, or what is no street.
+    """
+
+    camera: Camera
+    depth: Float32
+    barred: Mask
+
+    def at(self, positions: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns (N,) of positions (N, 2) that lie in the picture."""
+        column = np.clip(positions[:, 0].astype(np.int64), 0, self.camera.width - 1)
+        return np.clip(positions[:, 1].astype(np.int64), 0, self.camera.height - 1), column
+
+
+def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:
+    """Which world points (P, 3) a view shows, itself and not what is before it, and their depth (P,)."""
+    pixels, depth = view.camera.project(points)
+    seen = view.camera.in_picture(pixels, depth, nearest=0.1)
+    row, column = view.at(np.where(seen[:, None], pixels, 0.0))
+    there = view.depth[row, column]
+    return seen & ~view.barred[row, column] & (np.abs(there - depth) < SAME_DEPTH * depth), depth
+
+
+def choose_sources(points: Float64, own: int, views: Sequence[EmptyView], most: int) -> list[int]:
+    """Frames that together show most of some places, and finest.
+
+    Args:
+        points: (P, 3) behind the hole of frame ``own``.
+        most: frames at most.
+    Returns:
+        indices, the best first.
+    """
+    if not len(points):
+        return []
+    points = points[:: max(1, len(points) // ASKED)]
+    here = views[own].camera
+    near = np.argsort([float(np.linalg.norm(v.camera.centre - here.centre)) for v in views], kind="stable")
+    own_size = here.project(points)[1] / here.fx
+    asked, quality = [], []
+    for j in near[: MOST_ASKED_VIEWS + 1]:
+        if int(j) == own:
+            continue
+        seen, depth = sees(views[j], points)
+        if not seen.any():
+            continue
+        finer = own_size / np.maximum(depth / views[j].camera.fx, 1e-9)
+        # A view from far aside shows other sides of things.
+        apart = float(np.linalg.norm(views[j].camera.centre - here.centre))
+        aside = 1.0 / (1.0 + apart / np.maximum(depth, 1.0))
+        asked.append(int(j))
+        quality.append(seen * np.minimum(finer, FINER) * aside)
+    chosen: list[int] = []
+    best = np.zeros(len(points))
+    while quality and len(chosen) < most:
+        gain = [float(np.maximum(q - best, 0).mean()) for q in quality]
+        k = int(np.argmax(gain))
+        if gain[k] < LEAST_GAIN:
+            break
+        chosen.append(asked[k])
+        best = np.maximum(best, quality[k])
+    return chosen
+
+
+def nearest_depth(view: EmptyView, positions: Float32) -> Float32:
+    """(H, W) depth at positions (H, W, 2) of the working picture, of the nearest pixel: at an edge none between."""
+    return cv2.remap(
+        view.depth, positions[..., 0] - 0.5, positions[..., 1] - 0.5, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
+    )

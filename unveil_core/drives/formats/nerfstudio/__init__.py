@@ -1,0 +1,1 @@
+"""Parts of the reader of transforms.json: keys, lenses, cameras of a rig, points, depth images."""

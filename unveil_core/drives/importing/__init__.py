@@ -1,0 +1,1 @@
+"""From a drive as read to the folder ``drive/`` of a workspace."""

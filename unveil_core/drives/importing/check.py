@@ -1,0 +1,68 @@
+"""Whether a drive can be used, before any work starts: each problem is one line that names the file and the remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_instance_image, read_label_image
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.photographs import photograph
+from unveil_core.geometry.transforms import nearest_rotation
+
+__all__ = ["check_drive"]
+
+
+def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
+    """Decode every file of a drive and compare it with what the drive says of it.
+
+    Raises:
+        DriveError: no frames or points, names used twice, a pose that is not rigid, a missing or unreadable image, or an image
+            whose size differs from its camera's.
+    """
+    if not drive.frames:
+        mend = "; ".join(drive.notices) or "a drive needs at least one frame"
+        raise DriveError("has no frames", path=drive.root, mend=mend)
+    if not len(drive.points.positions) and not drive.sweeps:
+        raise DriveError("has no points", path=drive.root, mend="a drive needs LiDAR or SfM points")
+    seen: set[tuple[str, str]] = set()
+    for done, frame in enumerate(drive.frames):
+        key = (frame.camera_name, frame.name)
+        if key in seen:
+            raise DriveError(
+                f"frame {frame.name} of camera {frame.camera_name} occurs twice",
+                path=drive.root,
+                mend="file stems must be unique within a camera",
+            )
+        seen.add(key)
+        _check_pose(frame, drive.root)
+        _check_size(photograph(frame), frame.image_path, frame)
+        for path in (frame.semantic_path, frame.mask_path):
+            if path is not None:
+                _check_size(read_label_image(path), path, frame)
+        if frame.instance_path is not None:
+            _check_size(read_instance_image(frame.instance_path), frame.instance_path, frame)
+        progress(done + 1, len(drive.frames), "checking files")
+
+
+def _check_pose(frame: Frame, root: Path) -> None:
+    pose = frame.camera.world_to_camera
+    if not np.isfinite(pose).all():
+        raise DriveError(f"the pose of frame {frame.name} holds NaN or infinity", path=root, mend="redo its pose")
+    if nearest_rotation(pose[:3, :3])[1] > 1e-3:
+        raise DriveError(f"the pose of frame {frame.name} is no rotation", path=root, mend="poses are rigid")
+
+
+def _check_size(picture: NDArray[np.generic], path: Path, frame: Frame) -> None:
+    height, width = picture.shape[:2]
+    wanted = (frame.camera.width, frame.camera.height)
+    if (width, height) != wanted:
+        raise DriveError(
+            f"is {width}x{height} pixels, its camera says {wanted[0]}x{wanted[1]}",
+            path=path,
+            mend="resize the image or correct w and h",
+        )

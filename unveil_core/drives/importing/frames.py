@@ -1,0 +1,159 @@
+"""One frame on its way into a workspace: undistorted and reduced to the working size, its labels with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.files import (
+    link_or_copy,
+    read_instance_image,
+    read_label_image,
+    write_image_atomic,
+)
+from unveil_core.drives.drive import Distortion, Frame, FrameLabels
+from unveil_core.drives.photographs import is_plain, photograph, store_photograph
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.label_images import resize_labels
+
+__all__ = ["distortion_maps", "import_frame", "labels_at_work_size", "working_camera"]
+
+
+def distortion_maps(
+    source: Camera, distortion: Distortion, target: Camera
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """cv2.remap look-ups from an undistorted picture to the file on disk.
+
+    Args:
+        source: camera of the file; distortion: of its lens; target: camera of the undistorted picture.
+    Returns:
+        columns and rows (H, W) of the file's pixels, counted from the centre of the first.
+    """
+    # OpenCV counts from the centre of the first pixel, we from its edge.
+    k_source = np.array([[source.fx, 0, source.cx - 0.5], [0, source.fy, source.cy - 0.5], [0, 0, 1]])
+    k_target = np.array([[target.fx, 0, target.cx - 0.5], [0, target.fy, target.cy - 0.5], [0, 0, 1]])
+    coefficients = np.array(distortion.coefficients, dtype=np.float64)
+    size = (target.width, target.height)
+    if distortion.model == "OPENCV_FISHEYE":
+        return cv2.fisheye.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
+    return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
+
+
+def working_camera(camera: Camera, work_side: int | None) -> Camera:
+    """The camera reduced so that its longer side is ``work_side`` at most; itself where it is no larger."""
+    factor = 1.0 if work_side is None else min(1.0, work_side / max(camera.width, camera.height))
+    size = (max(1, round(camera.width * factor)), max(1, round(camera.height * factor)))
+    return camera if factor == 1.0 else camera.resized(*size)
+
+
+def _warp(picture: NDArray[Any], frame: Frame, target: Camera, *, label: bool, border: int) -> NDArray[Any]:
+    """A picture of the frame as the target camera sees it."""
+    if frame.distortion is None:
+        return _resized(picture, target, label=label)
+    # Shrinking through remap would alias; undistort at full size first, then shrink.
+    mode = cv2.INTER_NEAREST if label else cv2.INTER_CUBIC
+    maps = distortion_maps(frame.camera, frame.distortion, frame.camera)
+    flat = cv2.remap(picture, *maps, mode, borderMode=cv2.BORDER_CONSTANT, borderValue=(border,) * 3)
+    return _resized(flat, target, label=label)
+
+
+def _resized(picture: NDArray[Any], target: Camera, *, label: bool) -> NDArray[Any]:
+    size = (target.width, target.height)
+    if picture.shape[:2] == size[::-1]:
+        return picture
+    return resize_labels(picture, size) if label else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+
+
+def _read_mask(path: Path) -> NDArray[np.uint8]:
+    """(H, W) uint8, 0 = remove and 255 for all else: greys of a soft border would share its votes."""
+    return np.where(read_label_image(path) == 0, 0, 255).astype(np.uint8)
+
+
+def labels_at_work_size(frame: Frame, found: FrameLabels, target: Camera) -> FrameLabels:
+    """A dataset's labels of a frame, as read, as the target camera sees them.
+
+    Args:
+        frame: as read, with its lens; found: of the size of its file.
+    """
+    ego = None if found.ego is None else _warp(found.ego.astype(np.uint8), frame, target, label=True, border=0) > 0
+    instance = None if found.instance is None else _warp(found.instance, frame, target, label=True, border=0)
+    return FrameLabels(_warp(found.semantic, frame, target, label=True, border=255), instance, ego)
+
+
+def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str, object]:
+    """Write the pictures of a frame, in local coordinates, into ``folder``.
+
+    Returns:
+        its entry in cameras.json.
+    Raises:
+        DriveError: a file that cannot be read.
+    """
+    target = working_camera(frame.camera, work_side)
+    warped = frame.distortion is not None or target is not frame.camera
+    suffix = frame.image_path.suffix.lower()
+    kept = not warped and is_plain(frame)
+    stem = f"{frame.camera_name}/{frame.name}"
+    image = f"images/{stem}{suffix if kept else '.png'}"
+    entry: dict[str, object] = {
+        "name": frame.name,
+        "camera": frame.camera_name,
+        "width": target.width,
+        "height": target.height,
+        "fx": target.fx,
+        "fy": target.fy,
+        "cx": target.cx,
+        "cy": target.cy,
+        "world_to_camera": target.world_to_camera.tolist(),
+        "timestamp": frame.timestamp,
+        "image": image,
+    }
+    if frame.boxes:
+        entry["boxes"] = [box.to_json() for box in frame.boxes]
+    if kept:
+        store_photograph(frame, folder / image)
+    else:
+        picture = _warp(photograph(frame), frame, target, label=False, border=0)
+        write_image_atomic(folder / image, picture)
+        entry["footage"] = _footage(frame, folder, f"footage/{stem}{suffix}")
+    kinds = (
+        ("semantics", "semantics", frame.semantic_path, read_label_image, 255),
+        ("instances", "instances", frame.instance_path, read_instance_image, 0),
+        ("mask", "masks", frame.mask_path, _read_mask, 255),
+    )
+    for key, place, path, read, border in kinds:
+        if path is None:
+            continue
+        relative = f"{place}/{stem}.png"
+        if warped or path.suffix.lower() != ".png":
+            labels = read(path)
+            labels = _warp(labels, frame, target, label=True, border=border) if warped else labels
+            write_image_atomic(folder / relative, labels)
+        else:
+            link_or_copy(path, folder / relative)
+        entry[key] = relative
+    if frame.ego_rows:
+        ego = np.zeros((frame.camera.height, frame.camera.width), np.uint8)
+        ego[-frame.ego_rows :] = 255
+        entry["ego"] = f"ego/{stem}.png"
+        write_image_atomic(folder / f"ego/{stem}.png", _warp(ego, frame, target, label=True, border=0))
+    return entry
+
+
+def _footage(frame: Frame, folder: Path, relative: str) -> dict[str, object]:
+    """Keep the file that a frame is delivered at; its entry in cameras.json."""
+    store_photograph(frame, folder / relative)
+    camera, lens = frame.camera, frame.distortion
+    return {
+        "image": relative,
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "distortion": None if lens is None else {"model": lens.model, "coefficients": list(lens.coefficients)},
+    }

@@ -1,0 +1,157 @@
+"""Importing a drive into a workspace: undistorted, in metres with z up, at the working size, in one known layout.
+
+    images/<camera>/<frame>.(png|jpg)  semantics/  instances/  masks/  ego/  footage/   points.ply   cameras.json
+
+Coordinates are brought to metres, z up and an origin amid the cameras by one similarity in float64, which is kept. Undistorting
+and resizing happen where needed, otherwise the original files are linked. Where a photograph was changed, footage/ links its file:
+frames are delivered at its size and in its lens.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.drives.drive import Drive, FrameLabels, tracks
+from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.frames import import_frame
+from unveil_core.drives.importing.sweeps import gathered, local_sweep
+from unveil_core.drives.points import write_points
+from unveil_core.drives.scale_and_up import Placement, place_drive
+from unveil_core.geometry.axes import UP
+
+__all__ = ["frame_rate", "import_drive", "localized", "write_labels"]
+
+
+def localized(drive: Drive, placement: Placement | None = None) -> Drive:
+    """The drive in metres, with z up, and its origin amid the cameras, at whole metres.
+
+    A drive that has metres and z up is shifted and nothing else. Subtraction happens in float64 between numbers of like size,
+    so nothing is lost beyond the coordinates' own rounding.
+
+    Args:
+        drive: as read from disk.
+        placement: its scale and up; None = as :func:`place_drive` finds them.
+    """
+    placement = placement or place_drive(drive)
+    turned = placement.to_world
+    middle = turned.to_local(np.mean([f.camera.centre for f in drive.frames], axis=0))
+    step = replace(turned, translation=turned.to_world(np.round(middle)))
+    frames = tuple(
+        replace(f, camera=step.camera_to_local(f.camera), boxes=tuple(b.to_local(step) for b in f.boxes))
+        for f in drive.frames
+    )
+    points = replace(drive.points, positions=step.to_local(drive.points.positions))
+    return replace(
+        drive,
+        frames=frames,
+        points=points,
+        sweeps=tuple(local_sweep(s, step) for s in drive.sweeps),
+        to_world=drive.to_world.after(step),
+        units_per_metre=1.0,
+        scale_source=placement.scale_source,
+        up=UP,
+        up_source=placement.up_source,
+    )
+
+
+def frame_rate(drive: Drive) -> float | None:
+    """Frames a second of a drive's cameras, by the median of their time stamps' steps; None where they have none."""
+    steps: list[float] = []
+    for track in tracks(drive):
+        stamps = [drive.frames[i].timestamp for i in track]
+        known = [t for t in stamps if t is not None]
+        steps += (
+            [b - a for a, b in zip(known[:-1], known[1:], strict=True) if b > a] if len(known) == len(stamps) else []
+        )
+    return round(1.0 / float(np.median(steps)), 3) if steps else None
+
+
+def import_drive(
+    drive: Drive,
+    destination: Path,
+    *,
+    work_side: int | None = None,
+    placement: Placement | None = None,
+    progress: Progress = no_progress,
+) -> Drive:
+    """Check a drive and write it to ``destination``, which appears whole or not at all.
+
+    Args:
+        drive: as read from disk.
+        destination: the folder to make; it must not exist or is replaced.
+        work_side: longer image side that larger images are reduced to, pixels; None keeps them.
+        placement: scale and up of the drive; None = as :func:`place_drive` finds them.
+    Returns:
+        the imported drive, as :func:`read_imported` gives it, with the sweeps in its coordinates and the labels that a
+        dataset has (see :func:`write_labels`) still unread.
+    Raises:
+        DriveError: see :func:`check_drive`.
+    """
+    check_drive(drive, progress)
+    drive = localized(drive, placement)
+    partial = destination.with_name(f".{destination.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    try:
+        partial.mkdir(parents=True)
+        points = gathered(drive, progress) if drive.sweeps else drive.points
+        write_points(points, partial / "points.ply")
+        entries = []
+        for done, frame in enumerate(drive.frames):
+            entries.append(import_frame(frame, partial, work_side))
+            progress(done + 1, len(drive.frames), "importing")
+        write_json_atomic(
+            partial / "cameras.json",
+            {
+                "source": str(drive.root),
+                "to_world": drive.to_world.to_json(),
+                "scale_source": drive.scale_source,
+                "up_source": drive.up_source,
+                "frame_rate": frame_rate(drive),
+                "semantic_classes": drive.semantic_classes,
+                "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
+                "frames": entries,
+            },
+        )
+        shutil.rmtree(destination, ignore_errors=True)
+        partial.rename(destination)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
+    imported = read_imported(destination)
+    frames = [replace(new, labels=old.labels) for new, old in zip(imported.frames, drive.frames, strict=True)]
+    return replace(imported, frames=tuple(frames), sweeps=drive.sweeps)
+
+
+def write_labels(folder: Path, labels: Iterable[FrameLabels], progress: Progress = no_progress) -> None:
+    """Add labels to an imported drive that came without.
+
+    Args:
+        folder: of :func:`import_drive`.
+        labels: of its frames in their order, of working size.
+    """
+    path = folder / "cameras.json"
+    data: dict[str, Any] = json.loads(path.read_text())
+    entries = data["frames"]
+    for done, (entry, found) in enumerate(zip(entries, labels, strict=True)):
+        stem = f"{entry['camera']}/{entry['name']}.png"
+        write_image_atomic(folder / "semantics" / stem, found.semantic)
+        entry["semantics"] = f"semantics/{stem}"
+        if found.instance is not None:
+            write_image_atomic(folder / "instances" / stem, found.instance)
+            entry["instances"] = f"instances/{stem}"
+        if found.ego is not None and found.ego.any():
+            write_image_atomic(folder / "ego" / stem, found.ego.astype(np.uint8) * 255)
+            entry["ego"] = f"ego/{stem}"
+        progress(done + 1, len(entries), "labelling")
+    data["semantic_classes"] = "cityscapes"
+    write_json_atomic(path, data)

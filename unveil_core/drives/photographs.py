@@ -1,0 +1,58 @@
+"""Photographs of a drive as files hold them: whether in a file of their own or in a dataset's table, 8 or 16 bits, RGB or not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.files import decode_image, link_or_copy, read_image, read_image_as_it_is, write_bytes_atomic
+from unveil_core.drives.drive import Footage, Frame
+
+__all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]
+
+HEADER_BYTES = 26
+"""Of a PNG: signature, size, bits a channel, kind of colour."""
+RGB = 2
+"""PNG's number for colour without a palette or transparency."""
+
+
+def photograph(frame: Frame) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB of a frame as read, before import.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    if frame.image_bytes is not None:
+        return decode_image(frame.image_bytes(), frame.image_path)
+    return read_image(frame.image_path)
+
+
+def store_photograph(frame: Frame, destination: Path) -> None:
+    """Put the photograph's file, byte for byte, at ``destination``."""
+    if frame.image_bytes is not None:
+        write_bytes_atomic(destination, frame.image_bytes())
+    else:
+        link_or_copy(frame.image_path, destination)
+
+
+def is_plain(frame: Frame) -> bool:
+    """Whether the file is what a delivered PNG of 8-bit RGB can hold: a JPEG, or such a PNG."""
+    if frame.image_path.suffix.lower() in (".jpg", ".jpeg"):
+        return True
+    if frame.image_bytes is not None:
+        header = frame.image_bytes()[:HEADER_BYTES]
+    else:
+        with frame.image_path.open("rb") as stream:
+            header = stream.read(HEADER_BYTES)
+    return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and (header[24], header[25]) == (8, RGB)
+
+
+def read_footage(footage: Footage) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """The footage as its file has it: (H, W), (H, W, 3) RGB or (H, W, 4) RGBA, 8 or 16 bits.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    return read_image_as_it_is(footage.path)

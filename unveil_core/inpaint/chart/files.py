@@ -1,0 +1,61 @@
+"""What later stages ask of the filled chart, on disk: ``inpaint/chart.npz`` of a workspace, arrays only.
+
+source (A, B) uint8, see ``street_chart``; label (A, B) int16; place (3,) float64: s and t of the first texel, and the texel's side,
+metres. Empty arrays where the street has no chart.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import write_atomic
+from unveil_core.inpaint.chart.street_chart import StreetChart
+
+__all__ = ["ChartSources", "read_chart_sources", "save_chart"]
+
+
+@dataclass(frozen=True, eq=False)
+class ChartSources:
+    """Attributes:
+    source: (A, B) uint8; label: (A, B) int16, as in :class:`StreetChart`.
+    s_start, t_start: street coordinates of the first texel; texel: its side, metres.
+    """
+
+    source: NDArray[np.uint8]
+    label: NDArray[np.int16]
+    s_start: float
+    t_start: float
+    texel: float
+
+
+def save_chart(chart: StreetChart | None, path: Path) -> None:
+    """Write where the chart's texels come from; ``None`` writes an empty one."""
+    if chart is None:
+        arrays = {"source": np.zeros((0, 0), np.uint8), "label": np.zeros((0, 0), np.int16), "place": np.zeros(3)}
+    else:
+        place = np.array([chart.s_start, chart.t_start, chart.texel])
+        arrays = {"source": chart.source, "label": chart.label, "place": place}
+    write_atomic(path, lambda stream: np.savez_compressed(stream, **arrays))  # type: ignore[arg-type]
+
+
+def read_chart_sources(path: Path) -> ChartSources | None:
+    """Read what :func:`save_chart` wrote; None where the street has no chart.
+
+    Raises:
+        WorkspaceError: it cannot be read.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            source, label, place = data["source"], data["label"], data["place"]
+        if source.shape != label.shape or source.ndim != 2 or place.shape != (3,) or not np.isfinite(place).all():
+            raise ValueError("arrays of other shapes")
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise WorkspaceError(f"is no chart: {error}", path=path, mend="run `unveil inpaint` again") from error
+    return ChartSources(source, label, *(float(v) for v in place)) if source.size else None

@@ -1,0 +1,1 @@
+"""Segmentation networks in ONNX files: settings, classes, inputs, outputs, windows."""
