@@ -9,11 +9,12 @@ from pathlib import Path
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.formats import kitti360, kitti_odometry, kitti_raw, pandaset
+from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
+from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import in_order_of_time, select_part
 
@@ -81,6 +82,20 @@ FORMATS: tuple[Format, ...] = (
         drivestudio.recognizes,
         drivestudio.read_drivestudio,
         drivestudio.scenes,
+    ),
+    Format(
+        "Waymo Open v2",
+        "camera_image/ and vehicle_pose/ with .parquet tables (Waymo Open v2)",
+        waymo.recognizes,
+        waymo.read_waymo,
+        waymo.scenes,
+    ),
+    Format(
+        "Argoverse 2",
+        "city_SE3_egovehicle.feather, calibration/ and sensors/ (Argoverse 2)",
+        argoverse2.recognizes,
+        argoverse2.read_argoverse2,
+        argoverse2.scenes,
     ),
     Format(
         "KITTI raw",
