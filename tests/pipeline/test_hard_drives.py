@@ -18,8 +18,8 @@ from tests.small_street import CAR, picture, pose_at
 from unveil_core.app.export_mesh import export_mesh
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
-from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.optimize.exposure import fit_exposures

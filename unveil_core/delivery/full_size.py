@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -216,8 +217,8 @@ def _seen_in(
     return found, quality
 
 
-def _read(picture: NDArray[np.uint8] | NDArray[np.uint16], pixels: Float64) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """(N, C) of a file's picture at positions (N, 2)."""
+def _read(picture: NDArray[Any], pixels: Float64) -> NDArray[Any]:
+    """(N, C) of a picture of the footage's size at positions (N, 2)."""
     wide = 4096
     count = len(pixels)
     grid = np.zeros((-(-count // wide) * wide, 2), np.float32)
