@@ -56,7 +56,7 @@ def _label(frame: Frame, street: StreetPoints, objects: dict[int, ObjectPoints])
     image = read_image(frame.image_path)
     found = silhouettes(frame, objects)
     seen = view_street(street, frame.camera)
-    owner = outlined(image, found, *_before(street, seen, image.shape[:2]))
+    owner = outlined(image, found, *_before(street, seen, image.shape))
     label = street_classes(image, frame.camera, street, seen, owner > 0)
     table = np.zeros(65536, np.uint8)
     for box in frame.boxes:
@@ -66,9 +66,9 @@ def _label(frame: Frame, street: StreetPoints, objects: dict[int, ObjectPoints])
     return FrameLabels(label, owner)
 
 
-def _before(street: StreetPoints, seen: PointsInView, shape: tuple[int, int]) -> tuple[Mask, Float32]:
+def _before(street: StreetPoints, seen: PointsInView, shape: tuple[int, ...]) -> tuple[Mask, Float32]:
     """Pixels with something upright, and its depth."""
     upright = ~(street.over[seen.index] < OBSTACLE_M)
-    depth = np.full(shape, np.inf, np.float32)
+    depth = np.full(shape[:2], np.inf, np.float32)
     np.minimum.at(depth, (seen.rows[upright], seen.columns[upright]), seen.depth[upright].astype(np.float32))
     return np.isfinite(depth), depth

@@ -16,6 +16,10 @@ __all__ = ["outlined"]
 
 ITERATIONS = 2
 """Rounds of learning colours and cutting; more changed under 0.5 % of the pixels."""
+BEFORE_M = 0.4
+"""What stands nearer than an object by more than this, metres, hides it."""
+LEAST_BEFORE_PX = 20
+"""Fewer pixels before an object are specks."""
 LONGEST_PX = 200
 """Windows longer than this, pixels, are cut at half their size or less; the border follows the image to a pixel all the same."""
 
@@ -30,14 +34,15 @@ def outlined(
         before: (H, W) pixels with something static that may stand before objects; depth: (H, W) of it, metres.
     """
     owner = np.zeros(image.shape[:2], dtype=np.uint16)
-    blocked = np.zeros(image.shape[:2], dtype=bool)
     for silhouette in found:
         window = silhouette.window
         hidden = owner[window] > 0
-        static = before[window] & (depth[window] < silhouette.depth - 0.4)
+        static = before[window] & (depth[window] < silhouette.depth - BEFORE_M)
+        # Points on a pole lie in rows: what is between them belongs to it.
+        static = cv2.morphologyEx(static.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 3), np.uint8)).astype(bool)
+        static = _large(static, LEAST_BEFORE_PX)
         own = _own(image[window], silhouette, hidden, static)
         owner[window][own & ~hidden] = silhouette.box.id
-    del blocked
     return owner
 
 
@@ -62,7 +67,7 @@ def _own(image: NDArray[np.uint8], it: Silhouette, hidden: Mask, static: Mask) -
         picture.reshape(-1, 3)[where] = colors[(where * 7919) % len(colors)]
     own = _cut(picture, state)
     own = cv2.morphologyEx((own | sure).astype(np.uint8), cv2.MORPH_CLOSE, disc(2)).astype(bool) & possible
-    return _joined(own | sure, sure)
+    return _joined(own | sure, sure) & ~static
 
 
 def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
@@ -86,6 +91,14 @@ def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
         soft = cv2.ximgproc.guidedFilter(guide, soft, 2 * shrink, 30.0)
         return soft > 0.5
     return own.astype(bool)
+
+
+def _large(mask: Mask, least: int) -> Mask:
+    """The parts of a mask that have so many pixels."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= least
+    large[0] = False
+    return large[label]
 
 
 def _joined(own: Mask, sure: Mask) -> Mask:

@@ -13,7 +13,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import disc
+from unveil_core.geometry.images import disc, within
 from unveil_core.labelling.object_points import ObjectPoints, from_own_axes
 from unveil_core.semantics.classes import REMOVABLE, SLIM_CLASSES
 
@@ -169,8 +169,9 @@ def _silhouette(box: TrackedBox, local: Float64, camera: Camera) -> Silhouette |
     sure = cv2.erode(measured.astype(np.uint8), disc(1)).astype(bool) if size > 30 else measured
     likely = cv2.morphologyEx(measured.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * size + 1)).astype(bool) & grown
     if len(pixel) >= MANY_POINTS:
-        away = cv2.distanceTransform((~likely).astype(np.uint8), cv2.DIST_L2, 5)
-        grown &= away <= 2 + 0.08 * size
+        # Vehicles and people are nearly convex: what lies beyond the convex hull of their points is not theirs.
+        convex = _filled(cv2.convexHull(pixel.astype(np.float32)).reshape(-1, 2) + (x0, y0), window) | likely
+        grown &= within(convex, 1.5 + 0.01 * size + _apart(hull, len(pixel)))
         core &= likely
     return Silhouette(box, nearest, window, sure | core, likely | core, grown | core, tall < TINY_PX)
 
@@ -185,8 +186,12 @@ def _measured(pixel: Float64, hull: Mask, size: float) -> Mask:
     mask = np.zeros(hull.shape, np.uint8)
     if len(pixel):
         mask[pixel[:, 1].astype(int), pixel[:, 0].astype(int)] = 1
-        apart = np.sqrt(max(int(hull.sum()), 1) / len(pixel))
-        radius = int(np.clip(1.2 * apart, 1, 1 + 0.06 * size))
+        radius = int(np.clip(1.2 * _apart(hull, len(pixel)), 1, 1 + 0.06 * size))
         padded = cv2.copyMakeBorder(mask, radius, radius, radius, radius, cv2.BORDER_CONSTANT, value=0)
         mask = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc(radius))[radius:-radius, radius:-radius]
     return mask.astype(bool)
+
+
+def _apart(hull: Mask, count: int) -> float:
+    """How far apart so many points on an object usually lie, pixels."""
+    return float(np.sqrt(max(int(hull.sum()), 1) / max(count, 1)))

@@ -11,7 +11,8 @@ from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.labelling.sky import find_sky
-from unveil_core.labelling.street_points import GROUND_IDS, StreetPoints
+from unveil_core.geometry.images import disc
+from unveil_core.labelling.street_points import GROUND_IDS, StreetPoints, nearest_known
 from unveil_core.semantics.classes import THIN_CLASSES
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 
@@ -23,15 +24,29 @@ GROUND_TO, SKY_FROM = 0.02, 0.0
 """Rays rise by no more than this a metre where the ground may be, and by more where the sky may."""
 FAR_M = 150.0
 """The ground is looked up in the plan as far as this, metres."""
-THIN_WEIGHT = 3.0
+BEHIND_M = 1.0
+"""Points of upright things so far behind others beside them, metres, and 5 % of their depth, are hidden."""
+NOWHERE_M = 1e6
+"""Stands for the depth of nothing, metres."""
+THIN_WEIGHT = 1.5
 """Points on poles and signs count so much: they are few, and the smoother would give their pixels to what lies behind."""
-SKY, BUILDING, ROAD = train_id("sky"), train_id("building"), train_id("road")
+GRID_PX, REACH_PX = 4, 6
+"""The ground that the plan knows is a seed every so many pixels, unless something upright before it is nearer than so many."""
+DENSITY_PX, FEWEST = 25, 3.0
+"""Seeds weigh against their own density in squares of so many pixels, as if at least so many lay in each: one may be a mistake."""
+SKY, BUILDING, ROAD, POLE = train_id("sky"), train_id("building"), train_id("road"), train_id("pole")
+VEGETATION = train_id("vegetation")
 THIN_IDS = tuple(train_id(name) for name in THIN_CLASSES)
 
 
 def view_street(street: StreetPoints, camera: Camera) -> PointsInView:
     """The points of the street that a view sees, as far as the street itself hides them."""
-    return points_in_view(street.positions, street.spacing, camera, near=NEAR_M, normals=street.normals)
+    normals = street.normals.copy()
+    # Leaves have no surface: each hides what is behind it, from wherever it is seen.
+    leaves = street.classes == VEGETATION
+    toward = camera.centre - street.positions[leaves]
+    normals[leaves] = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-9)
+    return points_in_view(street.positions, street.spacing, camera, near=NEAR_M, normals=normals)
 
 
 def street_classes(
@@ -42,33 +57,64 @@ def street_classes(
     Args:
         image: (H, W, 3) uint8; seen: points of the street in view; objects: (H, W) pixels that show removable objects.
     """
-    rise = camera.rays()[..., 2]
+    rays = camera.rays()
+    rise = rays[..., 2]
     seeds = seen.outside(objects)
     classes = street.classes[seeds.index]
-    sky = find_sky(image, rise > SKY_FROM, seeds, objects)
-    names = [int(k) for k in np.unique(classes) if k != VOID and k not in GROUND_IDS]
-    names = sorted({*names, BUILDING})
+    on_ground = np.isin(classes, GROUND_IDS)
+    depth, plan = _ground_in_view(camera, rays, street)
+    upright = _nearest_upright(seeds, ~on_ground, image.shape)
+    # Points of a wall behind a tree shine through between its leaves' own.
+    front = seeds.depth <= upright[seeds.rows, seeds.columns] * 1.05 + BEHIND_M
+    sky, solid, thin = find_sky(image, rise > SKY_FROM, seeds, objects)
+    marks = {
+        int(number): _weighed(_seeds(seeds, front & (classes == number), image.shape))
+        for number in np.unique(classes[~on_ground & (classes != VOID)])
+    }
+    for number, found in ((BUILDING, solid), (POLE, thin)):
+        marks[number] = np.maximum(marks.get(number, np.zeros_like(found)), found)
+    earth = _seeds(seeds, on_ground, image.shape)
+    # Where points showed the ground, it is seen wherever nothing upright stands before it.
+    open_ground = (plan != VOID) & ~objects & (upright > depth)
+    earth[::GRID_PX, ::GRID_PX] = np.maximum(earth[::GRID_PX, ::GRID_PX], open_ground[::GRID_PX, ::GRID_PX])
+    earth = _weighed(earth)
     guide = cv2.GaussianBlur(image, (3, 3), 0)
     smoother = cv2.ximgproc.createFastGlobalSmootherFilter(guide, SMOOTHNESS, COLOR_SIGMA)
-    ground = _spread(smoother, _seeds(seeds, np.isin(classes, GROUND_IDS), image.shape))
-    ground[rise > GROUND_TO] = 0
-    ids, best, most = [ROAD], ground, np.zeros(image.shape[:2], np.uint8)
-    for number in names:
-        weight = THIN_WEIGHT if number in THIN_IDS else 1.0
-        value = _spread(smoother, weight * _seeds(seeds, classes == number, image.shape))
-        most[value > best] = len(ids)
+    best = _spread(smoother, earth)
+    best[rise > GROUND_TO] = 0
+    label = np.full(image.shape[:2], ROAD, np.uint8)
+    for number, mark in sorted(marks.items()):
+        value = _spread(smoother, mark) * (THIN_WEIGHT if number in THIN_IDS else 1.0)
+        label[value > best] = number
         best = np.maximum(best, value)
-        ids.append(number)
     value = _spread(smoother, sky)
     value[rise <= SKY_FROM] = 0
-    most[value > best] = len(ids)
-    best = np.maximum(best, value)
-    ids.append(SKY)
-    label = np.asarray(ids, np.uint8)[most]
-    nothing = best <= 1e-9
+    label[value > best] = SKY
+    nothing = np.maximum(value, best) <= 1e-9
     label[nothing] = np.where(rise > GROUND_TO, BUILDING, ROAD)[nothing]
-    _split_ground(label, camera, street)
+    _split_ground(label, camera, rays, depth, street)
     return label
+
+
+def _ground_in_view(camera: Camera, rays: Float64, street: StreetPoints) -> tuple[Float64, NDArray[np.uint8]]:
+    """(H, W) depth of the ground, inf where there is none, and its class where points lie on it there, 255 elsewhere."""
+    plan = np.full(rays.shape[:2], VOID, np.uint8)
+    depth = np.full(rays.shape[:2], np.inf)
+    if street.ground is None or street.plan is None:
+        return depth, plan
+    depth = street.ground.depth(camera, rays[..., 2] < GROUND_TO, near=NEAR_M, far=FAR_M)
+    met = np.isfinite(depth)
+    places = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
+    plan[met] = np.where(street.plan.known_at(places), street.plan.at(places), VOID)
+    return depth, plan
+
+
+def _nearest_upright(seen: PointsInView, which: Mask, shape: tuple[int, ...]) -> Float32:
+    """(H, W) depth of the nearest point that is no ground within ``REACH_PX``, very far where there is none."""
+    depth = np.full(shape[:2], np.inf, np.float32)
+    np.minimum.at(depth, (seen.rows[which], seen.columns[which]), seen.depth[which].astype(np.float32))
+    nearest: Float32 = np.minimum(cv2.erode(depth, disc(REACH_PX)), NOWHERE_M)
+    return nearest
 
 
 def _seeds(seen: PointsInView, which: Mask, shape: tuple[int, ...]) -> Float32:
@@ -77,26 +123,27 @@ def _seeds(seen: PointsInView, which: Mask, shape: tuple[int, ...]) -> Float32:
     return image
 
 
+def _weighed(seeds: Float32) -> Float32:
+    """Seeds that count the more the fewer of them lie around: else classes would win by being measured densely."""
+    density = cv2.blur(seeds, (DENSITY_PX, DENSITY_PX))
+    return seeds / np.maximum(density, FEWEST / DENSITY_PX**2)
+
+
 def _spread(smoother: cv2.ximgproc.FastGlobalSmootherFilter, seeds: Float32) -> Float32:
-    if not seeds.any():
-        return np.zeros_like(seeds)
-    return smoother.filter(seeds)
+    """How strongly seeds reach each pixel."""
+    return smoother.filter(seeds) if seeds.any() else np.zeros_like(seeds)
 
 
-def _split_ground(label: NDArray[np.uint8], camera: Camera, street: StreetPoints) -> None:
+def _split_ground(
+    label: NDArray[np.uint8], camera: Camera, rays: Float64, depth: Float64, street: StreetPoints
+) -> None:
     """Give ground pixels the class of the plan where their rays meet the ground, in place."""
-    if street.plan is None or street.ground is None:
+    if street.plan is None:
         return
     own = np.isin(label, GROUND_IDS)
-    depth = street.ground.depth(camera, own, near=NEAR_M, far=FAR_M)
     met = own & np.isfinite(depth)
-    places: Float64 = camera.centre + camera.rays()[met] * depth[met][:, None]
-    label[met] = street.plan.at(places[:, :2])
+    places = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
+    label[met] = street.plan.at(places)
     lost = own & ~met
     if lost.any() and met.any():
-        _, nearest = cv2.distanceTransformWithLabels(
-            (~met).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        of_label = np.zeros(int(nearest.max()) + 1, np.uint8)
-        of_label[nearest[met]] = label[met]
-        label[lost] = of_label[nearest[lost]]
+        label[lost] = nearest_known(label, met)[lost]
