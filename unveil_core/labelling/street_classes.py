@@ -18,7 +18,7 @@ from unveil_core.semantics.visibility import PointsInView, points_in_view
 
 __all__ = ["street_classes", "view_street"]
 
-SMOOTHNESS, COLOR_SIGMA = 2000.0, 6.0
+SMOOTHNESS, COLOR_SIGMA = 200.0, 10.0
 """Of the edge-preserving smoother that carries classes from seeds to pixels: how far, and over which steps of colour (of 255)."""
 GROUND_TO, SKY_FROM = 0.02, 0.0
 """Rays rise by no more than this a metre where the ground may be, and by more where the sky may."""
@@ -28,9 +28,9 @@ BEHIND_M = 1.0
 """Points of upright things so far behind others beside them, metres, and 5 % of their depth, are hidden."""
 NOWHERE_M = 1e6
 """Stands for the depth of nothing, metres."""
-THIN_WEIGHT = 1.5
+THIN_WEIGHT = 1.0
 """Points on poles and signs count so much: they are few, and the smoother would give their pixels to what lies behind."""
-GRID_PX, REACH_PX = 4, 6
+GRID_PX, REACH_PX = 4, 4
 """The ground that the plan knows is a seed every so many pixels, unless something upright before it is nearer than so many."""
 DENSITY_PX, FEWEST = 25, 3.0
 """Seeds weigh against their own density in squares of so many pixels, as if at least so many lay in each: one may be a mistake."""

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Mask
-from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.boxes import TrackedBox, has_moved
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.classes import CITYSCAPES, REMOVABLE
 
 __all__ = ["box_pixels", "moving_boxes", "points_in_boxes"]
 
-MOVED_SHARE, MOVED_M = 0.25, 0.3
-"""An object moved if its box did by more than this share of its length plus this many metres: annotated boxes wander a little."""
 MARGIN_M = 0.15
 """Points so close to a box, metres, belong to its object."""
 
@@ -29,9 +27,7 @@ def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
     Raises:
         DriveError: a class that Cityscapes does not know.
     """
-    centres: dict[int, list[NDArray[np.float64]]] = {}
-    names: dict[int, str] = {}
-    lengths: dict[int, float] = {}
+    found: dict[int, list[TrackedBox]] = {}
     for frame in drive.frames:
         for box in frame.boxes:
             if box.class_name not in CITYSCAPES:
@@ -41,15 +37,9 @@ def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
                     mend="use Cityscapes names, as car or person",
                 )
             if box.class_name in REMOVABLE:
-                centres.setdefault(box.id, []).append(np.asarray(box.centre))
-                names[box.id] = box.class_name
-                lengths[box.id] = max(lengths.get(box.id, 0.0), *box.size[:2])
-    moved = {}
-    for number, places in centres.items():
-        reach = float(np.linalg.norm(np.ptp(np.array(places), axis=0)))
-        if reach > MOVED_SHARE * lengths[number] + MOVED_M:
-            moved[number] = names[number]
-    return moved, frozenset(set(names) - set(moved))
+                found.setdefault(box.id, []).append(box)
+    moved = {number: boxes[-1].class_name for number, boxes in found.items() if has_moved(boxes)}
+    return moved, frozenset(set(found) - set(moved))
 
 
 def _hull(box: TrackedBox, camera: Camera) -> Mask | None:
