@@ -66,10 +66,12 @@ def find_sky(
     mean = np.bincount(of_patch, np.abs(darker).ravel(), minlength=count) / np.maximum(area, 1)
     alike |= (hits == 0) & (area >= LEAST_PX) & (mean < LIKE)
     alike[0] = False
-    sky = alike[patch]
-    other = above & ~objects & (darker > UNLIKE) & ~sky
     hit = np.zeros(smooth.shape, np.uint8)
     hit[seen.rows, seen.columns] = 1
+    sky = alike[patch]
+    # Beside masts and wires nothing is smooth, but its colour is the sky's.
+    sky |= above & ~objects & (hit == 0) & (np.abs(darker) < LIKE) & within(sky, BESIDE_PX)
+    other = above & ~objects & (darker > UNLIKE) & ~sky
     wide = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_OPEN, disc(THIN_SHARE * image.shape[1] / 2))
     solid = (wide > 0) & ~within(hit > 0, BESIDE_PX)
     thin = other & (cv2.dilate(wide, disc(3)) == 0) & (_share(sky) > 0.25)

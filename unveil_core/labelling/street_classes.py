@@ -10,8 +10,8 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.labelling.sky import find_sky
 from unveil_core.geometry.images import disc
+from unveil_core.labelling.sky import find_sky
 from unveil_core.labelling.street_points import GROUND_IDS, StreetPoints, nearest_known
 from unveil_core.semantics.classes import THIN_CLASSES
 from unveil_core.semantics.visibility import PointsInView, points_in_view
@@ -32,7 +32,7 @@ THIN_WEIGHT = 1.0
 """Points on poles and signs count so much: they are few, and the smoother would give their pixels to what lies behind."""
 GRID_PX, REACH_PX = 4, 4
 """The ground that the plan knows is a seed every so many pixels, unless something upright before it is nearer than so many."""
-DENSITY_PX, FEWEST = 25, 3.0
+DENSITY_PX, FEWEST = 25, 10.0
 """Seeds weigh against their own density in squares of so many pixels, as if at least so many lay in each: one may be a mistake."""
 SKY, BUILDING, ROAD, POLE = train_id("sky"), train_id("building"), train_id("road"), train_id("pole")
 VEGETATION = train_id("vegetation")

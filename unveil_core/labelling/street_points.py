@@ -34,7 +34,7 @@ CELL_M, FILTER = 0.2, 5
 MOST_CELLS = 16_000_000
 """Drives over more ground than so many cells cover get larger ones."""
 MOSTLY = 0.5
-"""Where a larger share of the points has a class, those without one are what the dataset calls noise, as exhaust and reflections."""
+"""Where a larger share of the points has a class, those without one are noise, as exhaust and reflections."""
 LONE_M, LONE_SHARE = 0.15, 0.02
 """Points are specks if their neighbours are farther away than so many metres and this share of the way to the nearest camera."""
 GAP_M = 0.8
