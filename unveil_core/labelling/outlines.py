@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc
 from unveil_core.labelling.silhouettes import Silhouette
 
@@ -24,20 +24,18 @@ LONGEST_PX = 200
 """Windows longer than this, pixels, are cut at half their size or less; the border follows the image to a pixel all the same."""
 
 
-def outlined(
-    image: NDArray[np.uint8], found: Sequence[Silhouette], before: Mask, depth: NDArray[np.float32]
-) -> NDArray[np.uint16]:
+def outlined(image: NDArray[np.uint8], found: Sequence[Silhouette], upright: Float32) -> NDArray[np.uint16]:
     """(H, W) id of the object that each pixel shows, 0 = none.
 
     Args:
         image: (H, W, 3) uint8; found: its objects, near ones first.
-        before: (H, W) pixels with something static that may stand before objects; depth: (H, W) of it, metres.
+        upright: (H, W) depth of points of what stays and may stand before objects, metres; inf where there are none.
     """
     owner = np.zeros(image.shape[:2], dtype=np.uint16)
     for silhouette in found:
         window = silhouette.window
         hidden = owner[window] > 0
-        static = before[window] & (depth[window] < silhouette.depth - BEFORE_M)
+        static = upright[window] < silhouette.depth - BEFORE_M
         # Points on a pole lie in rows: what is between them belongs to it.
         static = cv2.morphologyEx(static.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 3), np.uint8)).astype(bool)
         static = _large(static, LEAST_BEFORE_PX)

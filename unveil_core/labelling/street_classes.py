@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +18,14 @@ from unveil_core.labelling.street_points import GROUND_IDS, StreetPoints, neares
 from unveil_core.semantics.classes import THIN_CLASSES
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 
-__all__ = ["street_classes", "view_street"]
+__all__ = ["StreetView", "street_classes", "view_street"]
 
 SMOOTHNESS, COLOR_SIGMA = 200.0, 10.0
 """Of the edge-preserving smoother that carries classes from seeds to pixels: how far, and over which steps of colour (of 255)."""
 GROUND_TO, SKY_FROM = 0.02, 0.0
 """Rays rise by no more than this a metre where the ground may be, and by more where the sky may."""
+OBSTACLE_M = 0.3
+"""Points of the street higher than this over the ground, metres, may stand before an object."""
 FAR_M = 150.0
 """The ground is looked up in the plan as far as this, metres."""
 BEHIND_M = 1.0
@@ -39,34 +43,72 @@ VEGETATION = train_id("vegetation")
 THIN_IDS = tuple(train_id(name) for name in THIN_CLASSES)
 
 
-def view_street(street: StreetPoints, camera: Camera) -> PointsInView:
-    """The points of the street that a view sees, as far as the street itself hides them."""
+@dataclass(frozen=True, eq=False)
+class StreetView:
+    """What a view shows of the points of the street.
+
+    Attributes:
+        seen: the points that the street itself does not hide.
+        upright: (H, W) depth of those over the ground, metres, inf where there are none.
+        rise: (H, W) metres that the pixels' rays rise a metre along the optical axis.
+        places: (H, W, 2) x and y where the rays meet the ground, NaN where they do not.
+        ground: (H, W) their depth there, inf where they do not.
+        open_ground: (H, W) where points lie on the ground, and none stands before it.
+    """
+
+    seen: PointsInView
+    upright: Float32
+    rise: Float64
+    places: Float64
+    ground: Float64
+    open_ground: Mask
+
+
+def view_street(street: StreetPoints, camera: Camera) -> StreetView:
+    """See the points of the street from a camera."""
     normals = street.normals.copy()
     # Leaves have no surface: each hides what is behind it, from wherever it is seen.
     leaves = street.classes == VEGETATION
     toward = camera.centre - street.positions[leaves]
     normals[leaves] = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-9)
-    return points_in_view(street.positions, street.spacing, camera, near=NEAR_M, normals=normals)
+    seen = points_in_view(street.positions, street.spacing, camera, near=NEAR_M, normals=normals)
+    upright = np.full((camera.height, camera.width), np.inf, np.float32)
+    high = ~(street.over[seen.index] < OBSTACLE_M)
+    np.minimum.at(upright, (seen.rows[high], seen.columns[high]), seen.depth[high].astype(np.float32))
+    rays = camera.rays()
+    depth = np.full(upright.shape, np.inf)
+    places = np.full((*upright.shape, 2), np.nan)
+    open_ground = np.zeros(upright.shape, dtype=bool)
+    if street.ground is not None:
+        depth = street.ground.depth(camera, rays[..., 2] < GROUND_TO, near=NEAR_M, far=FAR_M)
+        met = np.isfinite(depth)
+        places[met] = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
+        if street.plan is not None:
+            open_ground[met] = street.plan.known_at(places[met])
+            open_ground &= _around(upright) > depth
+    return StreetView(seen, upright, rays[..., 2], places, depth, open_ground)
+
+
+def _around(upright: Float32) -> Float32:
+    """(H, W) least depth within ``REACH_PX``, very far where there is none."""
+    nearest: Float32 = np.minimum(cv2.erode(upright, disc(REACH_PX)), NOWHERE_M)
+    return nearest
 
 
 def street_classes(
-    image: NDArray[np.uint8], camera: Camera, street: StreetPoints, seen: PointsInView, objects: Mask
+    image: NDArray[np.uint8], camera: Camera, street: StreetPoints, view: StreetView, objects: Mask
 ) -> NDArray[np.uint8]:
     """(H, W) trainIds of what stays, also behind objects, where they are guesses.
 
     Args:
-        image: (H, W, 3) uint8; seen: points of the street in view; objects: (H, W) pixels that show removable objects.
+        image: (H, W, 3) uint8; objects: (H, W) pixels that show removable objects.
     """
-    rays = camera.rays()
-    rise = rays[..., 2]
-    seeds = seen.outside(objects)
+    seeds = view.seen.outside(objects)
     classes = street.classes[seeds.index]
     on_ground = np.isin(classes, GROUND_IDS)
-    depth, plan = _ground_in_view(camera, rays, street)
-    upright = _nearest_upright(seeds, ~on_ground, image.shape)
     # Points of a wall behind a tree shine through between its leaves' own.
-    front = seeds.depth <= upright[seeds.rows, seeds.columns] * 1.05 + BEHIND_M
-    sky, solid, thin = find_sky(image, rise > SKY_FROM, seeds, objects)
+    front = seeds.depth <= _around(view.upright)[seeds.rows, seeds.columns] * 1.05 + BEHIND_M
+    sky, solid, thin = find_sky(image, view.rise > SKY_FROM, seeds, objects)
     marks = {
         int(number): _weighed(_seeds(seeds, front & (classes == number), image.shape))
         for number in np.unique(classes[~on_ground & (classes != VOID)])
@@ -75,46 +117,23 @@ def street_classes(
         marks[number] = np.maximum(marks.get(number, np.zeros_like(found)), found)
     earth = _seeds(seeds, on_ground, image.shape)
     # Where points showed the ground, it is seen wherever nothing upright stands before it.
-    open_ground = (plan != VOID) & ~objects & (upright > depth)
-    earth[::GRID_PX, ::GRID_PX] = np.maximum(earth[::GRID_PX, ::GRID_PX], open_ground[::GRID_PX, ::GRID_PX])
-    earth = _weighed(earth)
+    earth[::GRID_PX, ::GRID_PX][(view.open_ground & ~objects)[::GRID_PX, ::GRID_PX]] = 1
     guide = cv2.GaussianBlur(image, (3, 3), 0)
     smoother = cv2.ximgproc.createFastGlobalSmootherFilter(guide, SMOOTHNESS, COLOR_SIGMA)
-    best = _spread(smoother, earth)
-    best[rise > GROUND_TO] = 0
+    best = _spread(smoother, _weighed(earth))
+    best[view.rise > GROUND_TO] = 0
     label = np.full(image.shape[:2], ROAD, np.uint8)
     for number, mark in sorted(marks.items()):
         value = _spread(smoother, mark) * (THIN_WEIGHT if number in THIN_IDS else 1.0)
         label[value > best] = number
         best = np.maximum(best, value)
     value = _spread(smoother, sky)
-    value[rise <= SKY_FROM] = 0
+    value[view.rise <= SKY_FROM] = 0
     label[value > best] = SKY
     nothing = np.maximum(value, best) <= 1e-9
-    label[nothing] = np.where(rise > GROUND_TO, BUILDING, ROAD)[nothing]
-    _split_ground(label, camera, rays, depth, street)
+    label[nothing] = np.where(view.rise > GROUND_TO, BUILDING, ROAD)[nothing]
+    _split_ground(label, view, street)
     return label
-
-
-def _ground_in_view(camera: Camera, rays: Float64, street: StreetPoints) -> tuple[Float64, NDArray[np.uint8]]:
-    """(H, W) depth of the ground, inf where there is none, and its class where points lie on it there, 255 elsewhere."""
-    plan = np.full(rays.shape[:2], VOID, np.uint8)
-    depth = np.full(rays.shape[:2], np.inf)
-    if street.ground is None or street.plan is None:
-        return depth, plan
-    depth = street.ground.depth(camera, rays[..., 2] < GROUND_TO, near=NEAR_M, far=FAR_M)
-    met = np.isfinite(depth)
-    places = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
-    plan[met] = np.where(street.plan.known_at(places), street.plan.at(places), VOID)
-    return depth, plan
-
-
-def _nearest_upright(seen: PointsInView, which: Mask, shape: tuple[int, ...]) -> Float32:
-    """(H, W) depth of the nearest point that is no ground within ``REACH_PX``, very far where there is none."""
-    depth = np.full(shape[:2], np.inf, np.float32)
-    np.minimum.at(depth, (seen.rows[which], seen.columns[which]), seen.depth[which].astype(np.float32))
-    nearest: Float32 = np.minimum(cv2.erode(depth, disc(REACH_PX)), NOWHERE_M)
-    return nearest
 
 
 def _seeds(seen: PointsInView, which: Mask, shape: tuple[int, ...]) -> Float32:
@@ -134,16 +153,13 @@ def _spread(smoother: cv2.ximgproc.FastGlobalSmootherFilter, seeds: Float32) -> 
     return smoother.filter(seeds) if seeds.any() else np.zeros_like(seeds)
 
 
-def _split_ground(
-    label: NDArray[np.uint8], camera: Camera, rays: Float64, depth: Float64, street: StreetPoints
-) -> None:
+def _split_ground(label: NDArray[np.uint8], view: StreetView, street: StreetPoints) -> None:
     """Give ground pixels the class of the plan where their rays meet the ground, in place."""
     if street.plan is None:
         return
     own = np.isin(label, GROUND_IDS)
-    met = own & np.isfinite(depth)
-    places = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
-    label[met] = street.plan.at(places)
+    met = own & np.isfinite(view.ground)
+    label[met] = street.plan.at(view.places[met])
     lost = own & ~met
     if lost.any() and met.any():
         label[lost] = nearest_known(label, met)[lost]
