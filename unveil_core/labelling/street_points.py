@@ -108,7 +108,7 @@ def street_points(drive: Drive) -> StreetPoints:
     ground = _ground(drive, positions[known_ground if labelled else stays])
     unknown = np.flatnonzero(stays & (classes == VOID))
     stays[unknown[in_boxes(positions[unknown], _all_boxes(drive), 0.0) >= 0]] = False
-    if (classes != VOID).mean() > MOSTLY:
+    if (classes != VOID).sum() > MOSTLY * len(classes):
         stays &= classes != VOID
     kept = np.flatnonzero(stays)
     cell = 0.0
