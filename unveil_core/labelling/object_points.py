@@ -1,6 +1,6 @@
 """What the LiDAR measured of each tracked object: its points in the axes of its box, from all sweeps.
 
-A box alone is loose, by 5 to 15 cm on every side in PandaSet, and no outline. The points of an object, carried along with its
+A box alone is no outline, and loose: in PandaSet by 4 to 11 cm a side in the median. The points of an object, carried along with its
 box, show its outline also in frames that have no sweep of their own.
 """
 
