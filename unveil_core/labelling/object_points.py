@@ -1,7 +1,7 @@
 """What the LiDAR measured of each tracked object: its points in the axes of its box, from all sweeps.
 
-A box alone is no outline, and loose: in PandaSet by 4 to 11 cm a side in the median. The points of an object, carried along with its
-box, show its outline also in frames that have no sweep of their own.
+A box alone is no outline, and loose: in PandaSet by 4 to 11 cm a side in the median. The points of an object, carried along
+with its box, show its outline also in frames that have no sweep of their own.
 """
 
 from __future__ import annotations
