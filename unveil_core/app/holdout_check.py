@@ -196,6 +196,14 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         names = {"truth": "the photographs", **METHODS}
         parts = (f"{name} {flicker[m]['absolute']:.1f}" for m, name in names.items() if m in flicker)
         lines.append(f"  flicker, levels of 255: {', '.join(parts)}")
+    shares = [f"{METHODS[m]} {share:.2f}" for m, share in found.get("gradient", {}).items() if m in METHODS]
+    lines.append(f"  gradient inside, as a share of the photographs': {', '.join(shares)}")
+    if "full_size" in found:
+        full = found["full_size"]
+        lines.append(
+            f"  at the footage's size: {_decibels(full['psnr'])}, gradient {full['gradient']:.2f}, "
+            f"{full['changed_pixels']:.0f} pixels changed elsewhere"
+        )
     lines.append(f"  changed where nothing should: {100 * found['outside']['changed']:.2f} % of the pixels")
     return lines
 

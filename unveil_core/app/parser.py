@@ -81,6 +81,10 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         p = verbs.add_parser(name, help=text)
         p.add_argument("drive", type=Path)
         p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+        if name == "import":
+            p.add_argument(
+                "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
+            )
         _add_settings(p)
         _add_common(p)
 

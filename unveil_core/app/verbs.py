@@ -64,7 +64,16 @@ def _import(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run
 
     with reporting(arguments.json) as reporter:
-        run(arguments.drive, arguments.output, settings_of(arguments), until="objects", reporter=reporter)
+        workspace = run(arguments.drive, arguments.output, settings_of(arguments), until="objects", reporter=reporter)
+    if arguments.preview:
+        from unveil_core.drives.imported import read_imported
+        from unveil_core.labelling.preview import write_preview
+
+        pictures = write_preview(read_imported(workspace.drive_dir), workspace.root / "preview")
+        print(
+            f"{len(pictures)} pictures in {workspace.root / 'preview'}",
+            file=sys.stderr if arguments.json else sys.stdout,
+        )
     return 0
 
 

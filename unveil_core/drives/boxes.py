@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["TrackedBox", "boxes_at", "read_boxes"]
+__all__ = ["TrackedBox", "boxes_at", "has_moved", "read_boxes"]
 
 MEND = "a box is {id, class, centre: [x, y, z], size: [length, width, height], yaw}, metres and radians"
+
+MOVED_SHARE, MOVED_M = 0.25, 0.3
+"""An object moved if its box did by more than this share of its length plus this many metres: annotated boxes wander a little."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,12 @@ def read_boxes(entries: object, path: Path, frame: str) -> tuple[TrackedBox, ...
             mend="an id stands for one object and occurs once a frame",
         )
     return tuple(boxes)
+
+
+def has_moved(boxes: Sequence[TrackedBox]) -> bool:
+    """Whether an object moved between some of its boxes."""
+    reach = float(np.linalg.norm(np.ptp([b.centre for b in boxes], axis=0)))
+    return reach > MOVED_SHARE * max(max(b.size[:2]) for b in boxes) + MOVED_M
 
 
 def boxes_at(time: float, stamps: Sequence[float], boxes: Sequence[Sequence[TrackedBox]]) -> tuple[TrackedBox, ...]:

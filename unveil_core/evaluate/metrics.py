@@ -13,9 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import structural_similarity
 
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Float64, Mask, Picture
 
-__all__ = ["as_unit_float", "mask_iou", "psnr", "psnr_of_mse", "rounded", "squared_error", "ssim", "ssim_map"]
+__all__ = [
+    "gradient",
+    "as_unit_float",
+    "mask_iou",
+    "psnr",
+    "psnr_of_mse",
+    "rounded",
+    "squared_error",
+    "ssim",
+    "ssim_map",
+]
 
 Image = NDArray[np.uint8] | NDArray[np.floating]
 
@@ -112,3 +122,10 @@ def rounded(value: Any) -> Any:
     if isinstance(value, float):
         return round(value, 4) if math.isfinite(value) else None
     return value
+
+
+def gradient(picture: Picture) -> Float64:
+    """(H, W) length of the luminance's gradient, levels of 255 a pixel: its mean tells how sharp and grained a region is."""
+    down, right = np.gradient(picture.astype(np.float64) @ [0.299, 0.587, 0.114])
+    length: Float64 = np.hypot(down, right)
+    return length

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32, Mask
-from unveil_core.drives.cityscapes import train_id
+from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive, Frame, FrameLabels
-from unveil_core.labelling.object_points import ObjectPoints, gather_objects
+from unveil_core.labelling.leftovers import far_queues, strays_in_view
+from unveil_core.labelling.object_points import ObjectPoints, Stray, gather_objects
 from unveil_core.labelling.outlines import outlined
 from unveil_core.labelling.silhouettes import silhouettes
 from unveil_core.labelling.street_classes import street_classes, view_street
 from unveil_core.labelling.street_points import StreetPoints, street_points
 from unveil_core.semantics.classes import CITYSCAPES
-from unveil_core.semantics.visibility import PointsInView
 
-__all__ = ["label_frames"]
-
-OBSTACLE_M = 0.3
-"""Points of the street higher than this over the ground, metres, may stand before an object."""
+__all__ = ["label_frame", "label_frames"]
 
 
 def label_frames(drive: Drive, progress: Progress = no_progress) -> Iterator[FrameLabels]:
@@ -46,29 +42,27 @@ def label_frames(drive: Drive, progress: Progress = no_progress) -> Iterator[Fra
                     mend="use Cityscapes names, as car or person",
                 )
     street = street_points(drive)
-    objects, _ = gather_objects(drive, None if street.ground is None else street.ground.over, progress)
+    objects, strays = gather_objects(drive, None if street.ground is None else street.ground.over, progress)
     for done, frame in enumerate(drive.frames):
-        yield _label(frame, street, objects)
+        yield label_frame(frame, street, objects, strays)
         progress(done + 1, len(drive.frames), "labelling frames")
 
 
-def _label(frame: Frame, street: StreetPoints, objects: dict[int, ObjectPoints]) -> FrameLabels:
+def label_frame(
+    frame: Frame, street: StreetPoints, objects: Mapping[int, ObjectPoints], strays: Sequence[Stray]
+) -> FrameLabels:
+    """Label one frame; see :func:`label_frames`."""
     image = read_image(frame.image_path)
     found = silhouettes(frame, objects)
-    seen = view_street(street, frame.camera)
-    owner = outlined(image, found, *_before(street, seen, image.shape[:2]))
-    label = street_classes(image, frame.camera, street, seen, owner > 0)
+    view = view_street(street, frame.camera)
+    owner = outlined(image, found, view.upright)
+    label = street_classes(image, frame.camera, street, view, owner > 0)
+    for more in (far_queues(found, owner, view.open_ground), strays_in_view(strays, frame, view.upright)):
+        use = (more != VOID) & (owner == 0)
+        label[use] = more[use]
     table = np.zeros(65536, np.uint8)
     for box in frame.boxes:
         table[box.id] = train_id(box.class_name)
     own = owner > 0
     label[own] = table[owner[own]]
     return FrameLabels(label, owner)
-
-
-def _before(street: StreetPoints, seen: PointsInView, shape: tuple[int, int]) -> tuple[Mask, Float32]:
-    """Pixels with something upright, and its depth."""
-    upright = ~(street.over[seen.index] < OBSTACLE_M)
-    depth = np.full(shape, np.inf, np.float32)
-    np.minimum.at(depth, (seen.rows[upright], seen.columns[upright]), seen.depth[upright].astype(np.float32))
-    return np.isfinite(depth), depth

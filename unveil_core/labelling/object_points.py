@@ -33,7 +33,7 @@ CELL_M = 0.04
 """Points of one object are thinned to one a cell of this size, metres: finer than a pixel of a wide picture 20 m away."""
 MOST_POINTS = 12_000
 """Points kept of one object and sweep."""
-LABELLED_MARGIN_M = 0.35
+LABELLED_MARGIN_M = 0.5
 """Points that the dataset labels as removable belong to a box so close to them, metres: it is nearly always a loose one."""
 
 

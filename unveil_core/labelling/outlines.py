@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc
 from unveil_core.labelling.silhouettes import Silhouette
 
@@ -16,28 +16,31 @@ __all__ = ["outlined"]
 
 ITERATIONS = 2
 """Rounds of learning colours and cutting; more changed under 0.5 % of the pixels."""
+BEFORE_M = 0.4
+"""What stands nearer than an object by more than this, metres, hides it."""
+LEAST_BEFORE_PX = 20
+"""Fewer pixels before an object are specks."""
 LONGEST_PX = 200
 """Windows longer than this, pixels, are cut at half their size or less; the border follows the image to a pixel all the same."""
 
 
-def outlined(
-    image: NDArray[np.uint8], found: Sequence[Silhouette], before: Mask, depth: NDArray[np.float32]
-) -> NDArray[np.uint16]:
+def outlined(image: NDArray[np.uint8], found: Sequence[Silhouette], upright: Float32) -> NDArray[np.uint16]:
     """(H, W) id of the object that each pixel shows, 0 = none.
 
     Args:
         image: (H, W, 3) uint8; found: its objects, near ones first.
-        before: (H, W) pixels with something static that may stand before objects; depth: (H, W) of it, metres.
+        upright: (H, W) depth of points of what stays and may stand before objects, metres; inf where there are none.
     """
     owner = np.zeros(image.shape[:2], dtype=np.uint16)
-    blocked = np.zeros(image.shape[:2], dtype=bool)
     for silhouette in found:
         window = silhouette.window
         hidden = owner[window] > 0
-        static = before[window] & (depth[window] < silhouette.depth - 0.4)
+        static = upright[window] < silhouette.depth - BEFORE_M
+        # Points on a pole lie in rows: what is between them belongs to it.
+        static = cv2.morphologyEx(static.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((9, 3), np.uint8)).astype(bool)
+        static = _large(static, LEAST_BEFORE_PX)
         own = _own(image[window], silhouette, hidden, static)
         owner[window][own & ~hidden] = silhouette.box.id
-    del blocked
     return owner
 
 
@@ -62,7 +65,8 @@ def _own(image: NDArray[np.uint8], it: Silhouette, hidden: Mask, static: Mask) -
         picture.reshape(-1, 3)[where] = colors[(where * 7919) % len(colors)]
     own = _cut(picture, state)
     own = cv2.morphologyEx((own | sure).astype(np.uint8), cv2.MORPH_CLOSE, disc(2)).astype(bool) & possible
-    return _joined(own | sure, sure)
+    # A pixel too many is invented, one too few stays as a ghost.
+    return cv2.dilate(_joined(own | sure, sure).astype(np.uint8), disc(1)).astype(bool) & ~static
 
 
 def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
@@ -86,6 +90,14 @@ def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
         soft = cv2.ximgproc.guidedFilter(guide, soft, 2 * shrink, 30.0)
         return soft > 0.5
     return own.astype(bool)
+
+
+def _large(mask: Mask, least: int) -> Mask:
+    """The parts of a mask that have so many pixels."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= least
+    large[0] = False
+    return large[label]
 
 
 def _joined(own: Mask, sure: Mask) -> Mask:

@@ -13,7 +13,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import disc
+from unveil_core.geometry.images import disc, within
 from unveil_core.labelling.object_points import ObjectPoints, from_own_axes
 from unveil_core.semantics.classes import REMOVABLE, SLIM_CLASSES
 
@@ -25,6 +25,8 @@ FEW_POINTS = 40
 """With fewer points in view than this the shape of the class stands in for the measured one."""
 MANY_POINTS = 150
 """With so many in view, what is far from all of them is not the object."""
+FOOT_SHARE, FOOT_POINTS = 0.35, 0.12
+"""Of an object that is seen whole, at least this share of the points lies in this lowest share of its box."""
 WANTED_POINTS = 3000
 """Points of an object that are looked at: those measured nearest in time."""
 TINY_PX = 12
@@ -169,10 +171,25 @@ def _silhouette(box: TrackedBox, local: Float64, camera: Camera) -> Silhouette |
     sure = cv2.erode(measured.astype(np.uint8), disc(1)).astype(bool) if size > 30 else measured
     likely = cv2.morphologyEx(measured.astype(np.uint8), cv2.MORPH_CLOSE, disc(0.12 * size + 1)).astype(bool) & grown
     if len(pixel) >= MANY_POINTS:
-        away = cv2.distanceTransform((~likely).astype(np.uint8), cv2.DIST_L2, 5)
-        grown &= away <= 2 + 0.08 * size
-        core &= likely
+        feet = _feet(places[ok], local[ok], box, tight)
+        # Vehicles and people are nearly convex: what lies beyond the convex hull of their points is not theirs.
+        spread = np.concatenate([pixel, camera.project(feet)[0] - (x0, y0)]) if len(feet) else pixel
+        convex = _filled(cv2.convexHull(spread.astype(np.float32)).reshape(-1, 2) + (x0, y0), window) | likely
+        grown &= within(convex, 1.5 + 0.01 * size + _apart(hull, len(pixel)))
+        core &= convex if len(feet) else likely
     return Silhouette(box, nearest, window, sure | core, likely | core, grown | core, tall < TINY_PX)
+
+
+def _feet(places: Float64, local: Float64, box: TrackedBox, tight: TrackedBox) -> Float64:
+    """(F, 3) places on the ground below an object's points, if something hid its lower part from the LiDAR, else none.
+
+    The camera looks from elsewhere and may see it.
+    """
+    if (local[:, 2] < (FOOT_SHARE - 0.5) * box.size[2]).mean() >= FOOT_POINTS:
+        return np.zeros((0, 3))
+    feet = places.copy()
+    feet[:, 2] = tight.centre[2] - tight.size[2] / 2
+    return feet
 
 
 def _nearest(box: TrackedBox, camera: Camera) -> float:
@@ -185,8 +202,12 @@ def _measured(pixel: Float64, hull: Mask, size: float) -> Mask:
     mask = np.zeros(hull.shape, np.uint8)
     if len(pixel):
         mask[pixel[:, 1].astype(int), pixel[:, 0].astype(int)] = 1
-        apart = np.sqrt(max(int(hull.sum()), 1) / len(pixel))
-        radius = int(np.clip(1.2 * apart, 1, 1 + 0.06 * size))
+        radius = int(np.clip(1.2 * _apart(hull, len(pixel)), 1, 1 + 0.06 * size))
         padded = cv2.copyMakeBorder(mask, radius, radius, radius, radius, cv2.BORDER_CONSTANT, value=0)
         mask = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc(radius))[radius:-radius, radius:-radius]
     return mask.astype(bool)
+
+
+def _apart(hull: Mask, count: int) -> float:
+    """How far apart so many points on an object usually lie, pixels."""
+    return float(np.sqrt(max(int(hull.sum()), 1) / max(count, 1)))

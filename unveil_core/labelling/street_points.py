@@ -7,22 +7,24 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from unveil_core.base.types import Float64
+from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.images import disc
 from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
 from unveil_core.labelling.object_points import REMOVABLE_IDS, in_boxes
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 
-__all__ = ["GROUND_IDS", "GroundClasses", "StreetPoints", "street_points"]
+__all__ = ["GROUND_IDS", "GroundClasses", "StreetPoints", "nearest_known", "street_points"]
 
 GROUND_IDS = tuple(train_id(name) for name in GROUND_CLASSES)
 """TrainIds of the ground."""
-ROAD, BUILDING = train_id("road"), train_id("building")
+ROAD, BUILDING, POLE = train_id("road"), train_id("building"), train_id("pole")
 MOST_POINTS = 400_000
 """Points that are looked at from every frame; more are thinned. Half as many changed 0.3 % of the pixels of a street."""
 ON_GROUND_M = 0.15
@@ -31,6 +33,15 @@ CELL_M, FILTER = 0.2, 5
 """Side of a cell of the plan of ground classes, metres; each takes the class of most of so many by so many around it."""
 MOST_CELLS = 16_000_000
 """Drives over more ground than so many cells cover get larger ones."""
+MOSTLY = 0.5
+"""Where a larger share of the points has a class, those without one are noise, as exhaust and reflections."""
+LONE_M, LONE_SHARE = 0.15, 0.02
+"""Points are specks if their neighbours are farther away than so many metres and this share of the way to the nearest camera."""
+GAP_M = 0.8
+"""Ground goes on between points that lie no more than twice so far apart, metres: as the rings of a LiDAR 30 m away do."""
+SLIM_CELL_M, SLIM_REACH, SLIM_CELLS = 0.4, 4, 12
+"""A point of a pole has, of the cells of this side, metres, within so many of its own, no more than so many occupied by the like.
+PandaSet calls fences, awnings and sheds "other static objects" as it does poles."""
 BOX_STEP_M = 0.3
 """Boxes of one object are looked into again where it moved by so much, metres."""
 
@@ -41,18 +52,26 @@ class GroundClasses:
 
     Attributes:
         corner: (2,) of the first cell, x and y; cell: its side; metres.
-        classes: (A, B) uint8 trainIds.
+        classes: (A, B) uint8 trainIds; known: (A, B) bool, where points lie on it.
     """
 
     corner: Float64
     cell: float
     classes: NDArray[np.uint8]
+    known: Mask
+
+    def _index(self, places: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        index = np.floor((places - self.corner) / self.cell).astype(np.int64)
+        row, column = np.clip(index, 0, np.array(self.classes.shape) - 1).T
+        return row, column
 
     def at(self, places: Float64) -> NDArray[np.uint8]:
         """(N,) class at x and y (N, 2); beyond the plan that of its nearest border."""
-        index = np.floor((places - self.corner) / self.cell).astype(np.int64)
-        row, column = np.clip(index, 0, np.array(self.classes.shape) - 1).T
-        return self.classes[row, column]
+        return self.classes[self._index(places)]
+
+    def known_at(self, places: Float64) -> Mask:
+        """(N,) whether points lie on the ground about x and y (N, 2)."""
+        return self.known[self._index(places)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +108,8 @@ def street_points(drive: Drive) -> StreetPoints:
     ground = _ground(drive, positions[known_ground if labelled else stays])
     unknown = np.flatnonzero(stays & (classes == VOID))
     stays[unknown[in_boxes(positions[unknown], _all_boxes(drive), 0.0) >= 0]] = False
+    if (classes != VOID).mean() > MOSTLY:
+        stays &= classes != VOID
     kept = np.flatnonzero(stays)
     cell = 0.0
     while len(kept) > MOST_POINTS:
@@ -100,7 +121,14 @@ def street_points(drive: Drive) -> StreetPoints:
         guess = classes == VOID
         classes[guess & (over <= ON_GROUND_M)] = ROAD
         classes[guess & ~(over <= ON_GROUND_M)] = BUILDING
-    normals, spacing = estimate_normals(positions, np.stack([f.camera.centre for f in drive.frames]))
+    poles = np.flatnonzero(classes == POLE)
+    if len(poles):
+        classes[poles[_wide(positions[poles])]] = BUILDING
+    centres = np.stack([f.camera.centre for f in drive.frames])
+    normals, spacing = estimate_normals(positions, centres)
+    # Specks in the air, as exhaust and reflections leave them, would hide what is behind them.
+    lone = spacing > LONE_M + LONE_SHARE * cKDTree(centres).query(positions)[0]
+    positions, normals, spacing, classes, over = (v[~lone] for v in (positions, normals, spacing, classes, over))
     on_ground = np.isin(classes, GROUND_IDS)
     plan = _plan(positions[on_ground], classes[on_ground]) if on_ground.any() else None
     return StreetPoints(positions, normals, spacing, classes, over, ground, plan)
@@ -138,7 +166,25 @@ def _plan(positions: Float64, classes: NDArray[np.uint8]) -> GroundClasses:
         votes.append(cv2.blur(np.minimum(count, 4.0), (FILTER, FILTER)))
     best = np.asarray(GROUND_IDS, np.uint8)[np.argmax(votes, axis=0)]
     empty = np.max(votes, axis=0) < 1e-6
-    _, nearest = cv2.distanceTransformWithLabels(empty.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    known = cv2.morphologyEx((~empty).astype(np.uint8), cv2.MORPH_CLOSE, disc(GAP_M / cell)).astype(bool)
+    return GroundClasses(low, cell, nearest_known(best, ~empty), known)
+
+
+def nearest_known(classes: NDArray[np.uint8], known: Mask) -> NDArray[np.uint8]:
+    """(H, W) classes, where they are not known those of the nearest place where they are."""
+    unknown = (~known).astype(np.uint8)
+    _, nearest = cv2.distanceTransformWithLabels(unknown, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     of_label = np.zeros(int(nearest.max()) + 1, np.uint8)
-    of_label[nearest[~empty]] = best[~empty]
-    return GroundClasses(low, cell, of_label[nearest])
+    of_label[nearest[known]] = classes[known]
+    return of_label[nearest]
+
+
+def _wide(positions: Float64) -> Mask:
+    """(P,) points of things wider than poles are, as seen from above."""
+    low = positions[:, :2].min(axis=0)
+    square = np.floor((positions[:, :2] - low) / SLIM_CELL_M).astype(np.int64)
+    cells, index = np.unique(square, axis=0, return_inverse=True)
+    tree = cKDTree(cells.astype(np.float64))
+    around = np.asarray(tree.query_ball_point(cells.astype(np.float64), SLIM_REACH, return_length=True))
+    wide: Mask = (around > SLIM_CELLS)[index.ravel()]
+    return wide

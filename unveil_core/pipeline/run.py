@@ -11,6 +11,7 @@ from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
+from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
@@ -67,6 +68,8 @@ def run(
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     notices += [Notice("import", line, "warning") for line in opened.notices]
+    if labels_come_from(opened, settings) == "nothing" and settings.marked is None:
+        notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)
     try:
         run_stages(space, stages, settings, Path(drive).absolute(), notices=notices, reporter=reporter)

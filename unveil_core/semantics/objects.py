@@ -5,8 +5,8 @@ Their ids are final: surfels are assigned to these objects later, so a choice ma
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,12 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import SelectionError
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.boxes import TrackedBox, has_moved
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.semantics.catalogue import Sighting, sightings_in_images, sightings_of_points
+from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
@@ -43,8 +43,8 @@ class SceneObject:
     Attributes:
         id: for ``--instances``.
         class_name: of the scene's labels, or as marked.
-        source: "images", "clusters", "box" or "mattes": where it comes from.
-        box: around its points, None where it has none; in axes of ``surfels.sky.up_frame``.
+        source: "boxes" of the dataset, "images", "clusters", "box" or "mattes" by hand: where it comes from.
+        box: the dataset's own, else around its points, None where it has none; in axes of ``geometry.axes.up_frame``.
         points: number of the drive's points on it.
         sightings: frames that show it, in the drive's order.
     """
@@ -77,9 +77,13 @@ def marked_box(marked: TrackedBox, drive: Drive) -> Box:
 
     Its yaw counts from north, counterclockwise seen from above: from x, where z is up.
     """
-    yaw = (marked.yaw + np.pi / 2 + np.pi / 2) % np.pi - np.pi / 2
-    local = marked.to_local(drive.to_world)
-    return Box(local.centre, local.size, float(yaw))
+    return _box(marked.to_local(drive.to_world))
+
+
+def _box(tracked: TrackedBox) -> Box:
+    """A box in local coordinates in the axes of ``up_frame``."""
+    yaw = (tracked.yaw + np.pi / 2 + np.pi / 2) % np.pi - np.pi / 2
+    return Box(tracked.centre, tracked.size, float(yaw))
 
 
 def find_objects(
@@ -134,6 +138,7 @@ def find_objects(
         nearest = cKDTree(positions[some]).query(positions)[1]
         all_labels, all_ids = labels[nearest], ids[nearest]
     classes = _image_classes(drive, scene, images) if by_image else {}
+    boxes = tracked_boxes(drive, sightings) if by_image else {}
     found = [
         _object(
             drive,
@@ -142,12 +147,14 @@ def find_objects(
             "images" if by_image else "clusters",
             all_ids,
             all_labels,
-            sightings.get(number, []),
+            seen,
             classes.get(number),
             axes,
+            boxes.get(number),
         )
-        for number in sorted({*sightings, *(int(i) for i in np.unique(all_ids) if i)})
+        for number, seen in sorted(sightings.items())
     ]
+    all_ids[~np.isin(all_ids, list(sightings))] = 0
     taken = {o.id for o in found}
     for mark in marked:
         if mark.id in taken:
@@ -157,6 +164,49 @@ def find_objects(
         taken.add(mark.id)
         found.append(_marked(mark, drive, positions, some, views, axes))
     return FoundObjects(tuple(found), all_labels, all_ids)
+
+
+def tracked_boxes(drive: Drive, sightings: Mapping[int, Sequence[Sighting]]) -> dict[int, Box]:
+    """The dataset's boxes of those instance ids that are ids of boxes.
+
+    An id is one if most of its sightings lie where the box of this id does: numbers of instances and tracks may be alike by
+    chance. A static object has the median of its boxes, a moved one its box in the frame that shows it best.
+
+    Args:
+        drive: an imported drive.
+        sightings: of each instance id.
+    """
+    of_frame = [{b.id: b for b in frame.boxes} for frame in drive.frames]
+    found = {}
+    for number, seen in sightings.items():
+        there = [s for s in seen if _shows(s, of_frame[s.frame].get(number), drive)]
+        if 2 * len(there) <= len(seen):
+            continue
+        boxes = [of_frame[s.frame][number] for s in there]
+        best = of_frame[best_sighting(drive, there).frame][number]
+        found[number] = _box(best if has_moved(boxes) else _median_box(boxes))
+    return found
+
+
+def _shows(sighting: Sighting, box: TrackedBox | None, drive: Drive) -> bool:
+    """Whether the middle of a sighting lies where a box does."""
+    if box is None:
+        return False
+    pixels, depth = drive.frames[sighting.frame].camera.project(box.corners())
+    if (depth <= NEAR_M).any():  # beside the camera: the part before it may be anywhere at the picture's border
+        return bool((depth > NEAR_M).any())
+    x0, y0, x1, y1 = sighting.rectangle
+    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+    return bool((pixels.min(axis=0) <= middle).all() and (middle <= pixels.max(axis=0)).all())
+
+
+def _median_box(boxes: Sequence[TrackedBox]) -> TrackedBox:
+    """A static object's box; boxes that point forward and backward are the same."""
+    x, y, z = (float(v) for v in np.median([b.centre for b in boxes], axis=0))
+    length, width, height = (float(v) for v in np.median([b.size for b in boxes], axis=0))
+    twice = 2 * np.array([b.yaw for b in boxes])
+    yaw = float(np.arctan2(np.sin(twice).mean(), np.cos(twice).mean()) / 2)
+    return replace(boxes[0], centre=(x, y, z), size=(length, width, height), yaw=yaw)
 
 
 def _image_classes(drive: Drive, scene: SceneLabels, images: Sequence[NDArray[np.int64] | None]) -> dict[int, int]:
@@ -184,10 +234,14 @@ def _object(
     sightings: Sequence[Sighting],
     label: int | None,
     axes: NDArray[np.float64],
+    tracked: Box | None,
 ) -> SceneObject:
     members = ids == number
     if label is None:
         label = int(np.bincount(labels[members & (labels >= 0)]).argmax())
+    if tracked is not None:
+        name = scene.labels.names[label]
+        return SceneObject(number, name, "boxes", tracked, int(members.sum()), tuple(sightings))
     box = fit_box(drive.points.positions[members], axes, gap=1.0) if members.sum() >= 5 else None
     return SceneObject(number, scene.labels.names[label], source, box, int(members.sum()), tuple(sightings))
 

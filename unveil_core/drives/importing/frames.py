@@ -130,7 +130,14 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     else:
         picture = _warp(photograph(frame), frame.camera, frame.distortion, target, label=False, border=0)
         write_image_atomic(folder / image, picture)
-        entry["footage"] = _footage(frame, folder, f"footage/{stem}{suffix}")
+    if frame.footage is not None:  # the drive was imported before
+        relative = f"footage/{stem}{frame.footage.path.suffix.lower()}"
+        entry["footage"] = _footage(frame.footage, relative)
+        link_or_copy(frame.footage.path, folder / relative)
+    elif not kept:
+        footage = Footage(frame.image_path, frame.camera, frame.distortion)
+        entry["footage"] = _footage(footage, f"footage/{stem}{suffix}")
+        store_photograph(frame, folder / f"footage/{stem}{suffix}")
     kinds = (
         ("semantics", "semantics", frame.semantic_path, read_label_image, 255),
         ("instances", "instances", frame.instance_path, read_instance_image, 0),
@@ -159,10 +166,9 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     return entry
 
 
-def _footage(frame: Frame, folder: Path, relative: str) -> dict[str, object]:
-    """Keep the file that a frame is delivered at; its entry in cameras.json."""
-    store_photograph(frame, folder / relative)
-    camera, lens = frame.camera, frame.distortion
+def _footage(footage: Footage, relative: str) -> dict[str, object]:
+    """The entry in cameras.json of the file that a frame is delivered as, at ``relative``."""
+    camera, lens = footage.camera, footage.distortion
     return {
         "image": relative,
         "width": camera.width,

@@ -47,7 +47,12 @@ def localized(drive: Drive, placement: Placement | None = None) -> Drive:
     middle = turned.to_local(np.mean([f.camera.centre for f in drive.frames], axis=0))
     step = replace(turned, translation=turned.to_world(np.round(middle)))
     frames = tuple(
-        replace(f, camera=step.camera_to_local(f.camera), boxes=tuple(b.to_local(step) for b in f.boxes))
+        replace(
+            f,
+            camera=step.camera_to_local(f.camera),
+            boxes=tuple(b.to_local(step) for b in f.boxes),
+            footage=f.footage and replace(f.footage, camera=step.camera_to_local(f.footage.camera)),
+        )
         for f in drive.frames
     )
     points = replace(drive.points, positions=step.to_local(drive.points.positions))

@@ -12,16 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Mask
-from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.base.types import Mask, Picture
+from unveil_core.delivery.lens import work_positions
+from unveil_core.drives.drive import Drive, Footage, Frame, PointCloud
+from unveil_core.drives.importing.frames import at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.semantics.classes import CITYSCAPES, GROUPS
 from unveil_core.semantics.labels import SceneLabels
@@ -195,13 +199,30 @@ def write_holdout_drive(
         shutil.rmtree(painted, ignore_errors=True)
 
 
+def _footage_with_cars(footage: Footage, pixels: CarPixels, camera: Camera) -> Picture:
+    """(H, W, 3) uint8 the footage with what the frame of working size shows of the cars, enlarged."""
+    at = work_positions(footage, camera)
+    across, down = at[..., 0] - 0.5, at[..., 1] - 0.5
+    covered = cv2.remap((pixels.number > 0).astype(np.float32), across, down, cv2.INTER_LINEAR) > 0.5
+    color = cv2.remap(pixels.color, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    picture: Picture = np.where(covered[..., None], color, read_image(footage.path))
+    return picture
+
+
 def _with_cars(frame: Frame, pixels: CarPixels, removed: Mask, labels: AddedLabels, folder: Path) -> Frame:
     """A frame whose files have the cars in them; without a car its own."""
     covered = pixels.number > 0
     if not covered.any():
         return frame
-    image = np.where(covered[..., None], pixels.color, read_image(frame.image_path))
     changed = replace(frame, image_path=folder / "images" / f"{frame.name}.png")
+    if frame.footage is None:
+        image = np.where(covered[..., None], pixels.color, read_image(frame.image_path))
+    else:
+        own = _footage_with_cars(frame.footage, pixels, frame.camera)
+        path = folder / "footage" / f"{frame.name}.png"
+        write_image_atomic(path, own)
+        changed = replace(changed, footage=replace(frame.footage, path=path))
+        image = at_work_size(own, frame.footage, frame.camera)
     write_image_atomic(changed.image_path, image)
     if frame.semantic_path is not None and labels.disk_id is not None:
         semantics = np.where(covered, labels.disk_id, read_label_image(frame.semantic_path)).astype(np.uint8)

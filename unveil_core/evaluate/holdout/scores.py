@@ -8,18 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
-from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, rounded, squared_error, ssim_map
+from unveil_core.evaluate.metrics import SSIM_WINDOW, gradient, psnr_of_mse, rounded, squared_error, ssim_map
 from unveil_core.evaluate.pictures import fitted, workspace_mask
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.workspace.files import frame_file
@@ -72,14 +74,18 @@ def measure_holdout(
         ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and ``frames``. ``cars`` has each car's
         place (metres along and left of the path), frames, pixels and PSNR by method. ``flicker`` is as of
         :func:`unveil_core.evaluate.flicker.measure_flicker`, the photographs themselves as ``truth``.
-        ``unobserved_mask_iou`` compares the workspace's masks of unobserved pixels with what really no frame shows. ``outside``
-        has the share of ``changed`` pixels and their ``mean`` change (levels of 255) beyond cars, removed objects and their
-        shadows, where nothing should.
+        ``gradient`` has per method the mean gradient inside the cars as a share of the photographs'. ``full_size``, where the
+        footage is larger than the working size, has PSNR and gradient of the delivered frames against it, and how many pixels
+        changed elsewhere. ``unobserved_mask_iou`` compares the workspace's masks of unobserved pixels with what really no
+        frame shows. ``outside`` has the share of ``changed`` pixels and their ``mean`` change (levels of 255) beyond cars,
+        removed objects and their shadows, where nothing should.
     """
     shown = [i for i, f in enumerate(frames) if f.region.any()]
     with_baselines = with_neighbours(shown)
     sums: dict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
     filled: dict[Frame, dict[str, Picture]] = {}
+    slopes: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
+    full = [0.0] * 5
     both = either = changed = outside = 0
     change = 0.0
     for done, i in enumerate(shown):
@@ -93,6 +99,9 @@ def measure_holdout(
         regions |= {f"car {car.number}": held.region & (held.cars.number == car.number) for car in cars}
         for method, picture in pictures.items():
             _add(sums, method, regions, picture, photograph)
+            _add_gradient(slopes, method, held.region, picture, photograph)
+        if held.frame.footage is not None:
+            _add_full_size(full, held, root)
         unobserved = workspace_mask(root / "masks/unobserved", held.frame, held.removed.shape)
         if unobserved is not None:
             both += int((unobserved & regions["unseen"]).sum())
@@ -126,8 +135,47 @@ def measure_holdout(
             "changed": round(changed / max(outside, 1), 5),
             "mean": round(change / max(changed, 1), 2),
         },
+        "gradient": {method: round(made / max(true, 1e-9), 3) for method, (made, true) in slopes.items()},
+        **_of_full_size(full),
         "flicker": rounded(flicker),
     }
+
+
+def _add_gradient(slopes: dict[str, list[float]], method: str, region: Mask, picture: Picture, truth: Picture) -> None:
+    """Add the gradient of a method's picture, and of the true one, inside a region (H, W)."""
+    inside = ~grow(~region, 1)  # the seam is no texture
+    slopes[method][0] += float(gradient(picture)[inside].sum())
+    slopes[method][1] += float(gradient(truth)[inside].sum())
+
+
+def _add_full_size(full: list[float], held: HoldoutFrame, root: Path) -> None:
+    """Add what the delivered frame differs from the footage: inside the cars squared error, gradients and pixels; outside, pixels
+    that changed, and all."""
+    footage = held.frame.footage
+    assert footage is not None
+    delivered, truth = read_image(frame_file(root / "frames", held.frame)), read_image(footage.path)
+    at = work_positions(footage, held.frame.camera) - 0.5
+
+    def enlarged(mask: Mask) -> Float32:
+        return cv2.remap(mask.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR)
+
+    inside = enlarged(held.region) >= 1
+    full[0] += float(((delivered[inside].astype(np.float64) - truth[inside]) ** 2).mean(axis=1).sum())
+    full[1] += float(gradient(delivered)[inside].sum())
+    full[2] += float(gradient(truth)[inside].sum())
+    full[3] += int(inside.sum())
+    margin = 2 * border_px(held.frame.camera.width)
+    outside = enlarged(grow((held.cars.number > 0) | held.view.excluded, margin)) == 0
+    full[4] += int((delivered[outside] != truth[outside]).any(axis=1).sum())
+
+
+def _of_full_size(full: list[float]) -> dict[str, Any]:
+    """The figures of :func:`_add_full_size`; none where the footage is no larger than the working size."""
+    squared, made, true, pixels, changed = full
+    if not pixels:
+        return {}
+    figures = {"psnr": psnr_of_mse(squared / pixels), "gradient": made / max(true, 1e-9), "changed_pixels": changed}
+    return {"full_size": rounded(figures)}
 
 
 def _pictures(

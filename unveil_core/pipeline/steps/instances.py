@@ -59,7 +59,11 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, len(listed["objects"]), "naming objects")
         if not members.any():
             continue
-        box = known["box"] if known["source"] == "box" else fit_box(positions[members], axes, gap=1.0).to_json()
+        box = (
+            known["box"]
+            if known["source"] in ("box", "boxes")
+            else fit_box(positions[members], axes, gap=1.0).to_json()
+        )
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
