@@ -143,7 +143,7 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
         shutil.rmtree(folder, ignore_errors=True)
     stage(drive, case.frames, case.objects, case.glass)
     begun = time.perf_counter()
-    run(drive, workspace, case.settings(), until="reoptimize")
+    run(drive, workspace, case.settings(), until="deliver")
     seconds = time.perf_counter() - begun
     measured = run_evaluation(workspace)
     regions = measured["truth"]["regions"]

@@ -35,9 +35,12 @@ class DriveFrame:
     """One photograph.
 
     Attributes:
-        name: file stem; image: the file.
-        width, height: pixels; fx, fy, cx, cy: pixels from the corner of the picture.
+        name: file stem.
+        image: the file that fits behind Blender's camera: the footage, or where that has a lens the undistorted picture.
+        width, height: of it, pixels; fx, fy, cx, cy: pixels from the corner of the picture.
         camera_to_scene: (4, 4) float64, of Blender's camera.
+        footage: the file as it came; what is delivered has its size and lens.
+        in_lens: whether that shows what no camera without a lens does.
     """
 
     name: str
@@ -49,6 +52,8 @@ class DriveFrame:
     cx: float
     cy: float
     camera_to_scene: np.ndarray
+    footage: Path
+    in_lens: bool = False
 
     @property
     def lens(self) -> Lens:
@@ -139,14 +144,19 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     placed = np.eye(4)
     placed[:3, :3] = pose[:3, :3].T
     placed[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
+    footage = entry.get("footage", entry)
+    in_lens = footage.get("distortion") is not None
+    shown = entry if in_lens else footage
     return DriveFrame(
         str(entry["name"]),
-        drive.workspace / "drive" / entry["image"],
-        int(entry["width"]),
-        int(entry["height"]),
-        float(entry["fx"]),
-        float(entry["fy"]),
-        float(entry["cx"]),
-        float(entry["cy"]),
+        drive.workspace / "drive" / shown["image"],
+        int(shown["width"]),
+        int(shown["height"]),
+        float(shown["fx"]),
+        float(shown["fy"]),
+        float(shown["cx"]),
+        float(shown["cy"]),
         placed @ FLIP,
+        drive.workspace / "drive" / footage["image"],
+        in_lens,
     )

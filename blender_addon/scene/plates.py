@@ -36,7 +36,8 @@ def set_plate(camera: bpy.types.Object, drive: str, kind: str, pictures: Picture
     plate = next((b for b in backgrounds if b.image == image), None)
     if plate is None:
         plate = backgrounds.new()
-        plate.image, plate.alpha, plate.display_depth, plate.frame_method = image, 1.0, "BACK", "FIT"
+        # All kinds show what the camera does, masks by fewer pixels: their sides need not be exactly as long to each other.
+        plate.image, plate.alpha, plate.display_depth, plate.frame_method = image, 1.0, "BACK", "STRETCH"
         plate.show_background_image = plate.show_expanded = False
     user = plate.image_user
     user.frame_start, user.frame_duration, user.frame_offset = 0, len(pictures), pictures.first - 1

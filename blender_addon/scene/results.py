@@ -26,6 +26,8 @@ FOLDERS = {
     "unobserved": "masks/unobserved",
 }
 """Where the workspace keeps each kind of plate."""
+WITHOUT_LENS = {**FOLDERS, "clean": "clean"}
+"""The same for footage with a lens: delivered frames are in it, and would not fit behind the camera."""
 CLIPS = ("clean", "regions", "removed", "unobserved")
 """Kinds that become movie clips, too, for tracking and compositing."""
 STATES = {"full": "before", "empty": "after"}
@@ -47,7 +49,7 @@ def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[s
     found: list[str] = []
     for camera in drive_scene.tracks_of(collection):
         found += _plates(camera, mark, drive)
-        _strips(context, camera, mark)
+        _strips(context, camera, mark, drive)
     _keyframes(scene, mark, drive)
     for state in STATES:
         found += _mesh(collection, mark, drive, state)
@@ -71,8 +73,9 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[s
     """Put each kind of picture that is there behind a track's camera, and make clips of some."""
     track = str(camera["unveil_track"])
     names = [f.name for f in drive.tracks[track]]
+    in_lens = any(f.in_lens for f in drive.tracks[track])
     found = []
-    for kind, place in FOLDERS.items():
+    for kind, place in (WITHOUT_LENS if in_lens else FOLDERS).items():
         files = [drive.workspace / place / track / f"{name}.png" for name in names]
         if not all(f.is_file() for f in files):
             continue
@@ -108,19 +111,24 @@ def _clip(mark: str, kind: str, track: str, pictures: sequences.PictureSequence)
     clip.use_fake_user, clip.frame_start, clip.frame_offset = True, 0, 0
 
 
-def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str) -> None:
-    """The photographs and, above them, the clean frames in the Video Sequencer."""
+def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> None:
+    """The footage and, above it, the delivered frames in the Video Sequencer."""
     scene, track = context.scene, str(camera["unveil_track"])
-    kinds = plates.kinds_of(camera)
-    if "clean" not in kinds:
+    frames = drive.tracks[track]
+    shown = {
+        "original": [f.footage for f in frames],
+        "clean": [drive.workspace / FOLDERS["clean"] / track / f"{f.name}.png" for f in frames],
+    }
+    if not all(f.is_file() for files in shown.values() for f in files):
         return
+    end = "_in_lens" if any(f.in_lens for f in frames) else ""
     strips = versions.strips_of(scene)
     if not len(strips):  # F12 goes on to render the scene, not these pictures
         scene.render.use_sequencer = False
     versions.show_in_sequencer(context, scene)
-    for kind in ("original", "clean"):
+    for kind, pictures in shown.items():
         role = f"strip:{kind}:{track}"
-        files = [Path(p) for p in plates.files_of(camera, kind)]
+        files = sequences.numbered(pictures, drive.workspace / "blender" / f"{kind}{end}" / track).files
         strip = blocks.find(strips, mark, role)
         if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
             continue

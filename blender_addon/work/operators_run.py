@@ -19,7 +19,7 @@ from .loading import loaded
 
 __all__ = ["stage_states", "workspace_of"]
 
-NEED_A_SELECTION = ("remove", "inpaint", "reoptimize")
+NEED_A_SELECTION = ("remove", "inpaint", "reoptimize", "deliver")
 """Stages that are of no use as long as nothing is chosen to go."""
 
 

@@ -26,6 +26,7 @@ STAGES = {
     "remove": "Remove",
     "inpaint": "Inpaint",
     "reoptimize": "Re-optimize",
+    "deliver": "Deliver",
     "mesh": "Mesh",
     "report": "Report",
 }

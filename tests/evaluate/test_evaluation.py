@@ -171,7 +171,7 @@ def test_missing_parts_are_one_line(workspace: Path, tmp_path: Path) -> None:
     with pytest.raises(WorkspaceError, match="none of the drive's frames"):
         run_evaluation(workspace, tmp_path / "other")
     (workspace / "frames/front/0002.png").unlink()
-    with pytest.raises(WorkspaceError, match=r"0002\.png.*unveil reoptimize"):
+    with pytest.raises(WorkspaceError, match=r"0002\.png.*unveil deliver"):
         run_evaluation(workspace)
 
 

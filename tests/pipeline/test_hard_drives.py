@@ -106,7 +106,7 @@ def test_utm_coordinates_cost_nothing(tmp_path: Path, plain: Outcome) -> None:
 def test_two_frames(tmp_path: Path) -> None:
     path = make_tiny_street(tmp_path / "street", [0.0, 1.0])
     assert reconstructed(path).psnr > 22
-    check_frames(run(path, tmp_path / "ws", replace(DRAFT, iterations=300), until="reoptimize"), path, 33)
+    check_frames(run(path, tmp_path / "ws", replace(DRAFT, iterations=300), until="deliver"), path, 33)
 
 
 def test_three_hundred_frames_show_the_street_better_than_thirty(tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_exposure_that_jumps_by_a_factor_of_four(tmp_path: Path, plain: Outcome)
     replace_images(path, "images", lambda image, i: (image * gains[i]).round().astype(np.uint8))
     outcome = reconstructed(path)
     assert outcome.psnr > plain.psnr - 1 and abs(outcome.miou - plain.miou) < 0.05
-    workspace = run(path, tmp_path / "ws", DRAFT, until="reoptimize")
+    workspace = run(path, tmp_path / "ws", DRAFT, until="deliver")
     assert json.loads(workspace.exposure_json.read_text())["figures"]["used"]
     check_frames(workspace, path, 30)
     squares = []

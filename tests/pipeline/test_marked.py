@@ -74,7 +74,7 @@ def marked_street(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Works
     street = without_labels(make_small_street(folder / "street"))
     (folder / "marked.json").write_text(json.dumps([box()]))
     settings = replace(FEW_STEPS, marked=str(folder / "marked.json"), instances=(1001,))
-    return street, run(street, folder / "ws", settings, until="reoptimize")
+    return street, run(street, folder / "ws", settings, until="deliver")
 
 
 def test_a_box_takes_out_what_no_label_knows(marked_street: tuple[Path, Workspace]) -> None:

@@ -69,7 +69,17 @@ def test_failed_running_and_killed(root: Path, capsys: pytest.CaptureFixture[str
 
 def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
     stages = Workspace.open(root).state()["stages"]
-    assert stages["import"]["settings"] == {"work_side": None, "quality": "standard", "scale": None, "up": None}
+    assert stages["import"]["settings"] == {
+        "work_side": None,
+        "quality": "standard",
+        "scale": None,
+        "up": None,
+        "scene": None,
+        "cameras": [],
+        "frames": None,
+        "sweeps": "all",
+        "segmenter": None,
+    }
     assert set(stages["segment"]["settings"]) >= {"movers"}
 
 

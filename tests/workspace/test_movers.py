@@ -32,7 +32,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def workspace(street: Path) -> Workspace:
     """Everything up to the clean frames, in few steps."""
     settings = RunSettings(quality="draft", iterations=60, splats=15_000, seed=1)
-    return run(street, street.parent / "workspace", settings, until="reoptimize")
+    return run(street, street.parent / "workspace", settings, until="deliver")
 
 
 def picture(path: Path) -> np.ndarray:

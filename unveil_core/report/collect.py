@@ -15,10 +15,12 @@ from unveil_core.base.files import read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
 
@@ -128,12 +130,15 @@ def _frame_pictures(root: Path, frame: Frame, count: int) -> FramePictures:
         path = root / folder / frame.camera_name / f"{frame.name}.png"
         return jpeg_uri(fitted(read_image(path), size)) if path.is_file() else None
 
+    # The footage's lens is taken off: the page lays this over the imported photograph.
+    there = frame_file(root / "frames", frame).is_file()
+    delivered = jpeg_uri(fitted(read_delivered(root, frame), size)) if there else None
     regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
     return FramePictures(
         name=frame.name,
         camera_name=frame.camera_name,
         before=jpeg_uri(fitted(read_image(frame.image_path), size)),
-        after=picture("frames"),
+        after=delivered,
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(

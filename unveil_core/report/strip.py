@@ -12,7 +12,9 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, read_label_image, write_image_atomic
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.report.pictures import fitted
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["write_strip"]
 
@@ -57,12 +59,17 @@ def write_strip(
     size = (tile_width, max(1, round(tile_width * camera.height / camera.width)))
     rows = [[fitted(read_image(f.image_path), size) for f in chosen]]
     for folder in folders:
-        paths = [root / folder / f.camera_name / f"{f.name}.png" for f in chosen]
-        for file in paths:
-            if not file.is_file():
-                raise WorkspaceError("was not delivered yet", path=file, mend="run `unveil reoptimize`")
-        rows.append([fitted(read_image(p), size) for p in paths])
+        rows.append([fitted(_picture(root, folder, f), size) for f in chosen])
     write_image_atomic(path, _tiled(rows))
+
+
+def _picture(root: Path, folder: str, frame: Frame) -> NDArray[np.uint8]:
+    """A frame of a folder as its imported photograph has it, without the footage's lens."""
+    path = frame_file(root / folder, frame)
+    if not path.is_file():
+        made_by = {"frames": "deliver", "inpainted": "inpaint"}.get(folder, "reoptimize")
+        raise WorkspaceError("was not made yet", path=path, mend=f"run `unveil {made_by}`")
+    return read_delivered(root, frame) if folder == "frames" else read_image(path)
 
 
 def _telling(root: Path, frames: Sequence[Frame], count: int) -> list[Frame]:

@@ -17,7 +17,9 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
+from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.report.pictures import fitted
+from unveil_core.workspace.files import frame_file
 
 __all__ = ["write_video"]
 
@@ -53,37 +55,37 @@ def write_video(
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise WorkspaceError("is no format for the movie", path=path, mend=f"use {' or '.join(FORMATS)}")
-    frames = _delivered(Path(workspace_root), camera_name)
-    tall = min(480, frames[0][0].camera.height) if height is None else height
+    root = Path(workspace_root)
+    frames = _delivered(root, camera_name)
+    tall = min(480, frames[0].camera.height) if height is None else height
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix.lower() == ".mp4":
-        if _write_mp4(path, _pairs(frames, tall, progress), frames_per_second):
+        if _write_mp4(path, _pairs(root, frames, tall, progress), frames_per_second):
             return path
         path = path.with_suffix(".webp")
-    _write_webp(path, _pairs(frames, tall, progress), frames_per_second)
+    _write_webp(path, _pairs(root, frames, tall, progress), frames_per_second)
     return path
 
 
-def _delivered(root: Path, camera_name: str | None) -> list[tuple[Frame, Path]]:
-    tracks: dict[str, list[tuple[Frame, Path]]] = {}
+def _delivered(root: Path, camera_name: str | None) -> list[Frame]:
+    tracks: dict[str, list[Frame]] = {}
     for frame in read_imported(root / "drive").frames:
-        after = root / "frames" / frame.camera_name / f"{frame.name}.png"
-        if after.is_file() and camera_name in (None, frame.camera_name):
-            tracks.setdefault(frame.camera_name, []).append((frame, after))
+        if frame_file(root / "frames", frame).is_file() and camera_name in (None, frame.camera_name):
+            tracks.setdefault(frame.camera_name, []).append(frame)
     if not tracks:
         where = root / "frames" / (camera_name or "")
-        raise WorkspaceError("nothing was delivered here yet", path=where, mend="run `unveil reoptimize`")
+        raise WorkspaceError("nothing was delivered here yet", path=where, mend="run `unveil deliver`")
     return max(tracks.values(), key=len)
 
 
-def _pairs(frames: list[tuple[Frame, Path]], height: int, progress: Progress) -> Iterator[Picture]:
+def _pairs(root: Path, frames: list[Frame], height: int, progress: Progress) -> Iterator[Picture]:
     """Both pictures with a gap between them; all of the size of the first, sides even as encoders ask."""
-    camera = frames[0][0].camera
+    camera = frames[0].camera
     tall = max(2, height // 2 * 2)
     wide = max(2, round(camera.width * tall / camera.height) // 2 * 2)
     gap = np.full((tall, GAP_PX, 3), 255, dtype=np.uint8)
-    for done, (frame, after) in enumerate(frames):
-        both = [fitted(read_image(p), (wide, tall)) for p in (frame.image_path, after)]
+    for done, frame in enumerate(frames):
+        both = [fitted(p, (wide, tall)) for p in (read_image(frame.image_path), read_delivered(root, frame))]
         yield np.concatenate([both[0], gap, both[1]], axis=1)
         progress(done + 1, len(frames), "writing the movie")
 

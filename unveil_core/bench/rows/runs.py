@@ -75,7 +75,7 @@ def _reconstruct_ellipsoids(context: StageContext) -> Facts:
 
 
 def _frames_of(footage: Footage, without: Sequence[str], stages: Sequence[Stage], progress: Progress) -> list[Picture]:
-    """The frames that stages deliver in a copy of the workspace.
+    """The clean frames, of working size, that stages make in a copy of the workspace.
 
     Args:
         without: files and folders that the copy does not get.
@@ -93,4 +93,4 @@ def _frames_of(footage: Footage, without: Sequence[str], stages: Sequence[Stage]
             reporter=lambda e: progress(turns[str(e["stage"])], len(stages), str(e["stage"])),
         )
         progress(len(stages), len(stages), "done")
-        return [read_image(frame_file(copy / "frames", f)) for f in footage.drive.frames]
+        return [read_image(frame_file(copy / "clean", f)) for f in footage.drive.frames]
