@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.delivery.detail import FINER_THAN, BestSource, grain_of, with_detail
+from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
 from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
@@ -187,7 +187,7 @@ def _sharpened(
     result = base + best.believed[..., None] * (best.picture - base)
     bare = 1.0 - best.believed
     grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
-    grain = np.where(np.isnan(grain), _own_grain(original, removed, scale), grain)
+    grain = np.where(np.isnan(grain), sensor_noise(original, ~removed, scale, seed=index), grain)
     return result + (bare * grain)[..., None]
 
 
@@ -255,21 +255,3 @@ def _ground_grain(
             found[some[open_[seen]]] = _read(drive.grain(j, FINER_THAN * scale), pixels)[:, 0]
     grain[removed] = found
     return grain
-
-
-def _own_grain(original: Float32, removed: Mask, scale: float) -> Float32:
-    """(H, W) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
-
-    Only what is finer than a pixel of working size: larger structure would be recognized.
-    """
-    band = grain_of(original, max(0.8, scale))
-    _, label = cv2.distanceTransformWithLabels(removed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    index = np.zeros(int(label.max()) + 1, dtype=np.int64)
-    outside = np.flatnonzero(~removed)
-    index[label.ravel()[outside]] = outside
-    row, column = np.divmod(index[label], removed.shape[1])
-    y, x = np.mgrid[: removed.shape[0], : removed.shape[1]]
-    far_row = np.clip(2 * row - y, 0, removed.shape[0] - 1)
-    far_column = np.clip(2 * column - x, 0, removed.shape[1] - 1)
-    mirrored: Float32 = np.where(removed[far_row, far_column], band[row, column], band[far_row, far_column])
-    return mirrored
