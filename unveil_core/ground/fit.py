@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.cityscapes import CITYSCAPES
+from unveil_core.drives.drive import Drive, PointCloud, tracks
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath, way_of
@@ -22,6 +23,8 @@ __all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "longest_track"]
 
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
+MOST_MEASURED = 200_000
+"""Labelled points of a drive that the ground is fitted to at most: a point for each cell of a street of a kilometre."""
 FEWEST = 50
 """So many surfels make a street's ground."""
 ALIKE_WAYS = 0.05
@@ -56,13 +59,30 @@ def longest_track(drive: Drive) -> list[int]:
     return next(track for track, way in zip(found, ways, strict=True) if way >= (1 - ALIKE_WAYS) * max(ways))
 
 
-def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath) -> Ground | None:
+def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
+    """(Q, 3) of a drive's points those that its dataset itself labels as one of some classes; moving ones left out.
+
+    A LiDAR looks where no camera does, as on the sidewalk behind parked cars: there no surfel lies.
+    """
+    if points.classes is None:
+        return np.zeros((0, 3))
+    keep = np.isin(points.classes, [CITYSCAPES.index(name) for name in classes])
+    if points.moving is not None:
+        keep &= ~points.moving
+    found = points.positions[keep]
+    return found[:: max(1, -(-len(found) // MOST_MEASURED))]
+
+
+def fit_street(
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None = None
+) -> Ground | None:
     """The street's ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
 
     Args:
         surfels: the full scene: labels leave out what could be removed, whatever is chosen.
         cameras: of the path's track.
         path: the street's.
+        points: the drive's, of which those count that its dataset labels; None = none.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
@@ -80,7 +100,12 @@ def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], pa
         return None
     sides = labels.indices(SIDE_CLASSES)
     walls = means[np.isin(of_surfel, sides) & opaque] if sides else None
-    return fit_street_heights(path, means[chosen], walls=walls)
+    ground = means[chosen]
+    if points is not None and points.classes is not None:
+        ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
+        more = measured_points(points, SIDE_CLASSES)
+        walls = more if walls is None else np.concatenate([walls, more])
+    return fit_street_heights(path, ground, walls=walls)
 
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:
@@ -105,6 +130,7 @@ def fit_drive_terrain(
     """
     on_ground = np.isin(surfels.labels.numpy(), labels.indices(GROUND_CLASSES))
     points = ground_points(drive.points.positions, surfels.means.double().numpy(), on_ground)
+    points = np.concatenate([points, measured_points(drive.points, GROUND_CLASSES)])
 
     def guess(places: Float64) -> Float64:
         assert street is not None

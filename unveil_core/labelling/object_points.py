@@ -1,7 +1,7 @@
 """What the LiDAR measured of each tracked object: its points in the axes of its box, from all sweeps.
 
-A box alone is loose, by 5 to 15 cm on every side in PandaSet, and no outline. The points of an object, carried along with its
-box, show its outline also in frames that have no sweep of their own.
+A box alone is no outline, and loose: in PandaSet by 4 to 11 cm a side in the median. The points of an object, carried along
+with its box, show its outline also in frames that have no sweep of their own.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
-from unveil_core.drives.boxes import TrackedBox
+from unveil_core.drives.boxes import TrackedBox, has_moved
 from unveil_core.drives.cityscapes import VOID, train_id
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, Sweep, SweepPoints
 from unveil_core.semantics.classes import REMOVABLE
 from unveil_core.surfels.initialize import thin_points
 
@@ -124,7 +124,8 @@ def gather_objects(
     times: dict[int, list[float]] = {}
     parts: dict[int, list[Float64]] = {}
     strays: list[Stray] = []
-    for done, sweep in enumerate(drive.sweeps):
+    sweeps = drive.sweeps or (_all_at_once(drive),)
+    for done, sweep in enumerate(sweeps):
         boxes = tuple(b for b in sweep.boxes if b.class_name in REMOVABLE)
         points = sweep.read()
         classes = np.full(len(points.positions), VOID, np.uint8) if points.classes is None else points.classes
@@ -137,8 +138,19 @@ def gather_objects(
             parts.setdefault(boxes[k].id, []).append(local)
         stray = np.isin(classes, REMOVABLE_IDS) & (owner < 0)
         strays.append(Stray(sweep.timestamp, points.positions[stray], classes[stray]))
-        progress(done + 1, len(drive.sweeps), "sorting points into boxes")
+        progress(done + 1, len(sweeps), "sorting points into boxes")
     return {i: ObjectPoints(np.asarray(times[i]), tuple(parts[i])) for i in parts}, strays
+
+
+def _all_at_once(drive: Drive) -> Sweep:
+    """The points of a drive without sweeps, as one: they show the objects that never moved."""
+    found: dict[int, list[TrackedBox]] = {}
+    for frame in drive.frames:
+        for box in frame.boxes:
+            found.setdefault(box.id, []).append(box)
+    static = tuple(boxes[len(boxes) // 2] for boxes in found.values() if not has_moved(boxes))
+    points = drive.points if drive.points.moving is None else drive.points.select(~drive.points.moving)
+    return Sweep(drive.root, lambda: SweepPoints(points.positions, points.classes), None, static)
 
 
 def _owners(

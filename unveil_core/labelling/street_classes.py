@@ -13,6 +13,7 @@ from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
+from unveil_core.ground.height_field import HeightField
 from unveil_core.labelling.sky import find_sky
 from unveil_core.labelling.street_points import GROUND_IDS, StreetPoints, nearest_known
 from unveil_core.semantics.classes import THIN_CLASSES
@@ -80,13 +81,25 @@ def view_street(street: StreetPoints, camera: Camera) -> StreetView:
     places = np.full((*upright.shape, 2), np.nan)
     open_ground = np.zeros(upright.shape, dtype=bool)
     if street.ground is not None:
-        depth = street.ground.depth(camera, rays[..., 2] < GROUND_TO, near=NEAR_M, far=FAR_M)
+        depth = _ground_depth(street.ground, camera)
         met = np.isfinite(depth)
         places[met] = camera.centre[:2] + rays[met][:, :2] * depth[met][:, None]
         if street.plan is not None:
             open_ground[met] = street.plan.known_at(places[met])
             open_ground &= _around(upright) > depth
     return StreetView(seen, upright, rays[..., 2], places, depth, open_ground)
+
+
+def _ground_depth(ground: HeightField, camera: Camera) -> Float64:
+    """(H, W) depth of the ground, inf where rays do not meet it; met at half the size, for that costs most of all."""
+    coarse = camera.resized(max(camera.width // 2, 1), max(camera.height // 2, 1))
+    found = ground.depth(coarse, coarse.rays()[..., 2] < GROUND_TO, near=NEAR_M, far=FAR_M)
+    size = (camera.width, camera.height)
+    met = cv2.resize(np.isfinite(found).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    # Of a plane the inverse of the depth is linear in the picture.
+    inverse = cv2.resize(1 / found, size, interpolation=cv2.INTER_LINEAR)
+    met &= inverse > 1 / FAR_M
+    return np.where(met, 1 / np.where(met, inverse, 1.0), np.inf)
 
 
 def _around(upright: Float32) -> Float32:

@@ -44,6 +44,8 @@ TEXTURE = 0.6
 streets."""
 PATCH_M, SEARCH_M = 0.8, 30.0
 """Side of a texture patch, and how far along the street one may come from, metres. Chosen on the two sample streets."""
+COVERED = 0.3
+"""Share of a lateral offset, along the street, that has texture, known or quilted: with less it has none of its own."""
 FOOT_M = 0.3
 """Width of the strip along both borders of the ground that medians are not read from, metres: at the foot of walls pixels mix, and
 after rectification one offset is wall here and sidewalk there. Over twice that width the last inner value is repeated."""
@@ -194,8 +196,31 @@ def _invented(detail: Float32, even: Mask, hole: Mask, drift: Drift, *, per_m: f
     texture, known = drift.rectify(detail, faint)
     wanted = drift.rectify(texture, hole)[1]
     quilted = quilt(texture, known, wanted, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
+    quilted = _beside_what_is_known(quilted, np.where(known[..., None], texture, 0), wanted)
     lines, on_line = continue_transverse_markings(*drift.rectify(detail, even), wanted, texels_per_m=per_m)
     return drift.unrectify(lines + (1 - on_line[..., None]) * (TEXTURE * quilted))
+
+
+def _beside_what_is_known(quilted: Float32, texture: Float32, wanted: Mask) -> Float32:
+    """The quilted texture (A, B, 3), with texture at those lateral offsets, too, that nobody saw anywhere along the street, as the
+    sidewalk behind a row of parked cars: that beside them, mirrored, so that no column repeats.
+
+    Args:
+        texture: (A, B, 3) that is known, 0 elsewhere; wanted: (A, B).
+    """
+    laid = quilted + np.where(quilted == 0, texture, 0)
+    covered = np.count_nonzero(laid.any(axis=2), axis=0) > COVERED * len(laid)
+    columns = np.arange(len(covered))
+    if not covered.any() or covered.all():
+        return quilted
+    there = columns[covered]
+    after = np.clip(np.searchsorted(there, columns), 0, len(there) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(there[before] - columns) <= np.abs(there[after] - columns), there[before], there[after])
+    mirrored = np.clip(2 * nearest - columns, 0, len(covered) - 1)
+    source = np.where(covered[mirrored], mirrored, nearest)
+    bare = wanted & ~covered[None]
+    return np.where(bare[..., None], laid[:, source], quilted).astype(np.float32)
 
 
 def _labels(chart: StreetChart, seen: Mask, hole: Mask) -> NDArray[np.int16]:

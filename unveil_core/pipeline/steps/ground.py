@@ -62,7 +62,7 @@ def run(context: StageContext) -> None:
     track = longest_track(drive)
     of_track = [drive.frames[i].camera for i in track]
     path, moved = fit_path(of_track), 0.0
-    street = fit_street(surfels, scene.labels, of_track, path)
+    street = fit_street(surfels, scene.labels, of_track, path, drive.points)
     context.progress(1, 4, "fitting the ground")
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
@@ -71,7 +71,7 @@ def run(context: StageContext) -> None:
         context.progress(2, 4, "following lines and kerbs")
         images = [exposures.read(f) for f in drive.frames]
         rectified, moved = rectified_path(street, [f.camera for f in drive.frames], images, labels, usable)
-        street = fit_street(surfels, scene.labels, of_track, rectified) or street
+        street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
     ground = DriveGround(path, street, fit_drive_terrain(drive, surfels, scene.labels, path.axes, street))
