@@ -29,7 +29,9 @@ class _Global:
 class _Made:
     """An object that a pickle makes: by a call, or by ``__new__`` with a state."""
 
-    def __init__(self, made_by: _Global, arguments: tuple[object, ...], state: object = None, new: bool = False) -> None:
+    def __init__(
+        self, made_by: _Global, arguments: tuple[object, ...], state: object = None, new: bool = False
+    ) -> None:
         self.made_by, self.arguments, self.state, self.new = made_by, arguments, state, new
 
 

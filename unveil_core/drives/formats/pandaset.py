@@ -26,7 +26,7 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import table
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of
-from unveil_core.drives.formats.safe_pickle import read_table
+from unveil_core.drives.formats.pandas_tables import read_table
 
 __all__ = ["read_pandaset", "recognizes", "scenes"]
 
@@ -150,6 +150,11 @@ def _stamps(path: Path) -> list[float]:
 
 def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> list[Frame]:
     intrinsics = read_json(folder / "intrinsics.json")
+    try:
+        fx, fy, cx, cy = (float(intrinsics[n]) for n in ("fx", "fy", "cx", "cy"))  # type: ignore[index]
+    except (KeyError, TypeError, ValueError) as error:
+        path = folder / "intrinsics.json"
+        raise DriveError(f"holds no calibration: {error}", path=path, mend="download it again") from error
     poses, stamps = _list(folder / "poses.json"), _stamps(folder / "timestamps.json")
     frames = []
     size: tuple[int, int] | None = None
@@ -159,7 +164,6 @@ def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> li
             raise DriveError(f"has no pose and time stamp for frame {name}", path=folder / "poses.json")
         size = picture_size(image)
         try:
-            k = [float(intrinsics[n]) for n in ("fx", "fy", "cx", "cy")]  # type: ignore[index]
             heading = [float(poses[number]["heading"][n]) for n in "wxyz"]
             position = [float(poses[number]["position"][n]) for n in "xyz"]
         except (KeyError, TypeError, ValueError) as error:
@@ -171,7 +175,7 @@ def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> li
             Frame(
                 name=name,
                 camera_name=folder.name,
-                camera=calibrated_camera(size, (k[0], k[1]), (k[2], k[3]), pose, folder / "intrinsics.json"),
+                camera=calibrated_camera(size, (fx, fy), (cx, cy), pose, folder / "intrinsics.json"),
                 image_path=image,
                 timestamp=stamps[number],
                 boxes=boxes.get(number, ()),
