@@ -9,8 +9,8 @@ import pytest
 
 from tests.inpaint.walls import before_wall
 from unveil_core.base.errors import SettingsError
-from unveil_core.drives.drive import Frame
-from unveil_core.inpaint.frames.keyframe_plan import instants, named_frames
+from unveil_core.drives.drive import Frame, instants
+from unveil_core.inpaint.frames.keyframe_plan import named_frames
 
 
 def frame(name: str, camera: str = "front", timestamp: float | None = None) -> Frame:
