@@ -24,8 +24,12 @@ OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
 FEWEST = 50
 """So many surfels make a street's ground."""
-ALIKE_WAYS = 0.05
-"""Tracks whose ways differ by a smaller share are of one rig: the first of them is the path's."""
+ALIKE_WAYS, ASIDE_OF_RIG_M = 0.05, 4.0
+"""Tracks whose ways differ by a smaller share, or by fewer metres, are of one rig: in a bend its outer camera goes farther, by a
+metre and a half in a quarter turn for each metre that it lies aside."""
+AHEAD = 0.1
+"""Of a rig's cameras those look ahead whose cosine of the angle between view and way is less than this below the greatest: of these
+the first is the path's. A camera amid the car keeps to the middle of its way, one at its side or rear swings."""
 LEVEL = 0.8
 """Cosine of the slope up to which a surfel is level."""
 UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
@@ -50,10 +54,30 @@ class DriveGround:
 
 
 def longest_track(drive: Drive) -> list[int]:
-    """Frame indices, in order of travel, of the camera that has gone the longest way; of a rig, of its first camera."""
+    """Frame indices, in order of travel, of the camera that went the longest way; of a rig, of its first that looks ahead.
+
+    Of a car that stands the camera that the dataset calls its front camera, else the first.
+    """
     found = tracks(drive)
-    ways = [way_of(np.stack([drive.frames[i].camera.centre for i in track])) for track in found]
-    return next(track for track, way in zip(found, ways, strict=True) if way >= (1 - ALIKE_WAYS) * max(ways))
+    centres = [np.stack([drive.frames[i].camera.centre for i in track]) for track in found]
+    ways = np.array([way_of(c) for c in centres])
+    if not ways.any():
+        named = [track for track in found if drive.frames[track[0]].camera_name in drive.front_cameras]
+        return (named or found)[0]
+    least = min((1 - ALIKE_WAYS) * ways.max(), ways.max() - min(ASIDE_OF_RIG_M, 0.2 * ways.max()))
+    ahead = np.full(len(found), -np.inf)
+    for k in np.flatnonzero(ways >= least):
+        views = np.stack([drive.frames[i].camera.forward for i in found[k]])
+        ahead[k] = _looks_ahead(centres[k], views)
+    return found[int(np.argmax(ahead > ahead.max() - AHEAD))]
+
+
+def _looks_ahead(centres: Float64, views: Float64) -> float:
+    """Mean cosine between the views (F, 3) of a moving camera and its way through ``centres`` (F, 3), by metres of way."""
+    legs = np.diff(centres, axis=0)
+    # A frame looks along the way to it as along the way from it; where the car stands there are no metres.
+    along = ((views[:-1] + views[1:]) / 2 * legs).sum()
+    return float(along / max(float(np.linalg.norm(legs, axis=1).sum()), 1e-9))
 
 
 def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath) -> Ground | None:
