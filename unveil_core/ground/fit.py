@@ -37,6 +37,11 @@ UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
 second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
 aside as the fourth."""
 
+STRAY_M, AROUND_WAY_M = 0.5, 3.0
+"""With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
+stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
+road behind them, and where nothing else was seen they would lift the street."""
+
 
 @dataclass(frozen=True, eq=False)
 class DriveGround:
@@ -96,6 +101,7 @@ def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], pa
     wanted = labels.indices(GROUND_CLASSES)
     if wanted:
         chosen = np.isin(of_surfel, wanted) & opaque
+        chosen[chosen] = ~_strays(path, means[chosen], cameras)
     else:
         stays = opaque & ~np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
         level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
@@ -109,13 +115,29 @@ def fit_street(surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], pa
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:
     """Which of the ``level`` places (N, 3) are as far below the cameras as most of them are close to the path."""
-    street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
-    order = np.argsort(track[:, 0])
-    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
+    street, drop, _ = _below_way(path, means, cameras)
     near = level & (np.abs(street[:, 1]) < UNDERFOOT_M) & (drop > DROP_M[0]) & (drop < DROP_M[1])
     if near.sum() < FEWEST:
         return near
     return level & (np.abs(drop - np.median(drop[near])) < ABOUT_M) & (np.abs(street[:, 1]) < ASIDE_M)
+
+
+def _strays(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> Mask:
+    """Which places (N, 3) under the way are not as far below the cameras as most of them."""
+    street, drop, beside = _below_way(path, means, cameras)
+    under = beside & (np.abs(street[:, 1]) < UNDERFOOT_M)
+    if under.sum() < FEWEST:
+        return np.zeros(len(means), dtype=bool)
+    return under & (np.abs(drop - np.median(drop[under])) > STRAY_M)
+
+
+def _below_way(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> tuple[Float64, Float64, Mask]:
+    """Street coordinates (N, 3) of places, how far they lie below the cameras beside them (N,), and whether any is beside (N,)."""
+    street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
+    order = np.argsort(track[:, 0])
+    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
+    beside = (street[:, 0] > track[:, 0].min() - AROUND_WAY_M) & (street[:, 0] < track[:, 0].max() + AROUND_WAY_M)
+    return street, drop, beside
 
 
 def fit_drive_terrain(
