@@ -94,3 +94,11 @@ def test_a_camera_whose_exposure_varies_does_not_drag_the_others_along(tmp_path:
     # Blue is never near mid grey on this street.
     assert np.abs(front / front[:1] / change[:, None] - 1)[:, :2].max() < 0.04
     assert np.abs(left[0] / front[0] / 0.8 - 1).max() < 0.05
+
+
+def test_what_joins_a_rare_camera_to_the_others_is_not_outvoted(tmp_path: Path) -> None:
+    path = make_small_rig(
+        tmp_path / "rig", [FRONT, replace(LEFT, yaw=90.0, every=5, gain=(0.85,) * 3)], np.arange(20.0)
+    )
+    drive = localized(open_drive(path))
+    assert np.abs(greys(drive, "left")[0] / greys(drive, "front")[0] / 0.85 - 1).max() < 0.03
