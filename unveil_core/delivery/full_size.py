@@ -16,6 +16,7 @@ from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
 from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
 from unveil_core.drives.drive import Footage
+from unveil_core.drives.exposure import Exposure
 from unveil_core.ground.street import Ground
 
 __all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
@@ -55,7 +56,7 @@ class FullSize:
 
     Attributes:
         views: of all frames; footage: pictures of the frames' files as they are, by index.
-        lenses: of all frames.
+        lenses: of all frames; exposures: of all frames.
         grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
         ground: the street's, None where there is none; shifts: for its invented parts.
     """
@@ -63,6 +64,7 @@ class FullSize:
     views: Sequence[EmptyView]
     footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
     lenses: Sequence[Footage]
+    exposures: Sequence[Exposure]
     grain: Callable[[int, float], Float32]
     ground: Ground | None
     shifts: GroundShifts | None
@@ -182,6 +184,7 @@ def _sharpened(
     best = BestSource(base, scale)
     for j in sources:
         colors, quality = _seen_in(points, elsewhere, j, drive, size)
+        colors = _as_exposed(colors, drive.exposures[j], drive.exposures[index])
         shown = _scattered(quality, removed)
         best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
     result = base + best.believed[..., None] * (best.picture - base)
@@ -226,6 +229,13 @@ def _read(picture: NDArray[Any], pixels: Float64) -> NDArray[Any]:
     grid = grid.reshape(-1, wide, 2)
     read = cv2.remap(picture, grid[..., 0], grid[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return read.reshape(len(grid) * wide, -1)[:count]
+
+
+def _as_exposed(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:
+    """Colours (N, 3) in [0, 1] of one photograph as another would show them."""
+    if there.is_identity and here.is_identity:
+        return colors
+    return ((colors - there.bias) / there.gain * here.gain + here.bias).astype(np.float32)
 
 
 def _ground_grain(
