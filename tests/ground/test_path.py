@@ -68,11 +68,12 @@ def test_a_camera_that_looks_down_has_the_street_ahead_of_it() -> None:
     assert np.abs(path.to_street(np.array([[20 * np.cos(0.3), 20 * np.sin(0.3), 0]]))[0, :2] - (20, 0)).max() < 1e-6
 
 
-def drive_of(**tracks: np.ndarray) -> Drive:
+def drive_of(yaws: dict[str, float] | None = None, **tracks: np.ndarray) -> Drive:
+    """A drive of cameras that go through these places and look to the left of the way by ``yaws``, radians."""
     frames = [
         Frame(f"{i:03d}", name, camera, Path("none.png"))
         for name, centres in tracks.items()
-        for i, camera in enumerate(cameras(centres))
+        for i, camera in enumerate(cameras(centres, (yaws or {}).get(name, 0.0)))
     ]
     return Drive(Path("."), tuple(frames), PointCloud(np.zeros((0, 3))))
 
@@ -86,3 +87,65 @@ def test_the_path_is_that_of_the_longest_way_not_of_the_most_frames() -> None:
     rig = drive_of(front=DRIVE, left=DRIVE * (1.01, 1, 1) + (0, 1, 0))
     assert {rig.frames[i].camera_name for i in longest_track(rig)} == {"front"}
     assert longest_track(replace(rig, frames=rig.frames[:1])) == [0]
+
+
+YAWS = {"left": 1.2, "rear": np.pi, "right": -1.2, "ahead_left": 0.8}
+
+
+@pytest.mark.parametrize("radius", [np.inf, 12.0])
+def test_the_path_of_a_rig_is_that_of_the_camera_that_looks_ahead(radius: float) -> None:
+    """Whichever is named first, and though in a bend the outer camera goes farther."""
+    angle = np.arange(30.0) * 0.6 / radius if np.isfinite(radius) else np.zeros(30)
+    way = np.c_[radius * np.sin(angle), radius * (1 - np.cos(angle))] if np.isfinite(radius) else DRIVE[:, :2]
+
+    def track(ahead: float, aside: float, yaw: float) -> list[Camera]:
+        forward, left = (np.c_[np.cos(angle + a), np.sin(angle + a)] for a in (0, np.pi / 2))
+        centres = np.c_[way + ahead * forward + aside * left, np.full(30, 1.6)]
+        return [look(c, a + yaw) for c, a in zip(centres, angle, strict=True)]
+
+    places = {
+        "right": (0.2, -0.9),
+        "rear": (-3.0, 0.0),
+        "ahead_left": (1.0, 0.6),
+        "front": (1.2, 0.0),
+        "left": (0.2, 0.9),
+    }
+    frames = [
+        Frame(f"{i:03d}", name, camera, Path("none.png"))
+        for name, place in places.items()
+        for i, camera in enumerate(track(*place, YAWS.get(name, 0.0)))
+    ]
+    drive = Drive(Path("."), tuple(frames), PointCloud(np.zeros((0, 3))))
+    chosen = [drive.frames[i] for i in longest_track(drive)]
+    assert [f.camera_name for f in chosen] == ["front"] * 30
+    sides = replace(drive, frames=tuple(f for f in frames if f.camera_name in ("left", "rear")))
+    path = fit_path([sides.frames[i].camera for i in longest_track(sides)])
+    # Motion tells the direction: the way lies beside a side camera's path, and goes on as the car does. Smoothing cuts the bend.
+    street = path.to_street(np.c_[way, np.zeros(30)])
+    assert (np.diff(street[:, 0]) > 0).all() and np.abs(street[:, 1] + 0.9).max() < 0.3
+
+
+def test_a_rig_that_starts_at_a_light_is_not_bent_by_it() -> None:
+    """Of every camera the jitter is its own."""
+    centres = {
+        n: np.r_[jittered(DRIVE[0], 60, 0.02, k), DRIVE] + (0, 0.5 * k, 0) for k, n in enumerate(("rear", "left"))
+    }
+    centres["front"] = np.r_[jittered(DRIVE[0], 60, 0.02, 7), DRIVE]
+    drive = drive_of(YAWS, **centres)
+    track = longest_track(drive)
+    assert drive.frames[track[0]].camera_name == "front"
+    street = fit_path([drive.frames[i].camera for i in track]).to_street(np.c_[np.arange(50.0), np.full((50, 2), 3.0)])
+    assert np.abs(street[:, 1] - 3).max() < 0.1
+
+
+def test_a_rig_that_stands_looks_along_the_street_where_the_dataset_says() -> None:
+    still = np.repeat(DRIVE[:1], 5, axis=0)
+    drive = drive_of(YAWS, left=still, front=still)
+    assert drive.frames[longest_track(drive)[0]].camera_name == "left"
+    told = replace(drive, front_cameras=("front",))
+    assert told.frames[longest_track(told)[0]].camera_name == "front"
+
+
+def test_a_front_camera_that_saw_a_part_of_the_way_gives_no_path() -> None:
+    drive = drive_of(YAWS, front=DRIVE[:15], left=DRIVE + (0, 0.9, 0))
+    assert drive.frames[longest_track(drive)[0]].camera_name == "left"

@@ -142,3 +142,26 @@ def test_a_box_of_an_unknown_class_is_an_error(drives: dict[str, Drive]) -> None
     strange = replace(first, boxes=(replace(first.boxes[0], class_name="zeppelin"),))
     with pytest.raises(DriveError, match="box 5 of frame 00 has the unknown class 'zeppelin'"):
         find_movers(replace(drive, frames=(strange, *drive.frames[1:])), choose_labels(drive))
+
+
+def test_two_cameras_in_turn_find_what_one_found(
+    drives: dict[str, Drive], found: Callable[[str, str], FoundMovers], tmp_path: Path
+) -> None:
+    """Every second frame by a darker camera, listed after those of the other: neither order nor colour is in the way."""
+    alone = drives["oncoming"]
+    frames = []
+    for i, frame in enumerate(alone.frames):
+        if i % 2:
+            dark = (0.6 * cv2.imread(str(frame.image_path)).astype(float)).round().astype(np.uint8)
+            cv2.imwrite(str(tmp_path / f"{i:02d}.png"), dark)
+            frame = replace(frame, camera_name="dark", image_path=tmp_path / f"{i:02d}.png")
+        frames.append(frame)
+    places = [*range(0, FRAMES, 2), *range(1, FRAMES, 2)]
+    rig = replace(alone, frames=tuple(frames[i] for i in places))
+    movers, wanted = found_in(without(rig, ids=True)), found("oncoming", "ids")
+    assert [m.source for m in movers.movers] == [MOVER_ID]
+    on_mover = np.load(alone.root / "on_mover.npy")
+    assert movers.on_mover[on_mover].mean() > 0.8 and movers.on_mover[~on_mover].mean() < 0.001
+    shadows = [movers.shadows[places.index(i)] for i in range(FRAMES)]
+    assert share(shadows[1:9], list(wanted.shadows[1:9])) > 0.9
+    assert sum(int(s.sum()) for s in shadows) < 1.2 * sum(int(s.sum()) for s in wanted.shadows)

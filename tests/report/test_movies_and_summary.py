@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,6 +56,40 @@ def test_mp4_shows_both(finished: Path, tmp_path: Path) -> None:
         assert np.abs(shown[:, -96:] - after).mean() < 8
     assert not movie.read()[0]
     assert [p.name for p in path.parent.iterdir()] == ["street.mp4"]
+
+
+def test_a_movie_goes_as_fast_as_the_drive_did(finished: Path, tmp_path: Path) -> None:
+    frames = read_imported(finished / "drive").frames
+    assert video.recorded_rate(frames) == video.USUAL_FPS
+    for step, rate in ((0.1, 10.0), (1 / 30, 30.0), (20.0, 1.0), (0.001, 60.0)):
+        timed = [replace(f, timestamp=1.5e9 + step * i) for i, f in enumerate(frames)]
+        assert video.recorded_rate(timed) == pytest.approx(rate, rel=1e-3)
+    workspace = tmp_path / "timed"
+    shutil.copytree(finished, workspace)
+    document = json.loads((workspace / "drive/cameras.json").read_text())
+    for i, entry in enumerate(document["frames"]):
+        entry["timestamp"] = 0.05 * i
+    (workspace / "drive/cameras.json").write_text(json.dumps(document))
+    movie = cv2.VideoCapture(str(write_video(workspace, tmp_path / "street.mp4")))
+    assert movie.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
+
+
+def test_pictures_of_a_rig_are_not_stretched(finished: Path, tmp_path: Path) -> None:
+    workspace = tmp_path / "rig"
+    shutil.copytree(finished, workspace)
+    document = json.loads((workspace / "drive/cameras.json").read_text())
+    entry = document["frames"][3]
+    for path in (workspace / "drive" / entry["image"], workspace / f"frames/front/{entry['name']}.png"):
+        picture = read_image(path)[:32]
+        path.unlink()
+        cv2.imwrite(str(path), picture[..., ::-1])
+    entry["height"] = 32
+    (workspace / "drive/cameras.json").write_text(json.dumps(document))
+    write_strip(workspace, tmp_path / "strip.png", ["front/0003", "0001"], tile_width=96)
+    sheet = read_image(tmp_path / "strip.png")
+    assert sheet.shape == (2 * 64 + GAP_PX, 2 * 96 + GAP_PX, 3)
+    np.testing.assert_array_equal(sheet[16:48, :96], read_image(workspace / "drive" / entry["image"]))
+    assert (sheet[:16, :96] == 255).all() and (sheet[48:64, :96] == 255).all()
 
 
 def test_webp_where_there_is_no_encoder(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from unveil_core.base.parallel import threads
@@ -80,3 +82,13 @@ def test_swept_points_lie_on_the_plane() -> None:
     off = np.abs(points @ NORMAL - OFFSET) / np.linalg.norm(NORMAL)
     assert len(points) > 2000 and len(size) == len(points)
     assert np.median(off) < 0.03 and (off < 0.2).mean() > 0.97
+
+
+def test_a_frame_of_another_size_is_compared_with_none_but_its_like() -> None:
+    cameras = [camera_at(x) for x in (0.0, 0.3, 0.6)]
+    pictures = [np.repeat(photograph(c).clip(0, 255).astype(np.uint8)[..., None], 3, axis=2) for c in cameras]
+    alike = sweep_points(cameras[:2], pictures[:2], [np.ones((80, 120), bool)] * 2, SweepSettings(), near=1.0, far=60.0)
+    cameras[2], pictures[2] = replace(cameras[2], height=60), pictures[2][:60]
+    usable = [np.ones(p.shape[:2], bool) for p in pictures]
+    mixed = sweep_points(cameras, pictures, usable, SweepSettings(), near=1.0, far=60.0)
+    assert len(alike[0]) > 300 and len(mixed[0]) >= len(alike[0])

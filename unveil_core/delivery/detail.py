@@ -13,7 +13,7 @@ import numpy as np
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import luminance, masked_blur
 
-__all__ = ["FINER_THAN", "BestSource", "grain_of", "with_detail"]
+__all__ = ["FINER_THAN", "BestSource", "grain_of", "sensor_noise", "with_detail"]
 
 FINER_THAN = 3.0
 """Structure up to so many pixels of working size wide (standard deviation of a Gaussian) is taken from sources: rendered surfels
@@ -24,6 +24,9 @@ what it shows is something else."""
 SMOOTH_PX = 6.0
 """Pixels of working size over which the choice between sources is smoothed: grain of one source side by side with that of another
 shows."""
+QUIET, NOISE_PX = 30, 0.8
+"""Percentile of the local contrast of a photograph that is noise alone, and the width of that noise, pixels: Bayer patterns and
+JPEG blocks leave no single pixels."""
 EDGE = 2.5
 """Times the median of the absolute contrast beyond which fine contrast belongs to an edge."""
 
@@ -74,3 +77,20 @@ def grain_of(picture: Float32, sigma: float) -> Float32:
     usual = max(EDGE * float(np.median(strength)), 1e-6)  # most of a drawn or letterboxed picture has none at all
     clipped: Float32 = np.clip(band, -usual, usual) * np.clip(2 - strength / usual, 0, 1)
     return clipped
+
+
+def sensor_noise(picture: Float32, known: Mask, scale: float, *, seed: int) -> Float32:
+    """(H, W) noise like that of the photograph where it shows next to nothing: a sensor's, as compression left it.
+
+    Args:
+        picture: (H, W, 3); known: (H, W) bool, pixels of the photograph itself.
+        scale: pixels of the footage to one of working size: what is coarser is in the clean frame.
+    """
+    gray = luminance(picture)
+    band = gray - cv2.GaussianBlur(gray, (0, 0), max(0.8, scale))
+    strength = cv2.blur(np.abs(band), (2 * round(scale) + 3,) * 2)
+    level = float(np.percentile(strength[known], QUIET)) if known.any() else 0.0
+    noise = np.random.default_rng(seed).standard_normal(gray.shape).astype(np.float32)
+    noise = cv2.GaussianBlur(noise, (0, 0), NOISE_PX)
+    found: Float32 = noise * np.float32(level / max(float(np.abs(noise).mean()), 1e-9))
+    return found

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.delivery.detail import FINER_THAN, BestSource, grain_of, with_detail
+from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
 from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
 from unveil_core.drives.drive import Footage
+from unveil_core.drives.exposure import Exposure
 from unveil_core.ground.street import Ground
 
 __all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
@@ -55,7 +56,7 @@ class FullSize:
 
     Attributes:
         views: of all frames; footage: pictures of the frames' files as they are, by index.
-        lenses: of all frames.
+        lenses: of all frames; exposures: of all frames.
         grain: (H, W) of a frame's file, by index and pixels of the Gaussian that it is finer than, see ``detail.grain_of``.
         ground: the street's, None where there is none; shifts: for its invented parts.
     """
@@ -63,6 +64,7 @@ class FullSize:
     views: Sequence[EmptyView]
     footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
     lenses: Sequence[Footage]
+    exposures: Sequence[Exposure]
     grain: Callable[[int, float], Float32]
     ground: Ground | None
     shifts: GroundShifts | None
@@ -182,12 +184,13 @@ def _sharpened(
     best = BestSource(base, scale)
     for j in sources:
         colors, quality = _seen_in(points, elsewhere, j, drive, size)
+        colors = _as_exposed(colors, drive.exposures[j], drive.exposures[index])
         shown = _scattered(quality, removed)
         best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
     result = base + best.believed[..., None] * (best.picture - base)
     bare = 1.0 - best.believed
     grain = _ground_grain(street, on_ground & (bare[removed] > 0), index, removed, drive, sources, scale)
-    grain = np.where(np.isnan(grain), _own_grain(original, removed, scale), grain)
+    grain = np.where(np.isnan(grain), sensor_noise(original, ~removed, scale, seed=index), grain)
     return result + (bare * grain)[..., None]
 
 
@@ -228,6 +231,13 @@ def _read(picture: NDArray[Any], pixels: Float64) -> NDArray[Any]:
     return read.reshape(len(grid) * wide, -1)[:count]
 
 
+def _as_exposed(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:
+    """Colours (N, 3) in [0, 1] of one photograph as another would show them."""
+    if there.is_identity and here.is_identity:
+        return colors
+    return ((colors - there.bias) / there.gain * here.gain + here.bias).astype(np.float32)
+
+
 def _ground_grain(
     street: Float64, asked: Mask, index: int, removed: Mask, drive: FullSize, sources: Sequence[int], scale: float
 ) -> Float32:
@@ -255,21 +265,3 @@ def _ground_grain(
             found[some[open_[seen]]] = _read(drive.grain(j, FINER_THAN * scale), pixels)[:, 0]
     grain[removed] = found
     return grain
-
-
-def _own_grain(original: Float32, removed: Mask, scale: float) -> Float32:
-    """(H, W) the photograph's grain beside the hole, mirrored into it: noise of the sensor and its compression.
-
-    Only what is finer than a pixel of working size: larger structure would be recognized.
-    """
-    band = grain_of(original, max(0.8, scale))
-    _, label = cv2.distanceTransformWithLabels(removed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    index = np.zeros(int(label.max()) + 1, dtype=np.int64)
-    outside = np.flatnonzero(~removed)
-    index[label.ravel()[outside]] = outside
-    row, column = np.divmod(index[label], removed.shape[1])
-    y, x = np.mgrid[: removed.shape[0], : removed.shape[1]]
-    far_row = np.clip(2 * row - y, 0, removed.shape[0] - 1)
-    far_column = np.clip(2 * column - x, 0, removed.shape[1] - 1)
-    mirrored: Float32 = np.where(removed[far_row, far_column], band[row, column], band[far_row, far_column])
-    return mirrored

@@ -18,8 +18,9 @@ SAME_DEPTH = 0.03
 """Share of its depth by which a place may lie before or behind what a view shows there and be it all the same."""
 ASKED = 1500
 """Places of a hole by which sources are chosen."""
-MOST_ASKED_VIEWS = 96
-"""Views that are asked at most, those nearest in space; more of a long drive show nothing else."""
+MOST_ASKED_VIEWS, MOST_LOOKS = 96, 480
+"""Views that are compared at most, of those that show the hole the nearest in space, and views that are looked at for them: more of
+a long drive show nothing else, but of a rig most cameras near by look elsewhere."""
 LEAST_GAIN = 0.01
 """Share of a hole that a further source has to add."""
 FINER = 1.6
@@ -70,10 +71,13 @@ def choose_sources(points: Float64, own: int, views: Sequence[EmptyView], most: 
     here = views[own].camera
     near = np.argsort([float(np.linalg.norm(v.camera.centre - here.centre)) for v in views], kind="stable")
     own_size = here.project(points)[1] / here.fx
-    asked, quality = [], []
-    for j in near[: MOST_ASKED_VIEWS + 1]:
+    asked: list[int] = []
+    quality = []
+    for j in near[: MOST_LOOKS + 1]:
         if int(j) == own:
             continue
+        if len(asked) == MOST_ASKED_VIEWS:
+            break
         seen, depth = sees(views[j], points)
         if not seen.any():
             continue

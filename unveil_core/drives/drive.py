@@ -6,7 +6,8 @@ to metres, z up and a local origin, and the imported copy opens as a :class:`Dri
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,19 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["Distortion", "Drive", "Footage", "Frame", "FrameLabels", "PointCloud", "Sweep", "SweepPoints", "tracks"]
+__all__ = [
+    "Distortion",
+    "Drive",
+    "Footage",
+    "Frame",
+    "FrameLabels",
+    "PointCloud",
+    "Sweep",
+    "SweepPoints",
+    "frames_per_second",
+    "instants",
+    "tracks",
+]
 
 
 @dataclass(frozen=True)
@@ -210,3 +223,33 @@ def tracks(drive: Drive) -> list[list[int]]:
     """Frame indices by camera, in order of travel."""
     names = list(dict.fromkeys(f.camera_name for f in drive.frames))
     return [[i for i, f in enumerate(drive.frames) if f.camera_name == n] for n in names]
+
+
+def instants(frames: Sequence[Frame]) -> NDArray[np.float64]:
+    """(N,) when each frame was taken, comparable between the cameras of a rig.
+
+    Its time stamp where all frames have one. Else the number that is its name, where all names are numbers that rise along each
+    camera's track and all cameras share a range of: frames of one moment have one number, also where a camera has fewer of them.
+    Else its place in its track.
+    """
+    if all(f.timestamp is not None for f in frames):
+        return np.array([f.timestamp for f in frames], dtype=np.float64)
+    places = np.zeros(len(frames))
+    numbers = np.array([int(f.name) if re.fullmatch(r"\d{1,15}", f.name) else np.nan for f in frames])
+    first, last = [], []
+    for camera in dict.fromkeys(f.camera_name for f in frames):
+        track = [i for i, f in enumerate(frames) if f.camera_name == camera]
+        places[track] = np.arange(len(track))
+        first.append(numbers[track[0]])
+        last.append(numbers[track[-1]] if (np.diff(numbers[track]) > 0).all() else np.nan)
+    # What is no number is NaN, and so is the comparison.
+    return numbers - np.min(first) if np.max(first) <= np.min(last) else places
+
+
+def frames_per_second(frames: Sequence[Frame]) -> float | None:
+    """Of one camera, by the median of the steps between its time stamps; None where they do not tell."""
+    stamps = [f.timestamp for f in frames if f.timestamp is not None]
+    if len(stamps) < len(frames):
+        return None
+    steps = [b - a for a, b in zip(stamps[:-1], stamps[1:], strict=True) if b > a]
+    return round(1.0 / float(np.median(steps)), 3) if steps else None

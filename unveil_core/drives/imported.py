@@ -51,6 +51,7 @@ def read_imported(folder: Path) -> Drive:
             scale_source=str(data["scale_source"]),
             up_source=str(data["up_source"]),
             frame_rate=data.get("frame_rate"),
+            front_cameras=tuple(str(n) for n in data.get("front_cameras", ())),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),

@@ -27,14 +27,23 @@ MOST_MEASURED = 200_000
 """Labelled points of a drive that the ground is fitted to at most: a point for each cell of a street of a kilometre."""
 FEWEST = 50
 """So many surfels make a street's ground."""
-ALIKE_WAYS = 0.05
-"""Tracks whose ways differ by a smaller share are of one rig: the first of them is the path's."""
+ALIKE_WAYS, ASIDE_OF_RIG_M = 0.05, 4.0
+"""Tracks whose ways differ by a smaller share, or by fewer metres, are of one rig: in a bend its outer camera goes farther, by a
+metre and a half in a quarter turn for each metre that it lies aside."""
+AHEAD = 0.1
+"""Of a rig's cameras those look ahead whose cosine of the angle between view and way is less than this below the greatest: of these
+the first is the path's. A camera amid the car keeps to the middle of its way, one at its side or rear swings."""
 LEVEL = 0.8
 """Cosine of the slope up to which a surfel is level."""
 UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
 """Without classes the ground is what is level, no farther aside of the path than the first and lower than the cameras by the
 second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
 aside as the fourth."""
+
+STRAY_M, AROUND_WAY_M = 0.5, 3.0
+"""With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
+stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
+road behind them, and where nothing else was seen they would lift the street."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +62,30 @@ class DriveGround:
 
 
 def longest_track(drive: Drive) -> list[int]:
-    """Frame indices, in order of travel, of the camera that has gone the longest way; of a rig, of its first camera."""
+    """Frame indices, in order of travel, of the camera that went the longest way; of a rig, of its first that looks ahead.
+
+    Of a car that stands the camera that the dataset calls its front camera, else the first.
+    """
     found = tracks(drive)
-    ways = [way_of(np.stack([drive.frames[i].camera.centre for i in track])) for track in found]
-    return next(track for track, way in zip(found, ways, strict=True) if way >= (1 - ALIKE_WAYS) * max(ways))
+    centres = [np.stack([drive.frames[i].camera.centre for i in track]) for track in found]
+    ways = np.array([way_of(c) for c in centres])
+    if not ways.any():
+        named = [track for track in found if drive.frames[track[0]].camera_name in drive.front_cameras]
+        return (named or found)[0]
+    least = min((1 - ALIKE_WAYS) * ways.max(), ways.max() - min(ASIDE_OF_RIG_M, 0.2 * ways.max()))
+    ahead = np.full(len(found), -np.inf)
+    for k in np.flatnonzero(ways >= least):
+        views = np.stack([drive.frames[i].camera.forward for i in found[k]])
+        ahead[k] = _looks_ahead(centres[k], views)
+    return found[int(np.argmax(ahead > ahead.max() - AHEAD))]
+
+
+def _looks_ahead(centres: Float64, views: Float64) -> float:
+    """Mean cosine between the views (F, 3) of a moving camera and its way through ``centres`` (F, 3), by metres of way."""
+    legs = np.diff(centres, axis=0)
+    # A frame looks along the way to it as along the way from it; where the car stands there are no metres.
+    along = ((views[:-1] + views[1:]) / 2 * legs).sum()
+    return float(along / max(float(np.linalg.norm(legs, axis=1).sum()), 1e-9))
 
 
 def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
@@ -92,6 +121,7 @@ def fit_street(
     wanted = labels.indices(GROUND_CLASSES)
     if wanted:
         chosen = np.isin(of_surfel, wanted) & opaque
+        chosen[chosen] = ~_strays(path, means[chosen], cameras)
     else:
         stays = opaque & ~np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
         level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
@@ -110,13 +140,29 @@ def fit_street(
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:
     """Which of the ``level`` places (N, 3) are as far below the cameras as most of them are close to the path."""
-    street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
-    order = np.argsort(track[:, 0])
-    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
+    street, drop, _ = _below_way(path, means, cameras)
     near = level & (np.abs(street[:, 1]) < UNDERFOOT_M) & (drop > DROP_M[0]) & (drop < DROP_M[1])
     if near.sum() < FEWEST:
         return near
     return level & (np.abs(drop - np.median(drop[near])) < ABOUT_M) & (np.abs(street[:, 1]) < ASIDE_M)
+
+
+def _strays(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> Mask:
+    """Which places (N, 3) under the way are not as far below the cameras as most of them."""
+    street, drop, beside = _below_way(path, means, cameras)
+    under = beside & (np.abs(street[:, 1]) < UNDERFOOT_M)
+    if under.sum() < FEWEST:
+        return np.zeros(len(means), dtype=bool)
+    return under & (np.abs(drop - np.median(drop[under])) > STRAY_M)
+
+
+def _below_way(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> tuple[Float64, Float64, Mask]:
+    """Street coordinates (N, 3) of places, how far they lie below the cameras beside them (N,), and whether any is beside (N,)."""
+    street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
+    order = np.argsort(track[:, 0])
+    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
+    beside = (street[:, 0] > track[:, 0].min() - AROUND_WAY_M) & (street[:, 0] < track[:, 0].max() + AROUND_WAY_M)
+    return street, drop, beside
 
 
 def fit_drive_terrain(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, instants
 from unveil_core.geometry.images import border_px
 from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
@@ -237,7 +237,14 @@ def _shadows(search: _Search) -> tuple[Mask, ...]:
         return plains[v]
 
     cameras = [f.camera for f in frames]
-    return tuple(mover_shadow(v, n > 0, cameras, gray, plain, search.ground) for v, n in enumerate(search.numbers))
+    times = instants(frames)
+    found = []
+    for v, numbers in enumerate(search.numbers):
+        by_time = [int(k) for k in np.argsort(np.abs(times - times[v]), kind="stable") if k != v]
+        own = [k for k in by_time if frames[k].camera_name == frames[v].camera_name]
+        foreign = [k for k in by_time if frames[k].camera_name != frames[v].camera_name]
+        found.append(mover_shadow(v, numbers > 0, cameras, own, foreign, gray, plain, search.ground))
+    return tuple(found)
 
 
 def _points(search: _Search) -> Mask:
@@ -253,13 +260,14 @@ def _points(search: _Search) -> Mask:
         frame_visibility(f.camera, np.isin(label, search.behind_labels) & (n == 0), np.isin(label, upright) & (n == 0))
         for f, label, n in zip(search.drive.frames, search.labels, search.numbers, strict=True)
     ]
+    in_time = np.argsort(instants(search.drive.frames), kind="stable")
     for k, (name, evidence, _) in enumerate(search.movers):
         if evidence == "boxes":
             continue
         body = search.body(search.names.index(name))
         track, heights = [], []
-        for v, frame in enumerate(search.drive.frames):
-            mask = search.numbers[v] == k + 1
+        for v in in_time:
+            frame, mask = search.drive.frames[v], search.numbers[v] == k + 1
             if mask.any():
                 contacts = find_contacts(mask, search.below(v), frame.camera, ground)
                 found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)

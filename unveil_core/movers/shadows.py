@@ -26,8 +26,9 @@ REACH = 2.5
 """How far a shadow may reach beyond its object in the image, in heights of the object."""
 OTHERS, FEWEST_OTHERS = 16, 3
 """How many other frames at most are compared at a place, and how many at least must show it."""
-AROUND = 400
-"""About so many places farther off measure how much brighter or darker this photograph is than the others."""
+AROUND, FEWEST_AROUND = 400, 20
+"""About so many places farther off, and at least the second, measure how much brighter or darker this photograph is than the
+others."""
 ALMOST_LIT, ALIKE = 0.9, 1.25
 """A shadow is extended over ground less bright than ``ALIKE`` times its median, unless other frames show that ground lit: a
 brightness of at least ``ALMOST_LIT`` of theirs."""
@@ -39,6 +40,8 @@ def mover_shadow(
     frame: int,
     mask: Mask,
     cameras: Sequence[Camera],
+    own: Sequence[int],
+    foreign: Sequence[int],
     gray: Callable[[int], NDArray[np.float32]],
     plain: Callable[[int], Mask],
     ground: HeightField,
@@ -47,7 +50,9 @@ def mover_shadow(
 
     Args:
         frame: index; mask: (H, W) of its dynamic objects, all False where it has none.
-        cameras: of all frames; gray: gives (H, W) brightness of frame v; plain: its ground pixels without dynamic objects.
+        cameras: of all frames; own: the other frames of this camera, the nearest in time first; foreign: those of other cameras,
+            likewise, whose colours are their own.
+        gray: gives (H, W) brightness of frame v; plain: its ground pixels without dynamic objects.
     """
     camera = cameras[frame]
     none = np.zeros(mask.shape, dtype=bool)
@@ -73,9 +78,8 @@ def mover_shadow(
     depth = ground.first_met(camera.centre, rays, near=NEAR_M, far=FAR_M)
     known = np.isfinite(depth)
     places = camera.centre + np.where(known, depth, 0.0)[:, None] * rays
-    order = sorted((v for v in range(len(cameras)) if v != frame), key=lambda v: (abs(v - frame), v))
-    if len(order) > OTHERS:  # near and far ones: near ones show it best, in far ones the mover has gone
-        order = order[:: max(1, len(order) // OTHERS)][:OTHERS]
+    order = [*_near_and_far(own), *_near_and_far(foreign)]
+    here_gray = gray(frame)[row, column]
     shown = np.full((len(order), len(asked)), np.nan, np.float32)
     for k, v in enumerate(order):
         other = cameras[v]
@@ -85,12 +89,14 @@ def mover_shadow(
         r, c = pixel[index, 1].astype(int), pixel[index, 0].astype(int)
         free = plain(v)[r, c]
         shown[k, index[free]] = gray(v)[r[free], c[free]]
+        if v in foreign:
+            shown[k] *= _brighter(here_gray[near.sum() :], shown[k, near.sum() :])
     enough = np.isfinite(shown).sum(axis=0) >= FEWEST_OTHERS
     typical = np.ones(len(asked), np.float32)
     typical[enough] = np.nanmedian(shown[:, enough], axis=0)
-    ratio = np.where(enough, gray(frame)[row, column] / np.maximum(typical, 1.0), np.nan)
+    ratio = np.where(enough, here_gray / np.maximum(typical, 1.0), np.nan)
     beside = ratio[near.sum() :]
-    exposure = float(np.nanmedian(beside)) if np.isfinite(beside).sum() >= 20 else 1.0
+    exposure = float(np.nanmedian(beside)) if np.isfinite(beside).sum() >= FEWEST_AROUND else 1.0
     dark = none.copy()
     dark[row[: near.sum()], column[: near.sum()]] = ratio[: near.sum()] < DARK * exposure
     dark = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)).astype(bool)
@@ -104,6 +110,17 @@ def mover_shadow(
     shadow = _whole(touching[component] & dark, near, (row, column), ratio / exposure, gray(frame))
     grown = cv2.dilate(shadow.astype(np.uint8), np.ones((2 * border_px(camera.width) + 1,) * 2, np.uint8)).astype(bool)
     return grown & (here | seed) & ~mask
+
+
+def _near_and_far(frames: Sequence[int]) -> Sequence[int]:
+    """Some of many frames: near ones show a place best, in far ones what moves has gone."""
+    return frames[:: max(1, len(frames) // OTHERS)][:OTHERS]
+
+
+def _brighter(here: NDArray[np.floating], there: NDArray[np.floating]) -> float:
+    """How much brighter places are here than in the frame of another camera, NaN where it shows too few of them, as NaN says."""
+    both = np.isfinite(there) & (there > 1)
+    return float(np.median(here[both] / there[both])) if both.sum() >= FEWEST_AROUND else np.nan
 
 
 def _whole(

@@ -4,88 +4,45 @@ What is not explained here would be explained by floaters before single cameras 
 from others. The drive's points tell it: one point has one colour, whichever frame shows it. Gains and biases of the frames
 and colours of the points are fitted together, robustly, as in panorama stitching (Brown and Lowe 2007, section 6) with an
 affine model in place of the gain; a drive whose camera held still keeps its photographs as they are, bit for bit.
+
+A camera of a rig that held still has one exposure for all its photographs: what a side camera shares with the others is little,
+and enough for that; frame by frame it would not be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
-from unveil_core.drives.depth_range import NEAR_M
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.drives.exposure import Exposure, Exposures
-from unveil_core.semantics.visibility import points_in_view
-from unveil_core.surfels.initialize import estimate_normals, thin_points
+from unveil_core.optimize.shared_colours import (
+    BRIGHTEST,
+    DARKEST,
+    Samples,
+    camera_numbers,
+    sample_colours,
+    seen_by_several,
+)
 
 __all__ = ["affine_between", "fit_exposures"]
 
-HIDING_POINTS = 40_000
-"""Number of points at most that are tested for occluding each other."""
-SAMPLES, SAMPLES_PER_VIEW = 60_000, 250
-"""About how many samples are used for a drive, and for each view of a long one."""
-DARKEST, BRIGHTEST = 3, 250
-"""Samples at or beyond these levels of 255 may be clipped and are not used for the gain."""
 FEWEST_SAMPLES = 30
 """A frame with fewer gets its exposure from its neighbours in time."""
 GAIN_PRIOR, BIAS_PRIOR = 1.0, 20.0
 """Pull towards gain 1 and bias 0, in samples of white. Cameras change their gain; a bias is rare, and small."""
-BLUR_SHARE = 1 / 400
-"""Poses and points are off by about this share of the image's width, at most two pixels: so much it is blurred."""
 ROUNDS, SMALL_STEP = 12, 3e-4
 CAP = 0.1
 """A residual of more than this is an occlusion or a reflection, and counts no more than this, in [0, 1]."""
 LEAST_GAIN, LEAST_SPREAD = 0.10, 0.02
 """The model is used where it takes more than this share of the error away, and where mid grey differs by more than this."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """What the views show of the points: colours (M, 3) in [0, 1], point (M,) and view (M,) of each."""
-
-    color: Float64
-    point: NDArray[np.int64]
-    view: NDArray[np.int64]
-
-    def where(self, keep: NDArray[np.bool_]) -> _Samples:
-        return _Samples(self.color[keep], self.point[keep], self.view[keep])
-
-
-def _sampled(drive: Drive, hidden: Sequence[NDArray[np.bool_]] | None, progress: Progress) -> _Samples:
-    """Colours of points that at least two views see well exposed."""
-    positions = drive.points.positions
-    cell = 0.02
-    while len(positions) > HIDING_POINTS:
-        positions = positions[thin_points(positions, cell)]
-        cell *= 1.3
-    cameras = [f.camera for f in drive.frames]
-    normals, spacing = estimate_normals(positions, np.stack([c.centre for c in cameras]))
-    spacing = np.minimum(spacing, 4 * np.median(spacing))
-    found = []
-    for v, frame in enumerate(drive.frames):
-        seen = points_in_view(positions, spacing, frame.camera, near=NEAR_M, normals=normals)
-        blur = min(2.0, BLUR_SHARE * frame.camera.width)
-        color = cv2.GaussianBlur(read_image(frame.image_path), (0, 0), blur)[seen.rows, seen.columns]
-        good = (color > DARKEST).all(axis=1) & (color < BRIGHTEST).all(axis=1)
-        if hidden is not None:
-            good &= ~hidden[v][seen.rows, seen.columns]
-        found.append(_Samples(color[good] / 255.0, seen.index[good], np.full(int(good.sum()), v)))
-        progress(v + 1, len(cameras), "comparing exposures")
-    every = _Samples(*(np.concatenate([getattr(s, n) for s in found]) for n in ("color", "point", "view")))
-    times = np.bincount(every.point, minlength=len(positions))
-    shared = np.flatnonzero(times > 1)
-    enough = max(SAMPLES, SAMPLES_PER_VIEW * len(cameras))
-    shared = shared[:: max(1, round(int(times[shared].sum()) / enough))]
-    number = np.full(len(positions), -1)
-    number[shared] = np.arange(len(shared))
-    return _Samples(every.color, number[every.point], every.view).where(number[every.point] >= 0)
 
 
 def _robust(residual: Float64) -> Float64:
@@ -96,7 +53,7 @@ def _robust(residual: Float64) -> Float64:
 
 
 def _point_colors(
-    value: Float64, samples: _Samples, gain: Float64, bias: Float64, rounds: int = 3
+    value: Float64, samples: Samples, gain: Float64, bias: Float64, rounds: int = 3
 ) -> tuple[Float64, Float64]:
     """Colours of the points in one channel for given exposures, and the robust weights (M,) of the samples."""
     g = gain[samples.view]
@@ -109,7 +66,7 @@ def _point_colors(
     return color, weight
 
 
-def _fitted_channel(value: Float64, samples: _Samples, views: int) -> tuple[Float64, Float64]:
+def _fitted_channel(value: Float64, samples: Samples, views: int) -> tuple[Float64, Float64]:
     """Gain (V,) and bias (V,) of one channel, by Gauss-Newton steps with the points' colours eliminated.
 
     A drive is a chain of views, each of which overlaps with the next few: to alternate between views and points would carry
@@ -149,21 +106,31 @@ def _fitted_channel(value: Float64, samples: _Samples, views: int) -> tuple[Floa
     return gain.round(5), bias.round(5)
 
 
-def _fitted(samples: _Samples, views: int) -> tuple[Float64, Float64, NDArray[np.bool_]]:
-    """Gains (V, 3), biases (V, 3), and which views (V,) had samples enough for their own."""
-    enough = np.bincount(samples.view, minlength=views) >= FEWEST_SAMPLES
-    gain, bias = np.ones((views, 3)), np.zeros((views, 3))
-    used = samples.where(enough[samples.view])
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """Gains (V, 3) and biases (V, 3), and which views (V,) had samples enough for them."""
+
+    gain: Float64
+    bias: Float64
+    enough: NDArray[np.bool_]
+
+
+def _fitted(samples: Samples, group: NDArray[np.int64]) -> _Model:
+    """One exposure for each group of views; ``group``: (V,) numbers from 0."""
+    count = int(group.max()) + 1
+    enough = np.bincount(group[samples.view], minlength=count) >= FEWEST_SAMPLES
+    gain, bias = np.ones((count, 3)), np.zeros((count, 3))
     if enough.sum() < 2:
-        return gain, bias, np.zeros(views, bool)
-    dense = _Samples(used.color, used.point, (np.cumsum(enough) - 1)[used.view])
+        return _Model(gain[group], bias[group], np.zeros(len(group), bool))
+    used = samples.where(enough[group[samples.view]])
+    dense = Samples(used.color, used.point, (np.cumsum(enough) - 1)[group[used.view]])
     for channel in range(3):
         own = _fitted_channel(np.ascontiguousarray(dense.color[:, channel]), dense, int(enough.sum()))
         gain[enough, channel], bias[enough, channel] = own
-    return gain, bias, enough
+    return _Model(gain[group], bias[group], enough[group])
 
 
-def _error(samples: _Samples, gain: Float64, bias: Float64) -> float:
+def _error(samples: Samples, gain: Float64, bias: Float64) -> float:
     """RMS of the residuals in [0, 1], none counted beyond ``CAP``, with the points' best colours."""
     squares = []
     for channel in range(3):
@@ -174,48 +141,93 @@ def _error(samples: _Samples, gain: Float64, bias: Float64) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
+def _judged(samples: Samples, group: NDArray[np.int64], counts: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+    """How much an exposure for each group of views (V,) explains: half of the points are fitted, the other half decide.
+
+    Args:
+        counts: (M,) samples that may decide; None = all.
+    Returns:
+        the figures of :func:`fit_exposures`; empty where nothing decides.
+    """
+    first = samples.point % 2 == 0
+    model = _fitted(samples.where(first), group)
+    deciding = ~first & model.enough[samples.view]
+    judges = samples.where(deciding if counts is None else deciding & counts)
+    if not len(judges.point):
+        return {}
+    without = _error(judges, np.ones_like(model.gain), np.zeros_like(model.bias))
+    with_model = _error(judges, model.gain, model.bias)
+    grey = np.maximum(0.5 * model.gain + model.bias, 1e-3)[model.enough]
+    spread = float((grey.max(axis=0) / grey.min(axis=0)).max() - 1)
+    return {"rms_without": round(without, 5), "rms_with": round(with_model, 5), "spread": round(spread, 4)}
+
+
+def _explains(figures: dict[str, Any]) -> bool:
+    return (
+        bool(figures)
+        and figures["rms_with"] <= (1 - LEAST_GAIN) * figures["rms_without"]
+        and figures["spread"] >= LEAST_SPREAD
+    )
+
+
 def fit_exposures(
     drive: Drive, *, hidden: Sequence[NDArray[np.bool_]] | None = None, progress: Progress = no_progress
 ) -> Exposures:
     """Gain and bias of every photograph, or the identity for all where these explain little.
 
-    Half of the points are fitted; the other half decide.
+    Half of the points are fitted; the other half decide, for each camera whether its photographs have an exposure each, and for
+    the cameras of a rig whether they have different ones.
 
     Args:
         drive: an imported drive.
         hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
         progress: called per frame.
     Returns:
-        exposures of all frames, none where the identity was chosen. ``figures`` has ``used``, ``points``, ``samples``, and
-        where there were samples enough ``rms_without`` and ``rms_with`` (of the points that decide, sRGB in [0, 1]) and
-        ``spread`` (brightest over darkest photograph of mid grey, less 1).
+        exposures of all frames, none where the identity was chosen. ``figures`` has ``used``, ``points``, ``samples``,
+        ``by_frame`` (cameras whose photographs have an exposure each), and where there were samples enough ``rms_without`` and
+        ``rms_with`` (of the points that decide, sRGB in [0, 1]; of a rig those that several cameras see) and ``spread``
+        (brightest over darkest photograph of mid grey, less 1).
     """
-    views = len(drive.frames)
-    samples = _sampled(drive, hidden, progress)
-    facts: dict[str, object] = {"used": False, "points": len(np.unique(samples.point)), "samples": len(samples.point)}
-    first = samples.point % 2 == 0
-    gain, bias, enough = _fitted(samples.where(first), views)
-    judges = samples.where(~first & enough[samples.view])
-    if not len(judges.point):
+    samples = sample_colours(drive, hidden, progress)
+    facts: dict[str, Any] = {"used": False, "points": len(np.unique(samples.point)), "samples": len(samples.point)}
+    camera = camera_numbers(drive)
+    of_camera = camera[samples.view]
+    varying, figures = [], {}
+    for number, track in enumerate(tracks(drive)):
+        figures = _of_one_camera(samples.where(of_camera == number), np.array(track))
+        varying += [number] if _explains(figures) else []
+    names = list(dict.fromkeys(f.camera_name for f in drive.frames))
+    facts["by_frame"] = [names[number] for number in varying]
+    views = np.arange(len(camera))
+    group = np.unique(np.where(np.isin(camera, varying), views, len(views) + camera), return_inverse=True)[1].ravel()
+    if len(names) > 1:
+        joins = seen_by_several(samples.point, of_camera, int(samples.point.max(initial=0)) + 1)
+        figures = _judged(samples, group, joins[samples.point])
+    facts |= figures
+    if not varying and not (len(names) > 1 and _explains(figures)):
         return Exposures({}, facts)
-    without, with_model = _error(judges, np.ones_like(gain), np.zeros_like(bias)), _error(judges, gain, bias)
-    grey = np.maximum(0.5 * gain + bias, 1e-3)[enough]
-    spread = float((grey.max(axis=0) / grey.min(axis=0)).max() - 1)
-    facts |= {"rms_without": round(without, 5), "rms_with": round(with_model, 5), "spread": round(spread, 4)}
-    if with_model > (1 - LEAST_GAIN) * without or spread < LEAST_SPREAD:
-        return Exposures({}, facts)
-    gain, bias, enough = _fitted(samples, views)
+    model = _fitted(samples, group)
     known = {}
-    for name in dict.fromkeys(f.camera_name for f in drive.frames):
-        track = np.array([v for v, f in enumerate(drive.frames) if f.camera_name == name])
-        own = track[enough[track]]
+    for track in tracks(drive):
+        own = np.array(track)[model.enough[track]]
         for v in track:
             if len(own):
-                g, b = (np.array([np.interp(v, own, x[own, c]) for c in range(3)]) for x in (gain, bias))
+                g, b = (np.array([np.interp(v, own, x[own, c]) for c in range(3)]) for x in (model.gain, model.bias))
             else:
                 g, b = np.ones(3), np.zeros(3)
-            known[name, drive.frames[v].name] = Exposure(g, b)
+            known[drive.frames[v].camera_name, drive.frames[v].name] = Exposure(g, b)
     return Exposures(known, facts | {"used": True})
+
+
+def _of_one_camera(samples: Samples, track: NDArray[np.int64]) -> dict[str, Any]:
+    """How much an exposure for each photograph of one camera explains, by what these share.
+
+    Args:
+        samples: of this camera; track: (F,) its views, in order.
+    """
+    times = np.bincount(samples.point)
+    samples = samples.where(times[samples.point] > 1)
+    return _judged(replace(samples, view=np.searchsorted(track, samples.view)), np.arange(len(track)))
 
 
 def affine_between(canonical: Float64, photograph: NDArray[np.uint8]) -> tuple[Float64, Float64]:

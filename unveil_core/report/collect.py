@@ -18,6 +18,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
+from unveil_core.ground.fit import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
 from unveil_core.workspace.files import frame_file
@@ -182,11 +183,8 @@ def _mesh_pictures(root: Path, drive: Drive) -> tuple[MeshPictures, ...]:
 
 
 def step_cameras(drive: Drive) -> list[Camera]:
-    """The cameras of the longest track, in order of travel."""
-    tracks: dict[str, list[Camera]] = {}
-    for frame in drive.frames:
-        tracks.setdefault(frame.camera_name, []).append(frame.camera)
-    return max(tracks.values(), key=len)
+    """The cameras of the track that has gone the longest way, in order of travel."""
+    return [drive.frames[i].camera for i in longest_track(drive)]
 
 
 def bird_camera(drive: Drive) -> Camera:

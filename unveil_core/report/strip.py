@@ -35,8 +35,8 @@ def write_strip(
     Args:
         workspace_root: a workspace with ``frames/``.
         path: PNG or JPEG.
-        frames: names of the frames; by default ``count`` of them, spread over the drive, each the one of its stretch
-            from which most was removed.
+        frames: names of the frames, ``0007`` or ``front/0007``; by default ``count`` of them, spread over the drive, each the
+            one of its stretch from which most was removed.
         count: see ``frames``.
         tile_width: of one picture, in pixels.
         folders: a row for each of these folders of the workspace (``frames``, ``renders``, ``inpainted``).
@@ -48,18 +48,18 @@ def write_strip(
     if frames is None:
         chosen = _telling(root, drive.frames, count)
     else:
-        by_name = {f.name: f for f in reversed(drive.frames)}
+        by_name = {f.name: f for f in reversed(drive.frames)} | {f"{f.camera_name}/{f.name}": f for f in drive.frames}
         missing = [name for name in frames if name not in by_name]
         if missing:
             raise WorkspaceError(f"has no frame {missing[0]!r}", path=root / "drive", mend="name frames of the drive")
         chosen = [by_name[name] for name in frames]
     if not chosen:
         raise WorkspaceError("there is no frame to show", path=root / "drive", mend="name at least one")
-    camera = chosen[0].camera
-    size = (tile_width, max(1, round(tile_width * camera.height / camera.width)))
-    rows = [[fitted(read_image(f.image_path), size) for f in chosen]]
+    # The cameras of a rig may have pictures of different shapes: none is stretched.
+    height = max(max(1, round(tile_width * f.camera.height / f.camera.width)) for f in chosen)
+    rows = [[_tile(read_image(f.image_path), tile_width, height) for f in chosen]]
     for folder in folders:
-        rows.append([fitted(_picture(root, folder, f), size) for f in chosen])
+        rows.append([_tile(_picture(root, folder, f), tile_width, height) for f in chosen])
     write_image_atomic(path, _tiled(rows))
 
 
@@ -70,6 +70,15 @@ def _picture(root: Path, folder: str, frame: Frame) -> NDArray[np.uint8]:
         made_by = {"frames": "deliver", "inpainted": "inpaint"}.get(folder, "reoptimize")
         raise WorkspaceError("was not made yet", path=path, mend=f"run `unveil {made_by}`")
     return read_delivered(root, frame) if folder == "frames" else read_image(path)
+
+
+def _tile(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """A picture of a width, in the middle of a white tile (height, width, 3)."""
+    tile = np.full((height, width, 3), 255, dtype=np.uint8)
+    small = fitted(image, (width, max(1, round(width * image.shape[0] / image.shape[1]))))[:height]
+    above = (height - len(small)) // 2
+    tile[above : above + len(small)] = small
+    return tile
 
 
 def _telling(root: Path, frames: Sequence[Frame], count: int) -> list[Frame]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -16,16 +16,20 @@ from unveil_core.base.files import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.drive import frames_per_second as rate_of
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.report.pictures import fitted
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["write_video"]
+__all__ = ["recorded_rate", "write_video"]
 
 
 GAP_PX = 4
 FORMATS = (".mp4", ".webp")
+USUAL_FPS, FPS_LIMITS = 8.0, (1.0, 60.0)
+"""Frames a second of a movie whose frames have no time stamps: about two metres of a street a second, of the usual drives. And the
+limits of what time stamps tell: of a key frame a minute nobody waits for the next one."""
 
 
 def write_video(
@@ -33,7 +37,7 @@ def write_video(
     path: Path,
     *,
     camera_name: str | None = None,
-    frames_per_second: float = 8.0,
+    frames_per_second: float | None = None,
     height: int | None = None,
     progress: Progress = no_progress,
 ) -> Path:
@@ -44,7 +48,7 @@ def write_video(
         path: ``.mp4`` (MPEG-4, which every player opens), or ``.webp``, animated, which every browser shows. Where
             the encoder for mp4 is missing, the file becomes a ``.webp`` beside it.
         camera_name: the track to show; the longest by default.
-        frames_per_second: of the movie.
+        frames_per_second: of the movie; by default as the camera took them.
         height: of the movie in pixels; by default that of the images, at most 480.
         progress: called once per frame.
     Returns:
@@ -57,14 +61,20 @@ def write_video(
         raise WorkspaceError("is no format for the movie", path=path, mend=f"use {' or '.join(FORMATS)}")
     root = Path(workspace_root)
     frames = _delivered(root, camera_name)
+    rate = recorded_rate(frames) if frames_per_second is None else frames_per_second
     tall = min(480, frames[0].camera.height) if height is None else height
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix.lower() == ".mp4":
-        if _write_mp4(path, _pairs(root, frames, tall, progress), frames_per_second):
+        if _write_mp4(path, _pairs(root, frames, tall, progress), rate):
             return path
         path = path.with_suffix(".webp")
-    _write_webp(path, _pairs(root, frames, tall, progress), frames_per_second)
+    _write_webp(path, _pairs(root, frames, tall, progress), rate)
     return path
+
+
+def recorded_rate(frames: Sequence[Frame]) -> float:
+    """Frames a second at which a movie of one camera's frames goes as fast as the drive went."""
+    return float(np.clip(rate_of(frames) or USUAL_FPS, *FPS_LIMITS))
 
 
 def _delivered(root: Path, camera_name: str | None) -> list[Frame]:

@@ -146,6 +146,7 @@ def sweep_points(
         around = [j for j in range(max(0, i - settings.neighbours), min(count, i + settings.neighbours + 1)) if j != i]
         # A neighbour at the same place tells nothing of depth.
         around = [j for j in around if np.linalg.norm(cameras[j].centre - cameras[i].centre) > 0.02 * near]
+        around = [j for j in around if gray[j].shape == gray[i].shape]
         if around:
             d, s = sweep_depth(
                 small[i], gray[i], [(small[j], gray[j]) for j in around], ladder, settings, usable=masks[i]

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
-from unveil_core.drives.drive import PointCloud
+from unveil_core.drives.drive import PointCloud, tracks
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.drives.points import write_points
 from unveil_core.semantics.classes import CITYSCAPES
@@ -83,3 +85,15 @@ def test_reduced_labels_are_not_shifted_against_the_photograph(tmp_path: Path, w
         assert found.shape == photograph.shape
         assert np.abs(shift(photograph, found)).max() < 0.1, name
         assert abs(found.sum() / photograph.sum() - 1) < 0.01, name
+
+
+def test_a_rig_keeps_its_rate_its_sizes_and_its_front_camera(tmp_path: Path) -> None:
+    path = make_small_rig(tmp_path / "rig", [replace(LEFT, every=3), RIGHT, FRONT], np.arange(7.0))
+    drive = import_drive(replace(open_drive(path), front_cameras=("front",)), tmp_path / "drive", work_side=60)
+    # The left camera takes every third: the rate is that of the others.
+    assert drive.frame_rate == 10.0 and drive.front_cameras == ("front",)
+    sizes = {f.camera_name: read_image(f.image_path).shape[1::-1] for f in drive.frames}
+    assert sizes["front"] == sizes["left"] == (60, 38) and sizes["right"] == (56, 30)
+    assert [len(track) for track in tracks(drive)] == [3, 7, 7]
+    # Read as a drive again it has all its cameras.
+    assert len(open_drive(drive.root).frames) == 17 and open_drive(drive.root).front_cameras == ()

@@ -9,8 +9,8 @@ import pytest
 
 from tests.inpaint.walls import before_wall
 from unveil_core.base.errors import SettingsError
-from unveil_core.drives.drive import Frame
-from unveil_core.inpaint.frames.keyframe_plan import instants, named_frames
+from unveil_core.drives.drive import Frame, instants
+from unveil_core.inpaint.frames.keyframe_plan import named_frames
 
 
 def frame(name: str, camera: str = "front", timestamp: float | None = None) -> Frame:
@@ -25,6 +25,16 @@ def test_frames_are_ordered_by_time_or_by_their_place_in_the_track() -> None:
     timed = [frame("a", "left", 0.1), frame("b", "left", 0.3), frame("c", "right", 0.2)]
     assert instants(timed).tolist() == [0.1, 0.3, 0.2]
     assert instants([*timed, frame("d", "right")]).tolist() == [0, 1, 0, 1]
+
+
+def test_a_camera_with_fewer_frames_is_in_step_by_their_numbers() -> None:
+    front, rare = [frame(f"{n:03d}") for n in range(3, 8)], [frame(f"{n:03d}", "left") for n in (3, 7)]
+    assert instants([*front, *rare]).tolist() == [0, 1, 2, 3, 4, 0, 4]
+    # Numbers that go on from camera to camera, or fall, are no times; nor is a name beside them.
+    later = [frame(f"{n:03d}", "left") for n in (8, 9)]
+    assert instants([*front, *later]).tolist() == [0, 1, 2, 3, 4, 0, 1]
+    assert instants([*front[::-1], *rare]).tolist() == [0, 1, 2, 3, 4, 0, 1]
+    assert instants([*front, frame("a", "left")]).tolist() == [0, 1, 2, 3, 4, 0]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from unveil_core.base.drive_options import DriveOptions
@@ -40,6 +40,11 @@ class Format:
     scenes: Callable[[Path], list[str]] | None = None
 
 
+def _read_workspace(folder: Path) -> Drive:
+    """With all its cameras: which are read of the dataset's was decided when it was imported."""
+    return replace(read_imported(folder), front_cameras=())
+
+
 FORMATS: tuple[Format, ...] = (
     Format(
         "transforms.json",
@@ -47,7 +52,7 @@ FORMATS: tuple[Format, ...] = (
         lambda p: p.suffix.lower() == ".json" if p.is_file() else (p / "transforms.json").is_file(),
         read_transforms_json,
     ),
-    Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), read_imported),
+    Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace),
     Format(
         "PandaSet",
         "camera/, lidar/ and annotations/ (PandaSet)",

@@ -20,7 +20,7 @@ import numpy as np
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.drive import Drive, FrameLabels, tracks
+from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.frames import import_frame
@@ -70,15 +70,9 @@ def localized(drive: Drive, placement: Placement | None = None) -> Drive:
 
 
 def frame_rate(drive: Drive) -> float | None:
-    """Frames a second of a drive's cameras, by the median of their time stamps' steps; None where they have none."""
-    steps: list[float] = []
-    for track in tracks(drive):
-        stamps = [drive.frames[i].timestamp for i in track]
-        known = [t for t in stamps if t is not None]
-        steps += (
-            [b - a for a, b in zip(known[:-1], known[1:], strict=True) if b > a] if len(known) == len(stamps) else []
-        )
-    return round(1.0 / float(np.median(steps)), 3) if steps else None
+    """Frames a second of the camera that took most frames; None where its time stamps do not tell."""
+    longest = max(tracks(drive), key=len, default=[])
+    return frames_per_second([drive.frames[i] for i in longest])
 
 
 def import_drive(
@@ -122,6 +116,7 @@ def import_drive(
                 "scale_source": drive.scale_source,
                 "up_source": drive.up_source,
                 "frame_rate": frame_rate(drive),
+                "front_cameras": list(drive.front_cameras),
                 "semantic_classes": drive.semantic_classes,
                 "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
                 "frames": entries,

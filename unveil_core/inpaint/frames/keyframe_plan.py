@@ -1,34 +1,19 @@
-"""The keyframes of a drive: the times of its frames, the keyframes that the user names, and the record of the plan."""
+"""The keyframes of a drive: the keyframes that the user names, and the record of the plan."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.drive import Frame
+from unveil_core.drives.drive import Frame, instants
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.holes import FrameTask, open_hole
 from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["instants", "named_frames", "plan_drive", "plan_json"]
-
-
-def instants(frames: Sequence[Frame]) -> NDArray[np.float64]:
-    """(N,) when each frame was taken: its timestamp where all have one, else its place in its camera's track."""
-    if all(f.timestamp is not None for f in frames):
-        return np.array([f.timestamp for f in frames], dtype=np.float64)
-    seen: dict[str, int] = {}
-    places = []
-    for f in frames:
-        places.append(seen.get(f.camera_name, 0))
-        seen[f.camera_name] = places[-1] + 1
-    return np.array(places, dtype=np.float64)
+__all__ = ["named_frames", "plan_drive", "plan_json"]
 
 
 def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:

@@ -17,6 +17,7 @@ from unveil_core.delivery.shifts import GroundShifts, find_shifts
 from unveil_core.delivery.views import EmptyView
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Footage, Frame, tracks
+from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.photographs import read_footage
 from unveil_core.geometry.images import border_px, grow
@@ -75,7 +76,16 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
     footage = [f.footage or Footage(f.image_path, f.camera) for f in drive.frames]
     pictures = _kept(lambda i: read_footage(footage[i]), CACHE_BYTES)
     grain = _kept(lambda key: grain_of(as_color(pictures(key[0])), key[1]), CACHE_BYTES)
-    return FullSize(views, pictures, footage, lambda i, sigma: grain((i, sigma)), ground, _shifts(workspace))
+    exposures = read_exposures(workspace.exposure_json)
+    return FullSize(
+        views,
+        pictures,
+        footage,
+        [exposures.of(f) for f in drive.frames],
+        lambda i, sigma: grain((i, sigma)),
+        ground,
+        _shifts(workspace),
+    )
 
 
 def _view(workspace: Workspace, surfels: Surfels, frame: Frame) -> EmptyView:
@@ -117,6 +127,7 @@ STAGE = Stage(
         "drive",
         "clean",
         "surfels/empty.ply",
+        "surfels/exposure.json",
         "ground",
         "inpaint/chart.npz",
         "masks/removed",

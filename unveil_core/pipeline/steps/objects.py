@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, instants
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
 from unveil_core.geometry.axes import UP, up_frame
@@ -44,6 +44,7 @@ def run(context: StageContext) -> None:
 def _entry(context: StageContext, drive: Drive, thing: SceneObject) -> dict[str, object]:
     """An object's entry in the list; ``distance_m``: from the nearest camera that sees it."""
     frames = [drive.frames[s.frame] for s in thing.sightings]
+    frames = [frames[k] for k in np.argsort(instants(frames), kind="stable")]
     picture = distance = shown = None
     if thing.sightings:
         best = best_sighting(drive, thing.sightings)

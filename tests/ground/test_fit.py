@@ -1,0 +1,47 @@
+"""The street's ground from a scene's surfels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.ground.test_street import look
+from unveil_core.ground.fit import fit_street
+from unveil_core.ground.path import fit_path
+from unveil_core.semantics.classes import LabelSet
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels
+
+LABELS = LabelSet(("road", "building"), (0, 2))
+
+
+def road(points: np.ndarray) -> Surfels:
+    count = len(points)
+    up = np.repeat([[0.0, 0.0, 1.0]], count, axis=0)
+    grey = np.full((count, 3), 120, np.uint8)
+    return surfels_from_points(points, grey, np.zeros(count, np.int64), up, np.full(count, 0.1), opacity=0.9)
+
+
+def test_strays_before_a_side_camera_s_lens_do_not_lift_the_street() -> None:
+    """Where the car's first frames hide the road beside them they are all that is called road there."""
+    cameras = [look(np.array([x, 0.0, 1.6 + 0.05 * x]), 0.0) for x in np.arange(20.0)]
+    path = fit_path(cameras)
+    generator = np.random.default_rng(0)
+    x = generator.uniform(4.0, 40.0, 4000)
+    seen = np.c_[x, generator.uniform(-5, 5, 4000), 0.05 * x + generator.normal(0, 0.02, 4000)]
+    strays = np.c_[generator.uniform(0, 2, 15), generator.uniform(0.7, 1.1, 15), np.full(15, 1.2)]
+    clean, mixed = (fit_street(road(p), LABELS, cameras, path) for p in (seen, np.r_[seen, strays]))
+    assert clean is not None and mixed is not None
+    s, t = (p.ravel() for p in np.meshgrid(np.arange(4.5, 35.0), (-3.0, 0.0, 3.0)))
+    assert np.abs(mixed.height_at(s, t) - clean.height_at(s, t)).max() < 1e-9
+    assert np.abs(clean.height_at(s, t) - 0.05 * s).max() < 0.06
+
+
+def test_a_street_that_falls_beyond_the_way_is_followed() -> None:
+    """Far ahead the road may lie lower or higher than under the cameras."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(10.0)]
+    generator = np.random.default_rng(0)
+    x = generator.uniform(0.0, 40.0, 4000)
+    hill = np.where(x > 15, 0.1 * (x - 15), 0.0)
+    ground = fit_street(road(np.c_[x, generator.uniform(-5, 5, 4000), hill]), LABELS, cameras, fit_path(cameras))
+    assert ground is not None
+    assert abs(float(ground.height_at(np.array([35.0]), np.array([0.0]))[0]) - 2.0) < 0.1
