@@ -15,6 +15,7 @@ from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_
 from unveil_core.delivery.lens import work_positions
 from unveil_core.delivery.views import EmptyView
 from unveil_core.drives.drive import Distortion, Footage
+from unveil_core.drives.exposure import Exposure
 from unveil_core.drives.importing.frames import at_work_size, working_camera
 from unveil_core.geometry.camera import Camera
 
@@ -66,7 +67,13 @@ def delivered(
     photograph = at_work_size((as_color(picture) * 255).round().astype(np.uint8), footage, camera)
     view = EmptyView(camera, np.zeros(removed.shape, np.float32), removed | relit)
     drive = FullSize(
-        [view], lambda _: picture, [footage], lambda _, sigma: grain_of(as_color(picture), sigma), None, None
+        views=[view],
+        footage=lambda _: picture,
+        lenses=[footage],
+        exposures=[Exposure()],
+        grain=lambda _, sigma: grain_of(as_color(picture), sigma),
+        ground=None,
+        shifts=None,
     )
     return full_size_frame(CleanFrame(footage, photograph, clean, removed, relit), 0, drive, picture)
 
