@@ -11,11 +11,14 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+import unveil_core.pipeline.run as run_module
+from tests.drives.tiny_drive import make_tiny_drive
 from tests.small_street import make_small_street
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
@@ -217,3 +220,15 @@ def test_masks_on_some_frames_are_enough(tmp_path: Path) -> None:
         found = cv2.imread(str(workspace.root / f"masks/removed/camera/{i:02d}.png"), 0) > 0
         if truth.sum() > 60:
             assert (found & truth).sum() / truth.sum() > 0.6, i
+
+
+def test_a_long_drive_tells_how_far_its_check_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before there is a workspace that could log it."""
+    clock = iter(np.arange(0.0, 1e6, 0.6))
+    watch = SimpleNamespace(monotonic=lambda: float(next(clock)), time=time.time)
+    monkeypatch.setattr(run_module, "time", watch)
+    events: list[dict[str, object]] = []
+    run(make_tiny_drive(tmp_path / "drive"), tmp_path / "ws", until="import", reporter=events.append)
+    early = events[: next(i for i, e in enumerate(events) if "placement" in e)]
+    assert early and all(e["message"] == "checking files" and e["total"] == 4 for e in early)
+    assert set(early[0]) == {"t", "stage", "done", "total", "message", "level"}

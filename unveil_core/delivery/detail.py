@@ -74,7 +74,7 @@ def grain_of(picture: Float32, sigma: float) -> Float32:
     gray = luminance(picture)
     band = gray - cv2.GaussianBlur(gray, (0, 0), sigma)
     strength = cv2.blur(np.abs(band), (2 * round(sigma) + 1,) * 2)
-    usual = EDGE * float(np.median(strength))
+    usual = max(EDGE * float(np.median(strength)), 1e-6)  # most of a drawn or letterboxed picture has none at all
     clipped: Float32 = np.clip(band, -usual, usual) * np.clip(2 - strength / usual, 0, 1)
     return clipped
 

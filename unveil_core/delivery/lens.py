@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from unveil_core.base.files import write_atomic
 from unveil_core.base.types import Float32, Float64
 from unveil_core.drives.drive import Footage
 from unveil_core.geometry.camera import Camera
@@ -86,13 +85,7 @@ def _write_st(path: Path, shares: Float32) -> None:
 
     up = np.ascontiguousarray(1.0 - shares[..., 1])
     across = np.ascontiguousarray(shares[..., 0])
-
-    def write(name: str) -> None:
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        with OpenEXR.File(header, {"R": across, "G": up, "B": np.zeros_like(up)}) as file:
-            file.write(name)
-
-    def through_file(stream: object) -> None:
-        write(stream.name)  # type: ignore[attr-defined]
-
-    write_atomic(path, through_file)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"R": across, "G": up, "B": np.zeros_like(up)}) as file:
+        file.write(str(path))  # a stage's outputs appear whole or not at all: it opens the file itself, by name

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import shutil
+import time
 from pathlib import Path
 
 from unveil_core.base.errors import UnveilError
+from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.marked import marked_objects
@@ -55,7 +57,7 @@ def run(
     opened = open_drive(drive, settings.drive_options)
     if not (Path(workspace) / "workspace.json").is_file():
         # Before anything is made: whether the drive is whole and the selection selects something.
-        check_drive(opened)
+        check_drive(opened, _every_second(reporter))
         # Before the choice is made, and where labels only come with the import, nothing can be checked.
         if until not in ("import", "objects") and labels_come_from(opened, settings) in ("drive", "nothing"):
             marked = {m.id for m in marked_objects(settings.marked)}
@@ -78,6 +80,20 @@ def run(
             shutil.rmtree(space.root, ignore_errors=True)
         raise
     return space
+
+
+def _every_second(reporter: Reporter) -> Progress:
+    """Progress of what comes before the first stage, as events that no workspace logs; none where it takes no second."""
+    last = time.monotonic()
+
+    def progress(done: int, total: int, message: str = "", **_: float) -> None:
+        nonlocal last
+        if time.monotonic() - last >= 1.0:
+            last = time.monotonic()
+            event = {"t": round(time.time(), 3), "stage": "import", "done": done, "total": total}
+            reporter({**event, "message": message, "level": "info"})
+
+    return progress
 
 
 def run_verb(

@@ -71,12 +71,12 @@ class Columns:
         """(N,) float64, NaN where a row has none. Raises DriveError: no numbers."""
         return self._as(name, np.float64)
 
-    def integers(self, name: str, unit: str = "us") -> NDArray[np.int64]:
-        """(N,) int64; times, of any zone, since 1970 UTC in ``unit``. Raises DriveError: no integers, or rows without one."""
+    def integers(self, name: str, time_step: str = "us") -> NDArray[np.int64]:
+        """(N,) int64; times, of any zone, since 1970 UTC in ``time_step``. Raises DriveError: no integers, or rows without one."""
         with _reading(self.path) as arrow:
             column = self.columns[name]
             if arrow.types.is_timestamp(column.type):
-                column = column.cast(arrow.timestamp(unit, column.type.tz)).cast(arrow.int64())
+                column = column.cast(arrow.timestamp(time_step, column.type.tz)).cast(arrow.int64())
             if column.null_count:
                 raise DriveError(f"lacks {name} in {column.null_count} rows", path=self.path, mend=AGAIN)
             try:

@@ -30,18 +30,20 @@ WIDEST = 6.0
 """Points farther from the optical axis than this times their depth are not used: 80 degrees, where few fisheyes are calibrated."""
 
 
-def depth_sweeps(frames: Sequence[Frame], unit: float) -> tuple[Sweep, ...]:
+def depth_sweeps(frames: Sequence[Frame], depth_step: float) -> tuple[Sweep, ...]:
     """A sweep of each frame whose depth file is there, its boxes those of the frame.
 
     Args:
-        unit: of the values, in units of the drive.
+        depth_step: of the values, in units of the drive.
     """
-    return tuple(_sweep(f, f.depth_path, unit) for f in frames if f.depth_path is not None and f.depth_path.is_file())
+    return tuple(
+        _sweep(f, f.depth_path, depth_step) for f in frames if f.depth_path is not None and f.depth_path.is_file()
+    )
 
 
-def _sweep(frame: Frame, path: Path, unit: float) -> Sweep:
+def _sweep(frame: Frame, path: Path, depth_step: float) -> Sweep:
     def read() -> SweepPoints:
-        return depth_points(path, frame.camera, frame.distortion, unit)
+        return depth_points(path, frame.camera, frame.distortion, depth_step)
 
     return Sweep(path, read, frame.timestamp, frame.boxes)
 
@@ -75,17 +77,17 @@ def coarse_points(sweeps: Sequence[Sweep]) -> PointCloud:
     return PointCloud(np.concatenate(found))
 
 
-def depth_points(path: Path, camera: Camera, distortion: Distortion | None, unit: float) -> SweepPoints:
+def depth_points(path: Path, camera: Camera, distortion: Distortion | None, depth_step: float) -> SweepPoints:
     """The points of a depth image along the optical axis, in the coordinates of the drive.
 
     Args:
         path: a PNG or TIFF of one channel with 16 bits or more, or an .npy; 0, NaN and infinity are unknown.
         camera, distortion: of the frame; the image may be smaller than the photograph.
-        unit: of the values, in units of the drive.
+        depth_step: of the values, in units of the drive.
     Raises:
         DriveError: it is none.
     """
-    depth = _read_depth(path) * np.float32(unit)
+    depth = _read_depth(path) * np.float32(depth_step)
     height, width = depth.shape
     good = _away_from_edges(depth)
     step = max(1, int(np.ceil(np.sqrt(good.sum() / MOST_POINTS))))
