@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from unveil_core.evaluate.metrics import mask_iou, psnr, squared_error, ssim, ssim_map
+from unveil_core.evaluate.metrics import gradient, mask_iou, psnr, squared_error, ssim, ssim_map
 
 
 def picture(seed: int, height: int = 24, width: int = 32) -> np.ndarray:
@@ -100,3 +100,10 @@ def test_sizes_must_agree() -> None:
         psnr(picture(0), picture(0, 20, 20))
     with pytest.raises(ValueError, match="does not fit"):
         psnr(picture(0), picture(1), np.ones((3, 3), dtype=bool))
+
+
+def test_gradient_of_a_ramp_is_its_slope() -> None:
+    ramp = np.tile(np.arange(0, 120, 4, dtype=np.uint8)[None, :, None], (20, 1, 3))
+    assert np.allclose(gradient(ramp), 4.0)
+    noisy = ramp + np.random.default_rng(0).integers(0, 9, ramp.shape, dtype=np.uint8)
+    assert gradient(noisy).mean() > gradient(gaussian_filter(noisy, (1, 1, 0))).mean() > 3.5

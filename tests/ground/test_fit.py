@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.ground.test_street import look
+from unveil_core.drives.drive import PointCloud
 from unveil_core.ground.fit import fit_street
 from unveil_core.ground.path import fit_path
 from unveil_core.semantics.classes import LabelSet
@@ -45,3 +46,24 @@ def test_a_street_that_falls_beyond_the_way_is_followed() -> None:
     ground = fit_street(road(np.c_[x, generator.uniform(-5, 5, 4000), hill]), LABELS, cameras, fit_path(cameras))
     assert ground is not None
     assert abs(float(ground.height_at(np.array([35.0]), np.array([0.0]))[0]) - 2.0) < 0.1
+
+
+def test_labelled_points_tell_the_sidewalk_that_no_camera_sees() -> None:
+    """Behind parked cars no surfel lies; a LiDAR measures the sidewalk there, and the wall that ends it."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(20.0)]
+    path = fit_path(cameras)
+    generator = np.random.default_rng(0)
+    x = generator.uniform(0.0, 30.0, 4000)
+    seen = np.c_[x, generator.uniform(-3, 5, 4000), np.zeros(4000)]
+    sidewalk = np.c_[x, generator.uniform(-7, -4, 4000), np.full(4000, 0.2)]
+    wall = np.c_[x, np.full(4000, -7.0), generator.uniform(0.2, 3, 4000)]
+    passing = np.c_[x[:500], generator.uniform(-6, -5, 500), np.full(500, 1.5)]
+    positions = np.r_[sidewalk, wall, passing]
+    classes = np.repeat([1, 2, 1], [4000, 4000, 500]).astype(np.uint8)  # sidewalk, building, and what moved
+    moving = np.arange(len(positions)) >= 8000
+    ground = fit_street(road(seen), LABELS, cameras, path, PointCloud(positions, None, True, classes, moving))
+    bare = fit_street(road(seen), LABELS, cameras, path)
+    assert ground is not None and bare is not None
+    s = np.arange(2.0, 28.0)
+    assert np.abs(ground.height_at(s, np.full(len(s), -6.0)) - 0.2).max() < 0.03
+    assert np.abs(ground.t_min[2:28] + 7.0).max() < 0.4 < np.abs(bare.t_min[2:28] + 7.0).min()
