@@ -19,7 +19,7 @@ from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
 from unveil_core.ground.street import Ground
 
-__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame"]
+__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure"]
 
 SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
@@ -184,7 +184,7 @@ def _sharpened(
     best = BestSource(base, scale)
     for j in sources:
         colors, quality = _seen_in(points, elsewhere, j, drive, size)
-        colors = _as_exposed(colors, drive.exposures[j], drive.exposures[index])
+        colors = in_exposure(colors, drive.exposures[j], drive.exposures[index])
         shown = _scattered(quality, removed)
         best.add(*with_detail(base, _scattered(colors, removed), shown > 0, scale), shown)
     result = base + best.believed[..., None] * (best.picture - base)
@@ -231,7 +231,7 @@ def _read(picture: NDArray[Any], pixels: Float64) -> NDArray[Any]:
     return read.reshape(len(grid) * wide, -1)[:count]
 
 
-def _as_exposed(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:
+def in_exposure(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:
     """Colours (N, 3) in [0, 1] of one photograph as another would show them."""
     if there.is_identity and here.is_identity:
         return colors

@@ -39,7 +39,6 @@ UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
 """Without classes the ground is what is level, no farther aside of the path than the first and lower than the cameras by the
 second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
 aside as the fourth."""
-
 STRAY_M, AROUND_WAY_M = 0.5, 3.0
 """With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
 stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
