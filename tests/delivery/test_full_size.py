@@ -11,11 +11,11 @@ import pytest
 from tests.ground.test_street import look
 from unveil_core.base.files import read_image_as_it_is, write_image_atomic
 from unveil_core.delivery.detail import grain_of
-from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
+from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure
 from unveil_core.delivery.lens import work_positions
 from unveil_core.delivery.views import EmptyView
 from unveil_core.drives.drive import Distortion, Footage
-from unveil_core.drives.exposure import Exposure
+from unveil_core.drives.exposure import IDENTITY, Exposure
 from unveil_core.drives.importing.frames import at_work_size, working_camera
 from unveil_core.geometry.camera import Camera
 
@@ -191,3 +191,11 @@ def test_relit_footage_keeps_its_grain() -> None:
     wanted = grain - cv2.GaussianBlur(grain, (0, 0), 2)
     assert np.corrcoef(high[inner], wanted[inner])[0, 1] > 0.9
     assert 0.7 < high[inner].std() / wanted[inner].std() < 1.3
+
+
+def test_what_a_darker_camera_shows_is_brought_to_the_colours_of_the_frame() -> None:
+    street = np.random.default_rng(0).random((20, 3)).astype(np.float32)
+    dark, bright = Exposure(np.full(3, 0.6), np.full(3, 0.02)), Exposure(np.array([1.2, 1.0, 0.9]), np.zeros(3))
+    as_dark, as_bright = ((street * e.gain + e.bias).astype(np.float32) for e in (dark, bright))
+    assert np.abs(in_exposure(as_dark, dark, bright) - as_bright).max() < 1e-6
+    assert in_exposure(street, IDENTITY, IDENTITY) is street

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.ground.test_street import look
-from unveil_core.delivery.views import EmptyView, choose_sources, sees
+from unveil_core.delivery.views import MOST_ASKED_VIEWS, EmptyView, choose_sources, sees
 from unveil_core.geometry.camera import Camera
 
 SIZE = (768, 512)
@@ -82,3 +82,20 @@ def test_the_finer_of_two_alike_comes_first() -> None:
     coarse = over_ground(wide)
     assert choose_sources(points, 0, [view(0.0), coarse, fine], 1) == [2]
     assert choose_sources(points, 0, [view(0.0), fine, coarse], 1) == [1]
+
+
+def before_wall(x: float, y: float, heading: float) -> EmptyView:
+    """A view of a wall at x = 30."""
+    camera = look(np.array([x, y, 0.0]), heading, pitch=0.0)
+    with np.errstate(divide="ignore"):
+        depth = (30.0 - x) / camera.rays()[..., 0]
+    wall = (camera.rays()[..., 0] > 0.1).astype(bool)
+    return EmptyView(camera, np.where(wall, depth, 0).astype(np.float32), np.zeros(depth.shape, bool))
+
+
+def test_cameras_that_look_elsewhere_do_not_use_up_the_views_that_are_asked() -> None:
+    """More of them stand nearer than the only frame that shows the place."""
+    places = np.stack([np.full(50, 30.0), np.linspace(-1, 1, 50), np.zeros(50)], axis=1)
+    elsewhere = [before_wall(0.01 * k, 0.3, np.pi) for k in range(MOST_ASKED_VIEWS + 20)]
+    views = [before_wall(0.0, 0.0, 0.0), *elsewhere, before_wall(5.0, 0.0, 0.0)]
+    assert choose_sources(places, 0, views, 6) == [len(views) - 1]

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from blender_addon.worker.job_state import JobState, duration
-from blender_addon.worker.workspace_state import stages_of
+from blender_addon.worker.workspace_state import STAGES, stages_of
 
 
 def event(**values: object) -> str:
@@ -91,7 +91,7 @@ def test_which_of_how_many_stages_runs() -> None:
     state = JobState(planned=stages_of("run"))
     assert state.place is None  # none has begun
     state.read(event(done=20, total=80))
-    assert state.place == (5, 12)
+    assert state.place == (5, len(STAGES))
     state.planned = stages_of("reconstruct")
     assert state.place is None  # there is but one
     assert stages_of("import") == ("import", "objects") and stages_of("status") == ()
