@@ -26,6 +26,8 @@ NUSCENES_POINTS = {
     5: "static.manmade", 7: "static.manmade", 8: "static.vegetation", 9: "flat.terrain", 11: "human.pedestrian.adult",
     13: "vehicle.car", 14: "vehicle.truck", 18: "vehicle.bicycle",
 }  # fmt: skip
+UNKNOWN = "movable_object.debris"
+"""Of nuScenes' categories, one that has no class of Cityscapes."""
 ARGOVERSE_NAMES = {"car": "REGULAR_VEHICLE", "truck": "TRUCK", "person": "PEDESTRIAN", "bicycle": "BICYCLE"}
 START_S = 1_557_540_000
 LIDAR = rigid(turned_about_z(-np.pi / 2), (0.94, 0.0, 1.84))
@@ -92,7 +94,7 @@ def write_pandaset(root: Path, street: Street) -> Path:
 def write_nuscenes(root: Path, street: Street) -> Path:
     """One scene of v1.0-mini, each frame annotated, with lidarseg."""
     names = sorted({*NUSCENES_NAMES.values(), *NUSCENES_POINTS.values()})
-    categories = ["noise", *names]
+    categories = ["noise", UNKNOWN, *names]
     mounted = {"CAM_FRONT": street.vehicle_from_camera, "LIDAR_TOP": LIDAR}
     rows: dict[str, list[dict[str, Any]]] = {n: [] for n in ("attribute", "log", "map", "visibility")}
     rows["scene"] = [{"token": "scene", "name": "scene-0061", "nbr_samples": street.count}]
@@ -139,7 +141,7 @@ def write_nuscenes(root: Path, street: Street) -> Path:
             for path in (root / place, labels):
                 path.parent.mkdir(parents=True, exist_ok=True)
             values.tofile(root / place)
-            numbers = [categories.index(NUSCENES_POINTS.get(int(c), "noise")) for c in kinds]
+            numbers = [categories.index(NUSCENES_POINTS.get(int(c), UNKNOWN)) for c in kinds]
             np.array(numbers, np.uint8).tofile(labels)
             label = {"token": row["token"], "sample_data_token": row["token"]}
             rows["lidarseg"].append({**label, "filename": labels.relative_to(root).as_posix()})
