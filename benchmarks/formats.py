@@ -112,7 +112,7 @@ def delivered(workspace: Path, street: Street) -> dict[str, Any]:
     return {
         "frames": len(drive.frames),
         "size": ", ".join(sorted(sizes)),
-        "labels": "images" if drive.frames[0].semantic_path else "masks" if drive.frames[0].mask_path else "none",
+        "labels_come_from": json.loads((workspace / "workspace.json").read_text())["stages"]["import"]["labels"],
         "pose_error": pose_errors(drive, street),
         "removed_share": round(removed / pixels, 4),
         "removable_share": round(wanted / pixels, 4),
