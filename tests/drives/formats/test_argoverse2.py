@@ -132,7 +132,7 @@ def test_photographs_have_names_times_and_sizes(drive: Drive) -> None:
     for frame in drive.frames:
         assert (frame.camera.width, frame.camera.height) == CAMERAS[frame.camera_name]
         assert frame.distortion is None and frame.image_path.is_file()
-        assert frame.ego_rows == (250 if frame.camera_name == "ring_front_center" else 0)
+        assert frame.ego_rows == (5 if frame.camera_name == "ring_front_center" else 0)  # 250 of 2048 rows
     assert drive.front_cameras == ("ring_front_center",) and drive.notices == () and len(drive.sources) == 4
 
 

@@ -32,8 +32,8 @@ from unveil_core.geometry.transforms import quat_to_rotation
 __all__ = ["read_argoverse2", "recognizes", "scenes"]
 
 FRONT = "ring_front_center"
-EGO_ROWS = {"ring_front_center": 250, "ring_rear_left": 250, "ring_rear_right": 250}
-"""Lowest rows that show the ego vehicle, of 2048 (front) and 1550, by camera; as NeuRAD's reader crops them."""
+EGO_ROWS = {"ring_front_center": 250 / 2048, "ring_rear_left": 250 / 1550, "ring_rear_right": 250 / 1550}
+"""Share of the rows, the lowest ones, that show the ego vehicle, by camera: NeuRAD crops 250 of photographs as released."""
 BOX_CLASSES: dict[str, str] = {
     "REGULAR_VEHICLE": "car",
     "LARGE_VEHICLE": "truck",
@@ -267,7 +267,7 @@ def _frames(root: Path, poses: _Poses, boxes: partial[tuple[TrackedBox, ...]], n
                     image_path=file,
                     timestamp=stamp / 1e9,
                     boxes=boxes(stamp / 1e9),
-                    ego_rows=EGO_ROWS.get(camera, 0),
+                    ego_rows=round(EGO_ROWS.get(camera, 0) * lens.size[1]),
                 )
             )
     if missed:

@@ -11,6 +11,7 @@ from unveil_core.drives.drive import Drive, FrameLabels
 from unveil_core.drives.importing.frames import labels_at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
+from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.workspace.workspace import Workspace
@@ -54,19 +55,29 @@ def _labels(
         from unveil_core.labelling.from_boxes import label_frames
 
         return label_frames(imported, progress), source
+    if source == "points":
+        from unveil_core.labelling.from_boxes import label_frames
+
+        return label_frames(with_boxes_of_points(imported), progress), source
     return None, source
 
 
 def labels_come_from(drive: Drive, settings: RunSettings) -> str:
     """Where the labels of a drive, as read, come from: "segmenter", "drive", its own files; "dataset", its own encoding; "boxes",
-    these and its points; or "nothing"."""
+    these and its points; "points", classes of these; or "nothing".
+
+    Raises:
+        DriveError: the first sweep is looked at for classes and cannot be read.
+    """
     if "segmenter" in settings.networks:
         return "segmenter"
     if any(f.semantic_path is not None or f.mask_path is not None for f in drive.frames):
         return "drive"
     if drive.frames and all(f.labels is not None for f in drive.frames):
         return "dataset"
-    return "boxes" if any(f.boxes for f in drive.frames) else "nothing"
+    if any(f.boxes for f in drive.frames):
+        return "boxes"
+    return "points" if points_have_classes(drive) else "nothing"
 
 
 def _of_dataset(drive: Drive, imported: Drive) -> Iterator[FrameLabels]:
