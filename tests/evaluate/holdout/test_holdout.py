@@ -12,7 +12,7 @@ import pytest
 from tests.small_street import make_small_street
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
 from unveil_core.drives import open_drive
-from unveil_core.drives.drive import Drive, PointCloud
+from unveil_core.drives.drive import Drive, Footage, PointCloud
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.evaluate.holdout.drive import (
     AddedLabels,
@@ -24,6 +24,7 @@ from unveil_core.evaluate.holdout.drive import (
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView, see_cars
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
+from unveil_core.geometry.images import grow
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 
@@ -268,3 +269,31 @@ def test_strips_show_the_four_pictures(delivered: tuple[list[HoldoutFrame], Driv
         strip[:, 2 * 132 : 2 * 132 + 128], read_image(root / f"frames/{paths[0].name.replace('_', '/')}")
     )
     shutil.rmtree(root)
+
+
+def test_footage_larger_than_the_working_size_is_painted_and_measured_at_its_own(drive: Drive, tmp_path: Path) -> None:
+    footage = []
+    for frame in drive.frames:
+        path = tmp_path / f"footage/{frame.name}.png"
+        write_image_atomic(path, np.kron(read_image(frame.image_path), np.ones((2, 2, 1), np.uint8)))
+        footage.append(Footage(path, frame.camera.resized(256, 160)))
+    large = replace(drive, frames=tuple(replace(f, footage=g) for f, g in zip(drive.frames, footage, strict=True)))
+    views, pixels = seen(large)
+    gone = [np.zeros((80, 128), bool) for _ in large.frames]
+    written = write_holdout_drive(large, pixels, gone, large.points, AddedLabels(13, 6, False), tmp_path / "drive")
+    frames = [HoldoutFrame(f, v, p, g, g) for f, v, p, g in zip(large.frames, views, pixels, gone, strict=True)]
+    for held, with_car in zip(frames, written.frames, strict=True):
+        assert held.frame.footage is not None and with_car.footage is not None
+        true, painted = read_image(held.frame.footage.path), read_image(with_car.footage.path)
+        covered = np.kron(held.cars.number > 0, np.ones((2, 2), bool))
+        assert painted.shape == (160, 256, 3)
+        assert np.array_equal(painted[~grow(covered, 3)], true[~grow(covered, 3)])
+        inner = ~grow(~covered, 3)
+        assert not inner.any() or (painted[inner] != true[inner]).any(axis=1).mean() > 0.9
+        delivered = np.clip(true.astype(int) + 5 * covered[..., None], 0, 255).astype(np.uint8)
+        delivered[:2, :2] ^= 8
+        write_image_atomic(tmp_path / f"ws/frames/{held.frame.camera_name}/{held.frame.name}.png", delivered)
+    found = measure_holdout(frames, [parked(large)], written, tmp_path / "ws")["full_size"]
+    shown = sum(bool(f.region.any()) for f in frames)
+    assert found["psnr"] == pytest.approx(20 * np.log10(255 / 5), abs=0.1)
+    assert found["gradient"] == pytest.approx(1.0, abs=0.05) and found["changed_pixels"] == 4 * shown

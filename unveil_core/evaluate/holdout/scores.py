@@ -174,7 +174,11 @@ def _of_full_size(full: list[float]) -> dict[str, Any]:
     squared, made, true, pixels, changed = full
     if not pixels:
         return {}
-    figures = {"psnr": psnr_of_mse(squared / pixels), "gradient": made / max(true, 1e-9), "changed_pixels": changed}
+    figures = {
+        "psnr": psnr_of_mse(squared / pixels / 255**2),
+        "gradient": made / max(true, 1e-9),
+        "changed_pixels": changed,
+    }
     return {"full_size": rounded(figures)}
 
 
