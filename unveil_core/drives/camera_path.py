@@ -25,7 +25,7 @@ from unveil_core.drives.formats.transforms_json import pose_from_matrix
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
-from unveil_core.geometry.transforms import opengl_to_opencv
+from unveil_core.geometry.transforms import opengl_to_opencv, rigid_inverse
 
 __all__ = ["View", "drive_path", "read_camera_path", "shifted"]
 
@@ -154,11 +154,7 @@ def _pose(matrix: object, path: Path, name: str) -> Float64:
         raise DriveError(
             f"the last row of the pose of view {name} is not 0 0 0 1", path=path, mend="write matrices by rows"
         )
-    camera_to_world = opengl_to_opencv(pose_from_matrix(array, path, name))
-    inverse = np.eye(4)
-    inverse[:3, :3] = camera_to_world[:3, :3].T
-    inverse[:3, 3] = -camera_to_world[:3, :3].T @ camera_to_world[:3, 3]
-    return inverse
+    return rigid_inverse(opengl_to_opencv(pose_from_matrix(array, path, name)))
 
 
 def _checked(camera: Camera, path: Path, name: str) -> Camera:

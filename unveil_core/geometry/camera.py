@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["Camera"]
 
@@ -38,11 +39,7 @@ class Camera:
     @property
     def camera_to_world(self) -> Float64:
         """(4, 4) float64 inverse of :attr:`world_to_camera`, exact for a rigid transform."""
-        rotation, translation = self.world_to_camera[:3, :3], self.world_to_camera[:3, 3]
-        inverse = np.eye(4)
-        inverse[:3, :3] = rotation.T
-        inverse[:3, 3] = -rotation.T @ translation
-        return inverse
+        return rigid_inverse(self.world_to_camera)
 
     @property
     def centre(self) -> Float64:

@@ -8,7 +8,7 @@ import numpy as np
 
 from unveil_core.base.types import Float64
 
-__all__ = ["nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rotation_to_quat"]
+__all__ = ["nearest_rotation", "opengl_to_opencv", "quat_to_rotation", "rigid_inverse", "rotation_to_quat"]
 
 
 def quat_to_rotation(quat: Sequence[float] | Float64) -> Float64:
@@ -40,6 +40,15 @@ def nearest_rotation(matrix: Float64) -> tuple[Float64, float]:
     u, _, vt = np.linalg.svd(matrix)
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     return rotation, float(np.abs(rotation - matrix).max())
+
+
+def rigid_inverse(pose: Float64) -> Float64:
+    """(4, 4) inverse of a rigid transform, exact as its rotation is."""
+    rotation, translation = pose[:3, :3], pose[:3, 3]
+    inverse = np.eye(4)
+    inverse[:3, :3] = rotation.T
+    inverse[:3, 3] = -rotation.T @ translation
+    return inverse
 
 
 def opengl_to_opencv(camera_to_world: Float64) -> Float64:

@@ -11,7 +11,7 @@ import numpy as np
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation
+from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation, rigid_inverse
 
 __all__ = [
     "ROTATION_TOLERANCE",
@@ -86,12 +86,9 @@ def calibrated_camera(
     numbers = (*focal, *centre)
     if not np.isfinite(numbers).all() or min(focal) <= 0 or min(size) < 1:
         raise DriveError("has camera numbers that make no camera", path=path, mend="restore the calibration")
-    world_to_camera = np.eye(4)
-    world_to_camera[:3, :3] = pose[:3, :3].T
-    world_to_camera[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     width, height = size
     (fx, fy), (cx, cy) = focal, centre
-    return Camera(width, height, fx, fy, cx + 0.5, cy + 0.5, world_to_camera)
+    return Camera(width, height, fx, fy, cx + 0.5, cy + 0.5, rigid_inverse(pose))
 
 
 def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tuple[int, int]:

@@ -34,7 +34,6 @@ from unveil_core.drives.formats.kitti.sweeps import motions, sweep_reader, untwi
 from unveil_core.drives.formats.kitti.text import (
     absolute,
     at,
-    inverse,
     left_out,
     numbered,
     pictures,
@@ -43,6 +42,7 @@ from unveil_core.drives.formats.kitti.text import (
     rectified_lens,
     usable_pose,
 )
+from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["read_kitti360", "recognizes", "scenes"]
 
@@ -134,7 +134,7 @@ def read_kitti360(path: Path, scene: str = ".") -> Drive:
         lens = rectified_lens(rectified[f"P_rect_{camera_name[-2:]}"], next(iter(found.values())), perspective)
         turn = rectified[f"R_rect_{camera_name[-2:]}"].reshape(3, 3)
         rectify = rigid(np.column_stack([turn, np.zeros(3)]), perspective, "R_rect")
-        imu_from_camera = rigid(in_imu[camera_name], to_pose, camera_name) @ inverse(rectify)
+        imu_from_camera = rigid(in_imu[camera_name], to_pose, camera_name) @ rigid_inverse(rectify)
         semantic, instance = (_label_files(root, name, camera_name, kind) for kind in ("semantic", "instance"))
         for n, image in found.items():
             if n in poses:
@@ -164,7 +164,7 @@ def read_kitti360(path: Path, scene: str = ".") -> Drive:
     to_velo = calibration / "calib_cam_to_velo.txt"
     sweeps: list[Sweep] = []
     if velodyne.is_dir():
-        imu_from_velo = rigid(in_imu["image_00"], to_pose, "image_00") @ inverse(_bare(to_velo))
+        imu_from_velo = rigid(in_imu["image_00"], to_pose, "image_00") @ rigid_inverse(_bare(to_velo))
         sweeps = _sweeps(velodyne, {n: pose @ imu_from_velo for n, pose in poses.items()}, boxes)
     notices += left_out("velodyne_points", len(poses) - len(sweeps), len(poses), "sweeps are missing")
     stamp_files = (*(images / c / "timestamps.txt" for c in camera_names), velodyne / "timestamps.txt")

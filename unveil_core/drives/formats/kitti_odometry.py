@@ -25,7 +25,6 @@ from unveil_core.drives.formats.kitti.sweeps import sweep_reader
 from unveil_core.drives.formats.kitti.text import (
     absolute,
     at,
-    inverse,
     left_out,
     numbered,
     pictures,
@@ -34,6 +33,7 @@ from unveil_core.drives.formats.kitti.text import (
     usable_pose,
 )
 from unveil_core.geometry.similarity import Similarity
+from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["read_kitti_odometry", "recognizes", "scenes"]
 
@@ -100,7 +100,7 @@ def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:
     for name in names:
         images = pictures(root / name)
         lens = rectified_lens(calibration[f"P{name[-1]}"], next(iter(images.values())), calib)
-        first_from_camera = inverse(lens.from_first)
+        first_from_camera = rigid_inverse(lens.from_first)
         frames += [
             Frame(
                 name=image.stem,

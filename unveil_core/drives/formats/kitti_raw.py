@@ -32,7 +32,6 @@ from unveil_core.drives.formats.kitti.sweeps import motions, sweep_reader, turn_
 from unveil_core.drives.formats.kitti.text import (
     absolute,
     at,
-    inverse,
     left_out,
     numbered,
     pictures,
@@ -40,6 +39,7 @@ from unveil_core.drives.formats.kitti.text import (
     read_stamps,
     rectified_lens,
 )
+from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["read_kitti_raw", "recognizes", "scenes"]
 
@@ -97,7 +97,7 @@ def read_kitti_raw(path: Path, scene: str = ".") -> Drive:
     # All pictures are rectified to the plane of camera 0, so its rotation holds for every camera.
     rectify[:3, :3] = rigid(_with_zeros(calibration["R_rect_00"]), cam_to_cam, "R_rect_00")[:3, :3]
     poses, unusable, oxts = _vehicle_poses(root / "oxts/data")
-    scanner = {n: pose @ inverse(velo_from_imu) for n, pose in poses.items()}
+    scanner = {n: pose @ rigid_inverse(velo_from_imu) for n, pose in poses.items()}
     notices = left_out("oxts", unusable, len(oxts), "files hold no pose: their frames are left out")
     tracklets, boxes = root / "tracklet_labels.xml", dict[int, tuple[TrackedBox, ...]]()
     if tracklets.is_file():
@@ -108,7 +108,7 @@ def read_kitti_raw(path: Path, scene: str = ".") -> Drive:
         images, stamps = pictures(root / name / "data"), read_stamps(root / name / "timestamps.txt")
         first = next(iter(images.values()))
         lens = rectified_lens(calibration[f"P_rect_{name[-2:]}"], first, cam_to_cam)
-        velo_from_camera = inverse(lens.from_first @ rectify @ cam0_from_velo)
+        velo_from_camera = rigid_inverse(lens.from_first @ rectify @ cam0_from_velo)
         frames += [
             Frame(
                 name=image.stem,

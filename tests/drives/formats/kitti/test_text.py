@@ -9,7 +9,8 @@ import pytest
 
 from tests.drives.formats.kitti.files import rigid, rotation
 from unveil_core.base.errors import DriveError
-from unveil_core.drives.formats.kitti.text import inverse, neighbours, numbered, read_calibration, read_stamps
+from unveil_core.drives.formats.kitti.text import neighbours, numbered, read_calibration, read_stamps
+from unveil_core.geometry.transforms import rigid_inverse
 
 
 def test_dates_keep_what_is_shorter_than_a_microsecond(tmp_path: Path) -> None:
@@ -52,4 +53,4 @@ def test_neighbours_within_reach() -> None:
 
 def test_inverse_undoes_a_pose() -> None:
     pose = rigid(rotation(0.3, -1.2, 2.0), (4e5, -5e6, 100))
-    assert np.abs(inverse(pose) @ pose - np.eye(4)).max() < 1e-8
+    assert np.abs(rigid_inverse(pose) @ pose - np.eye(4)).max() < 1e-8

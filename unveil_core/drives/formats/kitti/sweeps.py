@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import SweepPoints
-from unveil_core.drives.formats.kitti.text import at, inverse, neighbours
+from unveil_core.drives.formats.kitti.text import at, neighbours
+from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["Motion", "motion_to", "motions", "read_velodyne", "sweep_reader", "turn_seconds", "untwisted"]
 
@@ -42,7 +43,7 @@ class Motion:
 
 def motion_to(here: Float64, there: Float64, seconds: float) -> Motion:
     """The constant velocity that leads from one pose (4, 4) to another one, ``seconds`` later; earlier where negative."""
-    step = inverse(here) @ there
+    step = rigid_inverse(here) @ there
     return Motion(cv2.Rodrigues(step[:3, :3])[0].ravel() / seconds, step[:3, 3] / seconds)
 
 

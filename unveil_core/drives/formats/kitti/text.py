@@ -21,7 +21,6 @@ __all__ = [
     "RectifiedLens",
     "absolute",
     "at",
-    "inverse",
     "left_out",
     "neighbours",
     "numbered",
@@ -111,14 +110,6 @@ def read_stamps(path: Path) -> list[float | None]:
         problem = f"line {len(stamps) + 1} is no time stamp: {error}"
         raise DriveError(problem, path=path, mend="download it again") from error
     return stamps
-
-
-def inverse(pose: Float64) -> Float64:
-    """(4, 4) inverse of a rigid transform."""
-    found = np.eye(4)
-    found[:3, :3] = pose[:3, :3].T
-    found[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return found
 
 
 def usable_pose(numbers: Sequence[float] | Float64, path: Path) -> Float64 | None:

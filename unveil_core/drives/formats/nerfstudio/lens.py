@@ -10,7 +10,6 @@ import math
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
@@ -18,7 +17,7 @@ from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import picture_size
 from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.transforms import opengl_to_opencv
+from unveil_core.geometry.transforms import opengl_to_opencv, rigid_inverse
 
 __all__ = ["crop_notice", "read_lens"]
 
@@ -70,10 +69,7 @@ def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortio
     cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
     if not all(math.isfinite(v) for v in (fx, fy)) or fx <= 0 or fy <= 0 or width < 1 or height < 1:
         raise DriveError("has camera numbers that make no camera", path=image, mend="check w, h, fl_x, fl_y, cx, cy")
-    world_to_camera = np.eye(4)
-    c2w = opengl_to_opencv(pose)
-    world_to_camera[:3, :3] = c2w[:3, :3].T
-    world_to_camera[:3, 3] = -c2w[:3, :3].T @ c2w[:3, 3]
+    world_to_camera = rigid_inverse(opengl_to_opencv(pose))
     return Camera(width, height, fx, fy, cx, cy, world_to_camera), _distortion(keys, image)
 
 
