@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -79,6 +80,17 @@ def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
 def test_an_overcast_street_has_no_sun() -> None:
     chart, *_, kept, car = sunny_chart(None)
     assert light_of_scene(chart, kept, car) is None
+
+
+def test_asphalt_of_two_ages_that_lies_like_shadows_is_no_sun() -> None:
+    """Patches a seventh darker than the rest, exactly where a sun would cast the shadows: light falls by half in those."""
+    chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0]))
+    even = sunny_chart(None)[0]
+    shaded = chart.color.sum(axis=2) < 0.8 * even.color.sum(axis=2)
+    assert 0.05 < shaded.mean() < 0.5
+    patched = replace(even, color=np.where(shaded[..., None], 0.86 * even.color, even.color).astype(np.float32))
+    assert light_of_scene(patched, kept, car) is None
+    assert light_of_scene(chart, kept, car) is not None
 
 
 def test_a_given_sun_is_taken() -> None:

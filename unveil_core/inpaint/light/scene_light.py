@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import disc, grow, luminance
+from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
@@ -51,6 +51,15 @@ TREE_M = 1.0
 AT_FOOT_M = 0.6
 """Width of the ground at the foot of a wall that the wall cannot shade itself, metres: there its cast shadow is the roughness of
 its surfels."""
+BESIDE_M = (0.25, 0.75)
+"""Distances from the border of a shadow between which the light on either side of it is compared, metres: off the penumbra and off
+what a direction that is wrong by a degree or two puts on the wrong side."""
+MOST_LIGHT = 0.8
+"""Brightness inside of a shadow's border, as a share of that outside, which half of all the borders must fall below for the sun to
+count as found. Where it shines, shadows have 0.4 to 0.65; asphalt of two ages that happens to lie like the shadows of a wrong
+sun has 0.9 to 1."""
+LEAST_BESIDE = 0.1
+"""Share of what surrounds a piece of border that must have been seen on either side."""
 STANDS_M = 0.25
 """Height over the ground above which surfels cast shadows, metres: kerbs and the ground's own noise are lower."""
 MAP_CELL_M, MAP_BIAS_M = 0.06, 0.15
@@ -136,6 +145,7 @@ def light_of_scene(
             # Only by what was observed: the far side of a crown is a guess, good enough to come near.
             places, is_dark = evidence.light_seen(CONTACT_M, observed, sun)
             sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun)
+            sun = sun if _darker_within(evidence, concatenate([kept, gone]), sun) < MOST_LIGHT else None
     if sun is None:
         return None
     # Between two cars there is little else than what lies beside them.
@@ -143,6 +153,24 @@ def light_of_scene(
     kept = _with_solid_houses(evidence, kept, gone, solid, sun, ground)
     of_kept, of_gone = (_cast_on_chart(chart, surfels, sun) for surfels in (kept, gone))
     return Light(sun, of_kept, of_gone)
+
+
+def _darker_within(evidence: _Evidence, casters: Surfels, sun: Sun) -> float:
+    """Brightness right inside the borders of the shadows that a sun would cast on the ground, as a share of that right outside: the
+    median over all borders in sight, 1 where there are none."""
+    chart, observed = evidence.chart, evidence.mask(CONTACT_M)
+    per_m = 1.0 / chart.texel
+    shaded = _cast_on_chart(chart, casters, sun)
+    from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (shaded, ~shaded)]
+    near, far = (m * per_m for m in BESIDE_M)
+    level = luminance(chart.color)
+    beside = [observed & (distance > near) & (distance < far) for distance in from_border]
+    inside, outside = (masked_blur(level, m, far / 2) for m in beside)
+    weights = [cv2.GaussianBlur(m.astype(np.float32), (0, 0), far / 2) for m in beside]
+    border = (from_border[0] > 0) & (from_border[0] < 1.5) & (np.minimum(*weights) > LEAST_BESIDE)
+    if not border.any():
+        return 1.0
+    return float(np.median(inside[border] / np.maximum(outside[border], 1e-3)))
 
 
 def _with_solid_houses(
