@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from unveil_core.base.types import Float32, Float64
-from unveil_core.drives.drive import Footage
+from unveil_core.drives.drive import Distortion, Footage
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import distorted, undistorted
 
 __all__ = ["footage_positions", "work_positions", "write_st_maps"]
+
+KEPT_LENSES = 4
+"""Lenses whose positions are kept, 8 bytes a pixel: frames of a camera share one, and follow each other."""
 
 
 def _normalized(positions: Float64, camera: Camera) -> Float64:
@@ -29,16 +33,32 @@ def _centres(camera: Camera) -> Float64:
 
 
 def work_positions(footage: Footage, camera: Camera) -> Float32:
-    """(H, W, 2) where the working picture shows what each pixel of the footage does.
+    """(H, W, 2) where the working picture shows what each pixel of the footage does; read-only.
 
     Args:
         footage: with its lens; camera: of the working picture, with the same pose.
     """
-    flat = _normalized(_centres(footage.camera), footage.camera)
-    if footage.distortion is not None:
-        flat = undistorted(footage.distortion.model, footage.distortion.coefficients, flat)
-    shape = (footage.camera.height, footage.camera.width, 2)
-    return _in_pixels(flat, camera).reshape(shape).astype(np.float32)
+    return _positions_of_lens(_intrinsics(footage.camera), footage.distortion, _intrinsics(camera))
+
+
+def _intrinsics(camera: Camera) -> tuple[int, int, float, float, float, float]:
+    return camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
+
+
+@lru_cache(maxsize=KEPT_LENSES)
+def _positions_of_lens(
+    source: tuple[int, int, float, float, float, float],
+    lens: Distortion | None,
+    target: tuple[int, int, float, float, float, float],
+) -> Float32:
+    """See :func:`work_positions`; cameras by their numbers, for they are the same with any pose."""
+    of_file, of_picture = Camera(*source, np.eye(4)), Camera(*target, np.eye(4))
+    flat = _normalized(_centres(of_file), of_file)
+    if lens is not None:
+        flat = undistorted(lens.model, lens.coefficients, flat)
+    found = _in_pixels(flat, of_picture).reshape(of_file.height, of_file.width, 2).astype(np.float32)
+    found.flags.writeable = False
+    return found
 
 
 def footage_positions(footage: Footage, points: Float64) -> tuple[Float64, Float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,12 @@ from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
+from unveil_core.geometry.lens import FISHEYE
 
 __all__ = ["at_work_size", "distortion_maps", "import_frame", "labels_at_work_size", "working_camera"]
+
+KEPT_LENSES = 4
+"""Lenses whose look-ups are kept, 8 bytes a pixel: the pictures and labels of all frames of a camera share one."""
 
 
 def distortion_maps(
@@ -33,14 +38,29 @@ def distortion_maps(
     Returns:
         columns and rows (H, W) of the file's pixels, counted from the centre of the first.
     """
+    return _maps_of_lens(tuple(_numbers(source).values()), distortion, tuple(_numbers(target).values()))
+
+
+@lru_cache(maxsize=KEPT_LENSES)
+def _maps_of_lens(
+    from_numbers: tuple[float, ...], distortion: Distortion, to_numbers: tuple[float, ...]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """See :func:`distortion_maps`; cameras by their numbers, for they are the same with any pose."""
+    (_, _, *source), (width, height, *target) = from_numbers, to_numbers
     # OpenCV counts from the centre of the first pixel, we from its edge.
-    k_source = np.array([[source.fx, 0, source.cx - 0.5], [0, source.fy, source.cy - 0.5], [0, 0, 1]])
-    k_target = np.array([[target.fx, 0, target.cx - 0.5], [0, target.fy, target.cy - 0.5], [0, 0, 1]])
+    k_source, k_target = (
+        np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1]]) for fx, fy, cx, cy in (source, target)
+    )
     coefficients = np.array(distortion.coefficients, dtype=np.float64)
-    size = (target.width, target.height)
-    if distortion.model == "OPENCV_FISHEYE":
-        return cv2.fisheye.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
-    return cv2.initUndistortRectifyMap(k_source, coefficients, np.eye(3), k_target, size, cv2.CV_32FC1)
+    model = cv2.fisheye if distortion.model == FISHEYE else cv2
+    return model.initUndistortRectifyMap(
+        k_source, coefficients, np.eye(3), k_target, (int(width), int(height)), cv2.CV_32FC1
+    )
+
+
+def _numbers(camera: Camera) -> dict[str, float]:
+    """Size and intrinsics as cameras.json has them."""
+    return {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
 
 
 def working_camera(camera: Camera, work_side: int | None) -> Camera:
@@ -113,12 +133,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     entry: dict[str, object] = {
         "name": frame.name,
         "camera": frame.camera_name,
-        "width": target.width,
-        "height": target.height,
-        "fx": target.fx,
-        "fy": target.fy,
-        "cx": target.cx,
-        "cy": target.cy,
+        **_numbers(target),
         "world_to_camera": target.world_to_camera.tolist(),
         "timestamp": frame.timestamp,
         "image": image,
@@ -168,14 +183,9 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
 
 def _footage(footage: Footage, relative: str) -> dict[str, object]:
     """The entry in cameras.json of the file that a frame is delivered as, at ``relative``."""
-    camera, lens = footage.camera, footage.distortion
+    lens = footage.distortion
     return {
         "image": relative,
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
+        **_numbers(footage.camera),
         "distortion": None if lens is None else {"model": lens.model, "coefficients": list(lens.coefficients)},
     }
