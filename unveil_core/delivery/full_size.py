@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -14,9 +13,10 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
-from unveil_core.delivery.views import EmptyView, choose_sources, nearest_depth, sees
+from unveil_core.delivery.views import FINER, EmptyView, choose_sources, nearest_depth, sees
 from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
+from unveil_core.geometry.images import sample_at
 from unveil_core.ground.street import Ground
 
 __all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure"]
@@ -180,7 +180,7 @@ def _sharpened(
         made[on_ground] = drive.shifts.is_made(street[on_ground])
     elsewhere = known & ~made
     sources = choose_sources(points[elsewhere], index, drive.views, SOURCES)
-    size = camera.project(points)[1] / camera.fx
+    size = depth / camera.fx
     best = BestSource(base, scale)
     for j in sources:
         colors, quality = _seen_in(points, elsewhere, j, drive, size)
@@ -214,21 +214,10 @@ def _seen_in(
     some, depth = some[seen], depth[seen]
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
-        found[some] = as_color(_read(drive.footage(j), pixels)[None])[0]
+        found[some] = as_color(sample_at(drive.footage(j), pixels, cv2.INTER_CUBIC)[None])[0]
         finer = size[some] / (depth / drive.views[j].camera.fx)
-        quality[some] = np.minimum(finer, 1.6)
+        quality[some] = np.minimum(finer, FINER)
     return found, quality
-
-
-def _read(picture: NDArray[Any], pixels: Float64) -> NDArray[Any]:
-    """(N, C) of a picture of the footage's size at positions (N, 2)."""
-    wide = 4096
-    count = len(pixels)
-    grid = np.zeros((-(-count // wide) * wide, 2), np.float32)
-    grid[:count] = pixels - 0.5
-    grid = grid.reshape(-1, wide, 2)
-    read = cv2.remap(picture, grid[..., 0], grid[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return read.reshape(len(grid) * wide, -1)[:count]
 
 
 def in_exposure(colors: NDArray[np.float32], there: Exposure, here: Exposure) -> NDArray[np.float32]:
@@ -262,6 +251,6 @@ def _ground_grain(
         seen, _ = sees(drive.views[j], points[open_])
         if seen.any():
             pixels, _ = footage_positions(drive.lenses[j], points[open_[seen]])
-            found[some[open_[seen]]] = _read(drive.grain(j, FINER_THAN * scale), pixels)[:, 0]
+            found[some[open_[seen]]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]
     grain[removed] = found
     return grain

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Float64, Mask
 
-__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur", "within"]
+__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur", "sample_at", "within"]
 
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
@@ -70,3 +72,26 @@ def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float]
     value = cv2.GaussianBlur(picture * (m if picture.ndim == 2 else m[..., None]), (0, 0), across, sigmaY=along)
     weight = np.maximum(weight + prior, 1e-6)
     return value / (weight if picture.ndim == 2 else weight[..., None])
+
+
+def sample_at(image: NDArray[Any], positions: Float64, mode: int = cv2.INTER_LINEAR) -> NDArray[Any]:
+    """(N, C) values of an image (H, W[, C]) at positions (N, 2) in pixels, the centre of the first at 0.5; its border goes on.
+
+    Args:
+        mode: of OpenCV's interpolation. Integers stay integers.
+    """
+    # OpenCV's remap wants both sides of its grid below 32768.
+    count, width, rows = len(positions), 1024, 16_384
+    padded = np.zeros((-(-count // width) * width, 2), dtype=np.float32)
+    padded[:count] = positions - 0.5
+    grid = padded.reshape(-1, width, 2)
+    parts = [
+        cv2.remap(image, part[..., 0], part[..., 1], mode, borderMode=cv2.BORDER_REPLICATE)
+        for part in (grid[start : start + rows] for start in range(0, len(grid), rows))
+    ]
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    return (
+        np.concatenate([p.reshape(-1, channels) for p in parts])[:count]
+        if parts
+        else np.zeros((0, channels), image.dtype)
+    )

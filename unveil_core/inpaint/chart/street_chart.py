@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px
+from unveil_core.geometry.images import border_px, sample_at
 from unveil_core.ground.street import Ground
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 
@@ -28,7 +28,6 @@ __all__ = [
     "RELIT_GAIN",
     "StreetChart",
     "blur_levels",
-    "read_bilinear",
     "read_chart",
     "sample_chart",
     "usable_pixels",
@@ -219,7 +218,7 @@ class _Texels:
         index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
         if not len(index):
             return
-        found = read_bilinear(image, pixel)
+        found = sample_at(image, pixel)
         w = (1.0 / depth) ** NEARNESS_POWER
         self.total[index] += found * w[:, None]
         self.weight[index] += w
@@ -231,22 +230,6 @@ class _Texels:
         """(T, 3) mean colours in [0, 1], black where nothing was seen."""
         mean = self.total / np.maximum(self.weight, 1e-300)[:, None] / 255
         return np.where((self.weight > 0)[:, None], mean, 0).astype(np.float32)
-
-
-def read_bilinear(image: NDArray[np.uint8], pixel: Float64) -> Float64:
-    """(N, 3) colours at pixel positions (N, 2), centres at +0.5; remap wants two dimensions below 32768."""
-    count = len(pixel)
-    width = 1024
-    padded = np.zeros((-(-count // width) * width, 2), dtype=np.float32)
-    padded[:count] = pixel - 0.5
-    grid = padded.reshape(-1, width, 2)
-    result = np.empty((*grid.shape[:2], 3), dtype=np.float64)
-    for start in range(0, len(grid), 16_384):
-        part = grid[start : start + 16_384]
-        result[start : start + 16_384] = cv2.remap(
-            image, part[..., 0], part[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-    return result.reshape(-1, 3)[:count]
 
 
 def sample_chart(

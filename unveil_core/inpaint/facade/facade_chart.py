@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.images import border_px, grow, sample_at
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.street_chart import read_bilinear
 from unveil_core.inpaint.facade.facade_fill import fill_facade
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
@@ -176,7 +175,7 @@ def read_facade(
         distance = np.maximum(np.linalg.norm(world[part] - view.camera.centre, axis=1), 1e-9)
         straight = np.abs(offset[rows[part]]) / distance
         w = (straight / z) ** 3
-        total[part] += read_bilinear(view.image, pixel) * w[:, None]
+        total[part] += sample_at(view.image, pixel) * w[:, None]
         weight[part] += w
     known, color, hidden = empty.copy(), chart.color.copy(), empty.copy()
     seen = weight > 0
