@@ -1,4 +1,5 @@
-"""What readers of datasets share: cameras from calibrations, the size of a picture, ids of tracks, tables of numbers."""
+"""What readers of datasets share: cameras from calibrations, the size of a picture, ids of tracks, tables of numbers, scenes in a
+folder."""
 
 from __future__ import annotations
 
@@ -21,12 +22,22 @@ __all__ = [
     "pose_of",
     "read_numbers",
     "rigid",
+    "scenes_of",
 ]
 
 ROTATION_TOLERANCE = 1e-3
 """Entries of a rotation may be so far off; poses in files are rounded."""
 HEADER_BYTES = 1 << 16
 """So much of a picture is read to find its size; the markers before it hold a thumbnail at most."""
+
+
+def scenes_of(path: Path, is_one: Callable[[Path], bool]) -> list[str]:
+    """Names of the scenes in a folder, by number where they are numbers; "." where it is one itself."""
+    if not path.is_dir():
+        return []
+    if is_one(path):
+        return ["."]
+    return sorted(p.name for p in path.iterdir() if p.is_dir() and is_one(p))
 
 
 def rigid(matrix: object, path: Path, what: str) -> Float64:

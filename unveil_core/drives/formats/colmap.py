@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.lens import FISHEYE
 from unveil_core.geometry.transforms import quat_to_rotation
 
 __all__ = ["find_model", "read_colmap", "read_model_points"]
@@ -48,8 +49,8 @@ class _Lens:
             distortion = Distortion("OPENCV", (rest[0], rest[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         else:
             intrinsics, rest = (p[0], p[1], p[2], p[3]), p[4:]
-            if self.model == "OPENCV_FISHEYE":
-                return intrinsics, Distortion("OPENCV_FISHEYE", tuple(rest))
+            if self.model == FISHEYE:
+                return intrinsics, Distortion(FISHEYE, tuple(rest))
             distortion = Distortion("OPENCV", (*rest, *([0.0] * (8 - len(rest)))))
         return intrinsics, None if distortion.is_zero else distortion
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from unveil_core.base.files import read_json
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import table
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
-from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of
+from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of, scenes_of
 from unveil_core.drives.formats.pandas_tables import read_table
 
 __all__ = ["read_pandaset", "recognizes", "scenes"]
@@ -76,9 +77,7 @@ def scenes(path: Path) -> list[str]:
     def is_one(folder: Path) -> bool:
         return (folder / "lidar/poses.json").is_file() and any((folder / "camera").glob("*/intrinsics.json"))
 
-    if is_one(path):
-        return ["."]
-    return [p.name for p in sorted(path.iterdir()) if p.is_dir() and is_one(p)] if path.is_dir() else []
+    return scenes_of(path, is_one)
 
 
 def read_pandaset(path: Path, scene: str = ".") -> Drive:
@@ -100,12 +99,13 @@ def read_pandaset(path: Path, scene: str = ".") -> Drive:
         sources += [folder / n for n in ("intrinsics.json", "poses.json", "timestamps.json")]
         frames += _camera_frames(folder, boxes)
     sweeps = []
+    classes = _numbered(root / "annotations/semseg", (".pkl.gz", ".pkl"))
     for name, file in _numbered(root / "lidar", (".pkl.gz", ".pkl")).items():
-        labels = _numbered(root / "annotations/semseg", (".pkl.gz", ".pkl")).get(name)
+        labels = classes.get(name)
         sources += [] if labels is None else [labels]
         number = int(name)
         time = stamps[number] if number < len(stamps) else None
-        sweeps.append(Sweep(file, lambda f=file, c=labels: _points(f, c), time, boxes.get(number, ())))  # type: ignore[misc]
+        sweeps.append(Sweep(file, partial(_points, file, labels), time, boxes.get(number, ())))
     if not frames:
         raise DriveError("has no photographs", path=root / "camera", mend="unpack the camera folders, too")
     if len(sweeps) < len(stamps):

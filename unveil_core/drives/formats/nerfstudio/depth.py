@@ -13,6 +13,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float32, Float64
 from unveil_core.drives.drive import Distortion, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.lens import FISHEYE
 
 __all__ = ["assumed_unit", "coarse_points", "depth_points", "depth_sweeps"]
 
@@ -108,7 +109,7 @@ def _rays(pixels: Float64, camera: Camera, distortion: Distortion | None) -> Flo
         return (pixels - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     k = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     coefficients = np.array(distortion.coefficients, dtype=np.float64)
-    undistort = cv2.fisheye.undistortPoints if distortion.model == "OPENCV_FISHEYE" else cv2.undistortPoints
+    undistort = cv2.fisheye.undistortPoints if distortion.model == FISHEYE else cv2.undistortPoints
     return np.asarray(undistort(pixels[:, None], k, coefficients)).reshape(-1, 2)
 
 

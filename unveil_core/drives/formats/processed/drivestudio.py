@@ -25,10 +25,10 @@ from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep
-from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size
+from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
 from unveil_core.drives.formats.processed.lidar_columns import OF_WAYMO, WITHOUT_ORIGIN, read_sweep
 from unveil_core.drives.formats.processed.object_classes import class_of
-from unveil_core.drives.formats.processed.shared import MEND, Boxes, Matrices, boxes_of_track, lens, scenes_of
+from unveil_core.drives.formats.processed.shared import MEND, Boxes, Matrices, boxes_of_track, lens
 
 __all__ = ["read_drivestudio", "recognizes", "scenes"]
 

@@ -24,8 +24,8 @@ from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 from unveil_core.drives.drive import Drive, Frame, FrameLabels, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.binary import read_archive
-from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, rigid
-from unveil_core.drives.formats.processed.shared import Boxes, boxes_near, boxes_of_track, lens, scenes_of
+from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, rigid, scenes_of
+from unveil_core.drives.formats.processed.shared import Boxes, boxes_near, boxes_of_track, lens
 from unveil_core.drives.formats.safe_pickle import read_arrays
 
 __all__ = ["read_neuralsim", "recognizes", "scenes"]

@@ -1,9 +1,9 @@
-"""What the processed layouts share: matrices in text files, boxes from matrices, lenses, scenes of a folder."""
+"""What the processed layouts share: matrices in text files, boxes from matrices, lenses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from unveil_core.base.types import Float64
@@ -11,7 +11,7 @@ from unveil_core.drives.boxes import TrackedBox, boxes_at
 from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import read_numbers, rigid
 
-__all__ = ["Boxes", "Matrices", "boxes_near", "boxes_of_track", "lens", "scenes_of"]
+__all__ = ["Boxes", "Matrices", "boxes_near", "boxes_of_track", "lens"]
 
 Boxes = dict[int, tuple[TrackedBox, ...]]
 """By frame number."""
@@ -85,12 +85,3 @@ def lens(coefficients: Sequence[float]) -> Distortion | None:
     five = (*(float(c) for c in coefficients), *(0.0,) * 8)[:8]
     found = Distortion("OPENCV", five)
     return None if found.is_zero else found
-
-
-def scenes_of(path: Path, is_one: Callable[[Path], bool]) -> list[str]:
-    """Names of the scenes in a folder, by number where they are numbers; "." where it is one itself."""
-    if not path.is_dir():
-        return []
-    if is_one(path):
-        return ["."]
-    return sorted(p.name for p in path.iterdir() if p.is_dir() and is_one(p))

@@ -21,7 +21,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
-from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size
+from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
 from unveil_core.drives.formats.processed.object_classes import class_of
 from unveil_core.drives.formats.processed.shared import (
     MEND,
@@ -30,7 +30,6 @@ from unveil_core.drives.formats.processed.shared import (
     boxes_near,
     boxes_of_track,
     lens,
-    scenes_of,
 )
 from unveil_core.drives.formats.safe_pickle import read_archived_object
 
