@@ -127,7 +127,7 @@ def test_sweeps_are_thinned() -> None:
     assert stamps_of(select_part(whole, DriveOptions())) == [0, 1, 2, 3, 4, 5, 6]
     assert stamps_of(select_part(whole, DriveOptions(sweeps="3"))) == [0, 3, 6]
     for wrong in ("0", "-1", "many", "1.5"):
-        with pytest.raises(SettingsError, match="not known.*all, key, or a number"):
+        with pytest.raises(SettingsError, match="unknown sweeps.*all, key, or a number"):
             select_part(whole, DriveOptions(sweeps=wrong))
 
 

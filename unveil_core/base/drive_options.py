@@ -18,12 +18,21 @@ class DriveOptions:
     cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
     frames: "A:B:STEP" as in Python, counted in each camera's order of time, or None for all.
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+
+    Raises:
+        SettingsError: frames that are no range, or unknown sweeps.
     """
 
     scene: str | None = None
     cameras: tuple[str, ...] = ()
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
+
+    def __post_init__(self) -> None:
+        if self.frames is not None:
+            frame_range(self.frames)
+        if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not (self.sweeps.isdigit() and int(self.sweeps)):
+            raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
 
 
 def frame_range(text: str) -> slice:

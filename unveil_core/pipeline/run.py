@@ -55,22 +55,24 @@ def run(
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     fresh = not Path(workspace).exists()
     opened = open_drive(drive, settings.drive_options)
-    if not (Path(workspace) / "workspace.json").is_file():
+    first = not (Path(workspace) / "workspace.json").is_file()
+    if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened, _every_second(reporter))
-        # Before the choice is made, and where labels only come with the import, nothing can be checked.
-        if until not in ("import", "objects") and labels_come_from(opened, settings) in ("drive", "nothing"):
-            marked = {m.id for m in marked_objects(settings.marked)}
-            listed = [i for i in settings.instances if i not in marked]
-            if listed or settings.remove or not settings.instances:
-                choose_labels(opened, settings.remove, listed)
+    labels = labels_come_from(opened, settings)
+    # Before the choice is made, and where labels only come with the import, nothing can be checked.
+    if first and until not in ("import", "objects") and labels in ("drive", "nothing"):
+        marked = {m.id for m in marked_objects(settings.marked)}
+        listed = [i for i in settings.instances if i not in marked]
+        if listed or settings.remove or not settings.instances:
+            choose_labels(opened, settings.remove, listed)
     if settings.keyframes:
         named_frames(opened.frames, settings.keyframes)
     placed = place_drive(opened, scale=settings.scale, up=settings.up)
     level = "warning" if placed.surprising else "notice"
     notices = [Notice("import", placed.message(), level, {"placement": placed.to_json()})]
     notices += [Notice("import", line, "warning") for line in opened.notices]
-    if labels_come_from(opened, settings) == "nothing" and settings.marked is None:
+    if labels == "nothing" and settings.marked is None:
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)
     try:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions, frame_range
+from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
@@ -85,10 +85,7 @@ class RunSettings:
             raise SettingsError(f"unknown reference inpainter {self.reference_inpainter!r}", mend="give FILE.onnx")
         if self.segmenter is not None and not is_file(self.segmenter):
             raise SettingsError(f"unknown segmenter {self.segmenter!r}", mend="give FILE.onnx")
-        if self.frames is not None:
-            frame_range(self.frames)
-        if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not (self.sweeps.isdigit() and int(self.sweeps)):
-            raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
+        _ = self.drive_options  # which are checked where they are made
         if self.marked is not None:
             object.__setattr__(self, "marked", str(Path(self.marked).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder

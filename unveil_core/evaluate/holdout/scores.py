@@ -85,7 +85,7 @@ def measure_holdout(
     sums: dict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
     filled: dict[Frame, dict[str, Picture]] = {}
     slopes: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
-    full = [0.0] * 5
+    full = _FullSize()
     both = either = changed = outside = 0
     change = 0.0
     for done, i in enumerate(shown):
@@ -148,9 +148,20 @@ def _add_gradient(slopes: dict[str, list[float]], method: str, region: Mask, pic
     slopes[method][1] += float(gradient(truth)[inside].sum())
 
 
-def _add_full_size(full: list[float], held: HoldoutFrame, root: Path) -> None:
-    """Add what the delivered frame differs from the footage: inside the cars squared error, gradients and pixels; outside, pixels
-    that changed, and all."""
+@dataclass
+class _FullSize:
+    """Sums over the delivered frames against their footage: inside the cars the squared error, in levels, the gradients of both and
+    the pixels; outside, the pixels that changed."""
+
+    squared: float = 0.0
+    gradient: float = 0.0
+    true_gradient: float = 0.0
+    pixels: int = 0
+    changed: int = 0
+
+
+def _add_full_size(full: _FullSize, held: HoldoutFrame, root: Path) -> None:
+    """Add a frame."""
     footage = held.frame.footage
     assert footage is not None
     delivered, truth = read_image(frame_file(root / "frames", held.frame)), read_image(footage.path)
@@ -160,24 +171,23 @@ def _add_full_size(full: list[float], held: HoldoutFrame, root: Path) -> None:
         return cv2.remap(mask.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR)
 
     inside = enlarged(held.region) >= 1
-    full[0] += float(((delivered[inside].astype(np.float64) - truth[inside]) ** 2).mean(axis=1).sum())
-    full[1] += float(gradient(delivered)[inside].sum())
-    full[2] += float(gradient(truth)[inside].sum())
-    full[3] += int(inside.sum())
+    full.squared += float(((delivered[inside].astype(np.float64) - truth[inside]) ** 2).mean(axis=1).sum())
+    full.gradient += float(gradient(delivered)[inside].sum())
+    full.true_gradient += float(gradient(truth)[inside].sum())
+    full.pixels += int(inside.sum())
     margin = 2 * border_px(held.frame.camera.width)
     outside = enlarged(grow((held.cars.number > 0) | held.view.excluded, margin)) == 0
-    full[4] += int((delivered[outside] != truth[outside]).any(axis=1).sum())
+    full.changed += int((delivered[outside] != truth[outside]).any(axis=1).sum())
 
 
-def _of_full_size(full: list[float]) -> dict[str, Any]:
+def _of_full_size(full: _FullSize) -> dict[str, Any]:
     """The figures of :func:`_add_full_size`; none where the footage is no larger than the working size."""
-    squared, made, true, pixels, changed = full
-    if not pixels:
+    if not full.pixels:
         return {}
     figures = {
-        "psnr": psnr_of_mse(squared / pixels / 255**2),
-        "gradient": made / max(true, 1e-9),
-        "changed_pixels": changed,
+        "psnr": psnr_of_mse(full.squared / full.pixels / 255**2),
+        "gradient": full.gradient / max(full.true_gradient, 1e-9),
+        "changed_pixels": full.changed,
     }
     return {"full_size": rounded(figures)}
 
