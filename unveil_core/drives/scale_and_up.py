@@ -22,7 +22,16 @@ from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP, upright
 from unveil_core.geometry.similarity import Similarity
 
-__all__ = ["CAMERA_HEIGHT_M", "UP_AXES", "Placement", "camera_height", "estimate_up", "place_drive"]
+__all__ = [
+    "CAMERA_HEIGHT_M",
+    "ESTIMATED_SCALES",
+    "ESTIMATED_UPS",
+    "UP_AXES",
+    "Placement",
+    "camera_height",
+    "estimate_up",
+    "place_drive",
+]
 
 CAMERA_HEIGHT_M = 1.6
 """Assumed height of a camera above the street, metres, where the drive's scale is unknown. Hand-held 1.5 to 1.7, behind a
@@ -50,6 +59,11 @@ MOST_POINTS, MOST_SCORED, TRIES = 100_000, 4_000, 400
 """Points that are looked at, those of them that a plane is scored by, and planes tried."""
 
 
+ESTIMATED_SCALES = ("camera height", "nothing")
+"""Sources of a scale that is a guess."""
+ESTIMATED_UPS = ("ground", "cameras")
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """Where a drive's local frame lies in its own coordinates, and how that is known.
@@ -72,12 +86,12 @@ class Placement:
     @property
     def scale_is_known(self) -> bool:
         """False where the scale was estimated."""
-        return self.before or self.scale_source not in ("camera height", "nothing")
+        return self.before or self.scale_source not in ESTIMATED_SCALES
 
     @property
     def up_is_known(self) -> bool:
         """False where up was estimated."""
-        return self.up_source in ("given", "drive")
+        return self.up_source not in ESTIMATED_UPS
 
     @property
     def up_name(self) -> str:
@@ -160,7 +174,7 @@ def place_drive(drive: Drive, *, scale: float | None = None, up: str | None = No
     if units is None:
         units, scale_source = (1.0, "nothing") if height is None else (height / CAMERA_HEIGHT_M, "camera height")
     else:
-        before = scale is None and scale_source in ("camera height", "nothing")
+        before = scale is None and scale_source in ESTIMATED_SCALES
     try:
         return Placement(Similarity(units, upright(axis)), scale_source, source, height, before)
     except ValueError as error:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
 
 from unveil_core.base.types import Float64
+from unveil_core.ground.one_place import limited_to_own
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.street import Ground
 
@@ -71,6 +72,7 @@ def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | No
         upright = (over > WALL_FOOT_M) & (over < WALL_TOP_M) & (np.abs(side[:, 1]) < WIDEST_M)
         left = _wall_limit(side[upright & (side[:, 1] > 0)], s_low, left)
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
+    right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)
     return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
 
 

@@ -25,6 +25,7 @@ from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
+from unveil_core.workspace.assumptions import recorded_assumptions
 from unveil_core.workspace.journal import PARTIAL, commit, recover
 from unveil_core.workspace.workspace import Workspace
 
@@ -173,6 +174,9 @@ class _Attempt:
             **(facts or {}),
         }
         commit(workspace, stage.name, partial, stage.outputs, record)
+        for _, assumption in recorded_assumptions({stage.name: record}):
+            if not assumption.holds:
+                self.reporter(workspace.log(stage.name, assumption.message(), level="notice"))
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
 
     def progress(self, done: int, total: int, message: str = "", **metrics: float) -> None:

@@ -21,6 +21,7 @@ from unveil_core.report.collect import MeshPictures, Shown, gather
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.video import write_video
 from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
+from unveil_core.workspace.assumptions import recorded_assumptions
 
 __all__ = ["build_page", "write_report"]
 
@@ -61,6 +62,7 @@ def build_page(shown: Shown) -> str:
         _free_views(shown),
         _meshes(shown.meshes),
         _objects(shown),
+        _assumptions(shown),
         _stages(shown),
         _settings(shown),
     ]
@@ -352,6 +354,15 @@ def _stages(shown: Shown) -> str:
     lead = f"{seconds(sum(s['seconds'] for _, s in stages))} in all"
     lead += f", at most {memory(max(peaks))} of memory." if peaks else "."
     return _section("Time and memory", lead, f'<div class="card padded bars">{"".join(rows)}</div>')
+
+
+def _assumptions(shown: Shown) -> str:
+    found = [a for _, a in recorded_assumptions(shown.state.get("stages", {}))]
+    if not found:
+        return ""
+    rows = [(a.name, f"{'yes' if a.holds else 'no'}: {a.found}" + ("" if a.holds else f"; {a.instead}")) for a in found]
+    lead = "What the method assumes of a street, tested on this one; where it does not hold, something else is done."
+    return _section("Assumptions", lead, f'<div class="card padded"><dl>{_definitions(rows)}</dl></div>')
 
 
 def _settings(shown: Shown) -> str:

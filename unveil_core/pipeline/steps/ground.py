@@ -11,19 +11,22 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track
+from unveil_core.ground.one_place import LEAST_OWN, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.rectify import rectified_path
 from unveil_core.inpaint.chart.street_chart import usable_pixels
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.movers import Moving, read_moving
 
@@ -53,8 +56,8 @@ def _usable(
     return usable
 
 
-def run(context: StageContext) -> None:
-    """ground/ground.npz, and ground/ground.json on how it was fitted."""
+def run(context: StageContext) -> Facts:
+    """ground/ground.npz, and ground/ground.json on how it was fitted. Returns what was assumed of the drive."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -62,7 +65,8 @@ def run(context: StageContext) -> None:
     track = longest_track(drive)
     of_track = [drive.frames[i].camera for i in track]
     path, moved = fit_path(of_track), 0.0
-    street = fit_street(surfels, scene.labels, of_track, path, drive.points)
+    own = share_of_own(path)
+    street = fit_street(surfels, scene.labels, of_track, path, drive.points) if own >= LEAST_OWN else None
     context.progress(1, 4, "fitting the ground")
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
@@ -89,6 +93,48 @@ def run(context: StageContext) -> None:
         },
     )
     context.progress(4, 4, "fitting the ground")
+    return assumed(_assumptions(drive, scene, way, own, street))
+
+
+def _assumptions(drive: Drive, scene: SceneLabels, way: float, own: float, street: Ground | None) -> list[Assumption]:
+    estimated = drive.scale_source in ESTIMATED_SCALES
+    labelled = bool(scene.labels.indices(GROUND_CLASSES))
+    plain = "frames are filled one by one, without charts"
+    found = [
+        Assumption(
+            "lengths are in metres",
+            not estimated,
+            f"by {drive.scale_source}",
+            "the cameras were taken to be 1.6 m high",
+        ),
+        Assumption(
+            "up is known",
+            drive.up_source not in ESTIMATED_UPS,
+            f"by {drive.up_source}",
+            "it was estimated from the scene",
+        ),
+        Assumption(
+            "the camera drives", way > 0, f"{way:.1f} m of way", "where it looks is taken for the street's direction"
+        ),
+        Assumption(
+            "the way is one street", own >= LEAST_OWN, f"{own:.0%} of the places beside it are one place of it", plain
+        ),
+    ]
+    if own >= LEAST_OWN:
+        seen = "by its labels" if labelled else "level surfels under the cameras"
+        found.append(
+            Assumption("the ground was seen", street is not None, seen if street is not None else "too little", plain)
+        )
+    if street is not None:
+        found.append(
+            Assumption(
+                "labels tell the ground",
+                labelled,
+                "so they do" if labelled else "no class of ground",
+                "level surfels do",
+            )
+        )
+    return found
 
 
 def _street_from(scene: SceneLabels, street: Ground | None) -> str | None:

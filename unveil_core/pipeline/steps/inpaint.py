@@ -18,10 +18,12 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
+from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import Removal, Views, complete_scene, drive_views, empty_ground_chart
@@ -33,6 +35,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
+from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
 from unveil_core.workspace.workspace import Workspace
@@ -43,7 +46,7 @@ __all__ = ["STAGE"]
 def run(context: StageContext) -> Facts:
     """inpainted/ in canonical colours, inpaint/keyframes.json, inpaint/chart.npz, masks/shadows; surfels/seeds.ply, and of
     full.ply's surfels those that they replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns
-    where the sun was found."""
+    where the sun was found, and what was assumed."""
     return inpaint_with(context)
 
 
@@ -77,8 +80,11 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
     parts: list[Surfels] = []
     layer = None
+    tested = [] if chart is None or context.settings.shadows == "off" else [_sun_assumed(sun)]
     if street is not None and chart is not None:
         parts, feet = complete_scene(drive, scene, street, remaining, given.views)
+        if scene.labels.index("building") is not None:
+            tested.append(_facades_assumed(len(parts)))
         parts += [] if feet is None else [feet]
         layer = GroundLayer(
             chart,
@@ -102,9 +108,24 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
     save_chart(chart, context.output("inpaint/chart.npz"))
     if sun is None:
-        return {"sun": None}
+        return {"sun": None, **assumed(tested)}
     numbers = {"azimuth_deg": sun.azimuth, "elevation_deg": sun.elevation, "score": sun.score}
-    return {"sun": {name: round(value, 3) for name, value in numbers.items()}}
+    return {"sun": {name: round(value, 3) for name, value in numbers.items()}, **assumed(tested)}
+
+
+def _sun_assumed(sun: Sun | None) -> Assumption:
+    found = "no direction from which shadows would lie where it is dark, and take light away"
+    if sun is not None:
+        found = f"azimuth {sun.azimuth:.0f}, elevation {sun.elevation:.0f} degrees"
+    instead = f"what is dark within {SHADOW_REACH_M:g} m of a removed object counts as its shadow"
+    return Assumption("the sun shines", sun is not None, found, instead)
+
+
+def _facades_assumed(sides: int) -> Assumption:
+    found = f"completed on {sides} of 2 sides"
+    return Assumption(
+        "facades stand along the street", sides > 0, found, "what was not seen of them is filled frame by frame"
+    )
 
 
 @dataclass(frozen=True, eq=False)
