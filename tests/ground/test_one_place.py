@@ -7,7 +7,7 @@ import pytest
 
 from tests.ground.test_street import drive_on_circle
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.one_place import LEAST_OWN, limited_to_own, share_of_own
+from unveil_core.ground.one_place import LEAST_OWN, goes_round, limited_to_own, share_of_own
 from unveil_core.ground.path import EXTENSION_M, StreetPath, fit_path
 
 
@@ -51,12 +51,18 @@ def test_a_street_is_its_own() -> None:
 
 @pytest.mark.parametrize(("radius", "degrees"), [(6, 90), (10, 90), (6, 180)])
 def test_turns_at_junctions_are_streets(radius: float, degrees: float) -> None:
-    assert share_of_own(fit_path(turning(radius, degrees))) > LEAST_OWN
+    path = fit_path(turning(radius, degrees))
+    assert share_of_own(path) > LEAST_OWN
+    assert not goes_round(path)
 
 
-@pytest.mark.parametrize(("radius", "laps"), [(4, 1), (4, 2), (7, 1)])
+@pytest.mark.parametrize(("radius", "laps"), [(4, 1), (8, 2), (15, 1)])
 def test_orbits_are_none(radius: float, laps: float) -> None:
-    assert share_of_own(fit_path(orbit(radius, laps))) < LEAST_OWN
+    assert goes_round(fit_path(orbit(radius, laps)))
+
+
+def test_a_half_turn_on_the_spot_is_none() -> None:
+    assert share_of_own(fit_path(turning(3, 180))) < LEAST_OWN
 
 
 def limits(path: StreetPath, width: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

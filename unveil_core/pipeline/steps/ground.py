@@ -15,7 +15,7 @@ from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
 from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track
-from unveil_core.ground.one_place import LEAST_OWN, share_of_own
+from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.rectify import rectified_path
@@ -31,6 +31,8 @@ from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.movers import Moving, read_moving
 
 __all__ = ["STAGE"]
+
+PLAIN = "frames are filled one by one, without charts"
 
 
 def _usable(
@@ -65,8 +67,9 @@ def run(context: StageContext) -> Facts:
     track = longest_track(drive)
     of_track = [drive.frames[i].camera for i in track]
     path, moved = fit_path(of_track), 0.0
-    own = share_of_own(path)
-    street = fit_street(surfels, scene.labels, of_track, path, drive.points) if own >= LEAST_OWN else None
+    own, orbits = share_of_own(path), goes_round(path)
+    one_street = own >= LEAST_OWN and not orbits
+    street = fit_street(surfels, scene.labels, of_track, path, drive.points) if one_street else None
     context.progress(1, 4, "fitting the ground")
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
@@ -93,13 +96,17 @@ def run(context: StageContext) -> Facts:
         },
     )
     context.progress(4, 4, "fitting the ground")
-    return assumed(_assumptions(drive, scene, way, own, street))
+    shape = "goes round in circles" if orbits else f"{own:.0%} of the places beside it are one place of it"
+    return assumed(
+        _assumptions(drive, scene, way, Assumption("the way is one street", one_street, shape, PLAIN), street)
+    )
 
 
-def _assumptions(drive: Drive, scene: SceneLabels, way: float, own: float, street: Ground | None) -> list[Assumption]:
+def _assumptions(
+    drive: Drive, scene: SceneLabels, way: float, one_street: Assumption, street: Ground | None
+) -> list[Assumption]:
     estimated = drive.scale_source in ESTIMATED_SCALES
     labelled = bool(scene.labels.indices(GROUND_CLASSES))
-    plain = "frames are filled one by one, without charts"
     found = [
         Assumption(
             "lengths are in metres",
@@ -116,14 +123,12 @@ def _assumptions(drive: Drive, scene: SceneLabels, way: float, own: float, stree
         Assumption(
             "the camera drives", way > 0, f"{way:.1f} m of way", "where it looks is taken for the street's direction"
         ),
-        Assumption(
-            "the way is one street", own >= LEAST_OWN, f"{own:.0%} of the places beside it are one place of it", plain
-        ),
+        one_street,
     ]
-    if own >= LEAST_OWN:
+    if one_street.holds:
         seen = "by its labels" if labelled else "level surfels under the cameras"
         found.append(
-            Assumption("the ground was seen", street is not None, seen if street is not None else "too little", plain)
+            Assumption("the ground was seen", street is not None, seen if street is not None else "too little", PLAIN)
         )
     if street is not None:
         found.append(
