@@ -244,3 +244,20 @@ def test_a_wall_that_the_sun_shines_on_does_not_shade_its_own_foot() -> None:
     assert np.array_equal(lit, tree | house)
     mirrored = lit_at_sunny_walls(chart, rough | tree | house, inside, towards * [1, -1, 1], 12)
     assert np.array_equal(mirrored, rough | tree)
+
+
+def test_invented_ground_is_as_bright_as_the_ground_around_it() -> None:
+    """Under an even sky, on asphalt of two ages: the darker half begins beside the car, and lateral offsets have both."""
+    chart, truth, footprint, *_ = sunny_chart(None)
+    s = chart.coordinates()[0]
+    age = np.where(s < 11.25, 0.8, 1.0).astype(np.float32)[:, None, None]
+    aged = replace(chart, color=chart.color * age)
+    filled = fill_chart(aged, footprint, light=None)
+    hidden = filled.source == INVENTED
+    wrong = (filled.color - truth * age)[hidden].mean(axis=1)
+    assert hidden.sum() > 1000
+    assert np.abs(wrong).mean() < 0.03
+    old, new = (
+        (filled.color / np.maximum(truth, 0.02))[hidden & (half[:, None])].mean() for half in (s < 10.5, s > 12.5)
+    )
+    assert old < 0.88 < 0.95 < new

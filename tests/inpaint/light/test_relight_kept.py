@@ -14,6 +14,7 @@ from unveil_core.inpaint.chart.street_chart import INVENTED
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.new_ground import seed_ground
 from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
+from unveil_core.inpaint.light.relight import OBJECT_M, sky_gain
 from unveil_core.surfels.sky import Sky
 
 
@@ -38,3 +39,20 @@ def test_no_light_is_thrown_on_what_stays() -> None:
     assert (cleaned[0] & car).sum() > 50
     assert not (cleaned[1] & car).any()
     assert (cleaned[1][:, 54:] == cleaned[0][:, 54:]).all()
+
+
+def test_an_even_sky_gives_back_what_a_long_wall_hid() -> None:
+    """Against the view factor of a wall, by integration over the hemisphere."""
+    per_m = 20
+    footprint = np.zeros((10, 201), dtype=bool)
+    footprint[:, :100] = True
+    gain = sky_gain(footprint, per_m)
+    assert np.isinf(gain[:, :100]).all()
+    assert (np.diff(gain[5, 100:]) < 0).all()
+    for column in (110, 130, 160):
+        distance = (column - 99) / per_m
+        # Elevation over the wall's edge, across the wall's direction: light from there falls on the ground by its sine.
+        across = np.linspace(0, np.pi, 20_001)
+        hidden = across < np.arctan2(OBJECT_M, distance)
+        lost = np.sin(across[hidden]).sum() / np.sin(across).sum()
+        assert abs(1 / gain[5, column] - (1 - lost)) < 0.02

@@ -10,7 +10,7 @@ from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade
 
-__all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed"]
+__all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed", "sky_gain"]
 
 PENUMBRA_M = 0.2
 """Width on either side of a shadow's border within which sun and shade may be mixed, metres. The sun is half a degree wide: a
@@ -21,6 +21,8 @@ inside."""
 TOUCH_M = 0.4
 """Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
 metres. Chosen on the two sample streets."""
+OBJECT_M = 1.5
+"""Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
 """Blur of luma before it is compared, and the radius of dark specks and lit gaps that do not count, metres: painted lines stray by
 a few centimetres from their offset."""
@@ -95,6 +97,21 @@ def shadows_of_removed(
     hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     return shadow, hopeless
+
+
+def sky_gain(footprint: Mask, per_m: float) -> Float32:
+    """(A, B) most by which ground can get lighter when a removed object no longer hides the sky from it; inf under the object.
+
+    An even sky loses the share (1 - d / sqrt(d^2 + h^2)) / 2 of its light at a distance d from a long wall of height h, the view
+    factor of the wall; of a shorter thing less.
+
+    Args:
+        footprint: (A, B) texels under or inside removed objects; per_m: texels per metre.
+    """
+    distance = cv2.distanceTransform((~footprint).astype(np.uint8), cv2.DIST_L2, 5) / per_m
+    lost = 0.5 * (1 - distance / np.hypot(distance, OBJECT_M))
+    gain: Float32 = np.where(footprint, np.inf, 1 / (1 - lost)).astype(np.float32)
+    return gain
 
 
 def relighting_gain(
