@@ -48,15 +48,15 @@ def test_a_hole_contains_the_border_of_its_mask(width: int) -> None:
 
 
 def test_what_is_known_spreads_into_a_hole() -> None:
-    """Even stays even as far as the broadest blur reaches, and beyond there is nothing; close to what is known its own value counts."""
+    """Even stays even as far as the broadest blur reaches; close to what is known its own value counts."""
     known = np.zeros((80, 200), dtype=bool)
     known[:, :40] = True
-    even = np.full((80, 200, 1), 0.3, np.float32)
+    even = np.full((80, 200, 3), 0.3, np.float32)
     spread = spread_from(even, known, (2.0, 6.0, 12.0))[40, :, 0]
     assert np.allclose(spread[:50], 0.3, atol=1e-3)
     assert (np.diff(spread[50:]) < 1e-6).all()
     assert spread[150] == 0
-    steps = np.where(np.arange(80)[:, None, None] < 40, 0.0, 1.0) * np.ones((1, 200, 1))
+    steps = np.where(np.arange(80)[:, None, None] < 40, 0.0, 1.0) * np.ones((1, 200, 3))
     spread = spread_from(steps.astype(np.float32), known, (2.0, 6.0, 12.0))[..., 0]
     assert spread[20, 41] < 0.01
     assert spread[60, 41] > 0.99
