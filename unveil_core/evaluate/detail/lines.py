@@ -26,15 +26,18 @@ __all__ = ["Edges", "LineMatch", "find_edges", "match_lines", "reach_px"]
 SMOOTHING_PX = 1.0
 """Standard deviation of the smoothing, pixels at 384 px: grain of 2 levels leaves strengths of 1 level."""
 LINE_LEVELS = 16.0
-"""Least strength of a line's pixels. Cracks and coarse grain of the sample scenes' asphalt have 5 to 12, a kerb in the shade 15
-to 30, paint 60 and more."""
+"""Least strength of a line's pixels. Of the asphalt of the parked street, cracks and grain, 99 % of the pixels have less than 16;
+kerbs and edges of shadows have 18 to 62, paint 48 and more (5th and 95th percentile)."""
 START_LEVELS = 24.0
-"""Some pixel of a line is at least so strong, or it is texture that happens to be connected."""
+"""Some pixel of a line is at least so strong, or it is texture that happens to be connected: 99.9 % of that asphalt has less than
+21."""
 EDGE_LEVELS = 10.0
-"""Least strength of the edges among which lines are looked for: so much below a line's that grain cannot decide."""
+"""Least strength of the edges among which lines are looked for: so much below a line's that grain cannot decide. 95 %
+of that asphalt has 10 or less."""
 KEPT_CONTRAST = 0.5
 """A line is found with this share of its true strength and more: with less it is blurred or faded until the eye misses it. A
-sharp edge blurred by 2 pixels at 384 px has less."""
+sharp edge blurred by 2 pixels at 384 px has less: the true parked street so blurred has a recall of 40 %, by 1 pixel 97 %, by 3
+pixels, which is still 25 dB, 4 %."""
 LENGTH_PX = 12
 """Shortest line, pixels between its ends at 384 px: shorter ones are dashes near the horizon and texture."""
 REACH_PX = 2
