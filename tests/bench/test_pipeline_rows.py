@@ -53,6 +53,9 @@ def test_every_row_runs_or_says_what_it_lacks(told: dict) -> None:
         assert row["status"] == "done" and row["seconds"] >= row["own_seconds"] >= 0 and row["peak_memory_mb"] > 50
         better = row["regions"]["removed"]["psnr"] - rows["input"]["regions"]["removed"]["psnr"]
         assert name == "input" or better > 1.0, (name, better)
+        details = row["regions"]["removed"]
+        assert details["gradient"] > 0 and 0 <= details["residue"] <= 1
+        assert "gradient" not in row["regions"]["whole"]
         assert len(list((told["folder"] / "kept" / name).rglob("*.png"))) == FRAMES
     # What a row builds on counts for it; what it does not, does not.
     scene = sum(stage["seconds"] for stage in told["scene"].values())

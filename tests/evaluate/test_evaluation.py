@@ -71,6 +71,38 @@ def test_order_of_the_methods(finished: Path) -> None:
     assert methods["ours"]["ssim"] > methods["telea"]["ssim"]
 
 
+def test_details_tell_blur_lines_and_what_is_left(workspace: Path) -> None:
+    """The true street is right by all figures; the cars left standing are found, and by their numbers."""
+    regions = run_evaluation(workspace)["truth"]["regions"]
+    assert regions["removed"]["methods"]["input"]["residue"] > 0.5
+    assert regions["removed"]["methods"]["ours"]["residue"] < 0.02
+    assert "residue" not in regions["whole"]["methods"]["ours"]
+    truth = workspace.parent / "drive_on_disk/truth"
+    for path in sorted((truth / "images").glob("*.png")):
+        shutil.copy(path, workspace / "frames/front" / path.name)
+    metrics = run_evaluation(workspace)
+    exact = metrics["truth"]["regions"]["removed"]["methods"]["ours"]
+    assert [exact[k] for k in ("gradient", "residue")] == [1.0, 0.0]
+    assert [exact[k] for k in ("line_recall", "false_lines")] == [1.0, 0.0]
+    assert metrics["per_frame"][0]["gradient"]["ours"] == 1.0
+    assert all(entry["left"] == 0 for entry in metrics["truth"]["residue_by_object"])
+    shutil.copytree(workspace.parent / "drive_on_disk/images", workspace / "frames/front", dirs_exist_ok=True)
+    left = run_evaluation(workspace)["truth"]["residue_by_object"]
+    assert {(entry["id"], entry["class"]) for entry in left} <= {(1, "car"), (2, "car"), (3, "car")}
+    assert left[0]["residue"] > 0.3 and left[0]["left"] >= left[-1]["left"]
+
+
+def test_objects_that_stay_are_no_residue(workspace: Path) -> None:
+    path = workspace / "instances.json"
+    entries = json.loads(path.read_text())
+    entries[0]["removed"] = False
+    path.write_text(json.dumps(entries))
+    assert 1 not in {entry["id"] for entry in run_evaluation(workspace)["truth"]["residue_by_object"]}
+    path.write_text("{")
+    with pytest.raises(WorkspaceError, match=r"instances\.json"):
+        run_evaluation(workspace)
+
+
 def test_untouched_pixels_and_masks(finished: Path) -> None:
     metrics = run_evaluation(finished)
     assert metrics["untouched"]["max"] == 0

@@ -76,6 +76,38 @@ def test_of_an_object_whose_foot_nobody_saw_nothing_stays_but_the_ground() -> No
     assert not gone[~rear].any() and not gone[rear & (surfels.means[:, 2].numpy() < 0.1) & (ids == 0)].any()
 
 
+def long_vehicle(gap: float) -> tuple[Surfels, np.ndarray]:
+    """18 m of boxes, 2.5 m wide and 3 m high, whose middle has a gap; and poles, badly named, within them and in the gap."""
+    x, z = (g.ravel() for g in np.meshgrid(np.arange(0, 18, 0.1), np.arange(0.2, 3, 0.2)))
+    solid = np.abs(x - 9) > gap / 2
+    across = np.linspace(-1.25, 1.25, 26)
+    sides = [np.column_stack([x[solid], np.full(solid.sum(), y), z[solid]]) for y in across]
+    poles = np.array(
+        [[4.0, 0.1, h] for h in np.arange(0.5, 2.5, 0.2)] + [[9.0, 0.1, h] for h in np.arange(0.5, 2.5, 0.2)]
+    )
+    means = np.concatenate([*sides, poles])
+    count = len(means)
+    surfels = Surfels(
+        torch.from_numpy(means).float(),
+        torch.ones(count, 4),
+        torch.zeros(count, 2),
+        torch.zeros(count),
+        torch.zeros(count, 1, 3),
+        torch.from_numpy(np.where(np.arange(count) < count - len(poles), 2, 0)),
+    )
+    return surfels, np.arange(count) >= count - len(poles)
+
+
+@pytest.mark.parametrize(("gap", "whole"), [(0.0, True), (0.7, False)])
+def test_a_lorry_is_taken_whole_and_a_row_of_cars_is_not(gap: float, whole: bool) -> None:
+    surfels, poles = long_vehicle(gap)
+    ids = np.where(surfels.labels.numpy() == 2, 1, 0)
+    gone = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    assert gone[~poles].all()
+    assert gone[poles].all() == whole
+    assert gone[poles].any() == whole
+
+
 def test_what_belongs_to_no_object_gets_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
     boxed: list[int] = []
 

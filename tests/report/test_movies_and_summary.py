@@ -25,7 +25,7 @@ from unveil_core.report.page import build_page
 from unveil_core.report.strip import GAP_PX, write_strip
 from unveil_core.report.summary import print_summary
 from unveil_core.report.video import write_video
-from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
+from unveil_core.report.wording import decibels, detail, memory, movers, percent, seconds, similarity
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +157,11 @@ def test_summary_says_what_metrics_say(finished: Path) -> None:
     for name, method in (("Unveil", "ours"), ("Telea", "telea"), ("shift-map", "shift_map")):
         line = next(line for line in text.splitlines() if line.strip().startswith(f"{name} "))
         assert f"{methods[method]['psnr']:.1f} dB / {methods[method]['ssim']:.3f}" in line
+        row = [line for line in text.splitlines() if line.strip().startswith(f"{name} ")][1]
+        figures = ("gradient", "line_recall", "false_lines", "residue")
+        assert row.split(name, 1)[1].split("  ")[-1].strip() == detail("residue", methods[method]["residue"])
+        assert all(detail(figure, methods[method][figure]) in row for figure in figures)
+    assert "Unveil, in cast shadows" in text
     assert str(finished / "frames") in text
     assert "meshes" not in text
     stages = json.loads((finished / "workspace.json").read_text())["stages"]

@@ -23,6 +23,7 @@ from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_p
 from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera
 from unveil_core.report.pictures import REGION_COLORS, fitted, page_size, pick
+from unveil_core.report.wording import detail
 
 VOID = {"meta", "link", "img", "input", "br", "line", "polyline"}
 
@@ -108,11 +109,14 @@ def test_everything_is_there(finished: Path, tmp_path: Path) -> None:
     text, page = page_of(finished, tmp_path / "report")
     assert page.headings() == ["Against the true", "The street as a mesh", "Objects", "Time and memory", "Settings"]
     assert len(page.frames()) == 4
-    assert set(page.frames()[0]) == {"name", "label", "before", "after", "rendered", "inpainted", "regions"}
+    assert set(page.frames()[0]) == {"name", "label", "before", "after", "rendered", "inpainted", "lines", "regions"}
     metrics = json.loads((finished / "metrics.json").read_text())
     removed = metrics["truth"]["regions"]["removed"]["methods"]
     for method in ("ours", "telea", "shift_map"):
         assert f"{removed[method]['psnr']:.1f} dB" in page.text
+    for figure in ("gradient", "line_recall", "false_lines", "residue"):
+        assert f"<td>{detail(figure, removed['ours'][figure])}</td>" in text
+    assert "found in green, missed in red" in page.text
     assert "removed: 3 cars" in page.text
     assert "vehicle" in page.text
     assert "polyline" in text
@@ -180,7 +184,8 @@ def test_without_truth(workspace: Path) -> None:
     metrics = json.loads((workspace / "metrics.json").read_text())
     del metrics["truth"]
     for entry in metrics["per_frame"]:
-        del entry["psnr"], entry["ssim"]
+        for figure in ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue"):
+            del entry[figure]
     write_report(workspace, workspace / "report", metrics)
     page = Page((workspace / "report/index.html").read_text())
     assert "Against the true" not in page.headings()
@@ -192,8 +197,33 @@ def test_exact_and_undefined_numbers(workspace: Path) -> None:
     for region in metrics["truth"]["regions"].values():
         region["methods"]["ours"]["psnr"] = None
     metrics["per_frame"][1]["psnr"]["ours"] = None
+    metrics["truth"]["regions"]["removed"]["methods"]["ours"]["line_recall"] = None
     write_report(workspace, workspace / "report", metrics)
     assert "exact" in Page((workspace / "report/index.html").read_text()).text
+
+
+def test_metrics_of_before_the_details(workspace: Path) -> None:
+    """A workspace of an earlier version has none of them in its metrics.json."""
+    metrics = json.loads((workspace / "metrics.json").read_text())
+    for region in metrics["truth"]["regions"].values():
+        for figures in region["methods"].values():
+            for name in ("gradient", "line_recall", "false_lines", "residue"):
+                figures.pop(name, None)
+    del metrics["truth"]["residue_by_object"]
+    write_report(workspace, workspace / "report", metrics)
+    page = Page((workspace / "report/index.html").read_text())
+    assert "Against the true" in page.headings() and "False lines" not in page.text
+
+
+def test_the_objects_of_which_most_is_left_are_named(workspace: Path) -> None:
+    metrics = json.loads((workspace / "metrics.json").read_text())
+    metrics["truth"]["residue_by_object"] = [
+        {"id": i, "class": "car", "left": left, "pixels": 1000, "residue": left / 1000}
+        for i, left in ((4, 300), (2, 20), (7, 10), (5, 5), (1, 0))
+    ]
+    write_report(workspace, workspace / "report", metrics)
+    text = Page((workspace / "report/index.html").read_text()).text
+    assert "Most is left of: car 4 (30 %), car 2 (2.0 %), car 7 (1.0 %)." in text
 
 
 def test_words_from_files_are_only_words(workspace: Path) -> None:

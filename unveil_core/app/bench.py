@@ -141,10 +141,15 @@ def _raster_table(measured: dict[str, Any]) -> str:
 
 
 def _pipeline_table(measured: dict[str, Any]) -> str:
+    from unveil_core.evaluate.detail.scores import DETAIL_FIGURES
+
     lines = [
         f"{measured['drive']}, {measured['quality']}, {measured['frames']} frames of {measured['size'][0]}x{measured['size'][1]}"
     ]
-    heads = (("seconds", 9), ("own", 9), ("MB", 7), ("PSNR", 7), ("SSIM", 7), ("unseen", 8), ("elsewhere", 11))
+    heads = (
+        ("seconds", 9), ("own", 9), ("MB", 7), ("PSNR", 7), ("SSIM", 7), ("unseen", 8), ("elsewhere", 11),
+        ("gradient", 10), ("lines", 7), ("false", 7), ("residue", 9),
+    )  # fmt: skip
     lines.append(f"{'':<42}" + "".join(f"{head:>{width}}" for head, width in heads))
     for row in measured["rows"]:
         if "regions" not in row:
@@ -162,10 +167,11 @@ def _pipeline_table(measured: dict[str, Any]) -> str:
                     ("removed", "ssim"),
                     ("unseen", "psnr"),
                     ("seen_elsewhere", "psnr"),
+                    *(("removed", figure) for figure in DETAIL_FIGURES),
                 )
             ),
         )
-        digits = (1, 1, 0, 1, 2, 1, 1)
+        digits = (1, 1, 0, 1, 2, 1, 1, 2, 2, 2, 3)
         cells = "".join(
             f"{'' if v is None else format(v, f'.{d}f'):>{width}}"
             for v, d, (_, width) in zip(values, digits, heads, strict=True)

@@ -12,6 +12,7 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.evaluate.detail.scores import DetailScore, StreetDetail, detail_figures
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth
 from unveil_core.evaluate.metrics import SSIM_WINDOW, psnr_of_mse, rounded, squared_error, ssim_map
 from unveil_core.evaluate.pictures import REGIONS, fitted, regions_of, truth_file
@@ -51,12 +52,14 @@ def measure_frames(
         removed: (H, W) masks of what the run removed, for where the truth has none.
         film: further figures; ``FILM_FIGURES`` by default.
     Returns:
-        ``regions``: by name (see ``evaluate.pictures``) PSNR in dB, SSIM, and their pixels; ``changed_outside``: the largest
-        difference to the photographs outside the masks, which cast shadows may explain; and the film's figures.
+        ``regions``: by name (see ``evaluate.pictures``) PSNR in dB, SSIM, their pixels, and in all but ``whole`` what PSNR forgives
+        (see ``evaluate.detail.scores.detail_figures``); ``changed_outside``: the largest difference to the
+        photographs outside the masks, which cast shadows may explain; and the film's figures.
     Raises:
         WorkspaceError: the truth shows none of the frames.
     """
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0, 0])
+    details: dict[str, list[DetailScore]] = defaultdict(list)
     compared: list[Mask] = []
     outside = 0
     for frame, picture, mask_of_run in zip(drive.frames, frames, removed, strict=True):
@@ -70,6 +73,10 @@ def measure_frames(
         street = fitted(read_image(path), picture.shape)
         regions = regions_of(drive.truth_root, frame, picture.shape, removed=mask_of_run, unobserved=None)
         compared.append(regions["removed"])
+        for name, score in (
+            StreetDetail(drive.truth_root, frame, street, photograph, regions).compare(picture).scores.items()
+        ):
+            details[name].append(score)
         error = squared_error(picture, street)
         similar = ssim_map(picture, street) if min(picture.shape[:2]) >= SSIM_WINDOW else np.full(error.shape, np.nan)
         for name, mask in regions.items():
@@ -90,6 +97,7 @@ def measure_frames(
             figures["regions"][name] = {
                 "psnr": rounded(psnr_of_mse(squared / pixels)),
                 "ssim": rounded(similarity / pixels),
+                **(rounded(detail_figures(details[name])) if name in details else {}),
                 "pixels": pixels,
             }
     for figure in FILM_FIGURES if film is None else film:

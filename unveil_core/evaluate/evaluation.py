@@ -21,6 +21,7 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.baselines import with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
+from unveil_core.evaluate.detail.objects import read_object_names
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.frame_scores import FrameScores, Networks, Sources, score_frame
 from unveil_core.evaluate.free_views import measure_free_views
@@ -60,16 +61,19 @@ def run_evaluation(
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
         ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
-        of ``frames``, which is smaller for the single-image baselines of a long drive; and with a ``free/`` in the truth
-        ``free_views`` (see :func:`unveil_core.evaluate.free_views.measure_free_views`). With their networks the methods
-        of the region ``whole`` have ``lpips``, the mean over frames, and ``fid``. ``flicker``
+        of ``frames``, which is smaller for the single-image baselines of a long drive; the methods of all regions but ``whole``
+        have what PSNR forgives, too (see :func:`unveil_core.evaluate.detail.scores.detail_figures`): ``gradient``,
+        ``line_recall``, ``false_lines``, ``residue``. ``residue_by_object`` has what is left of each removed object, worst
+        first. And with a ``free/`` in the truth ``free_views`` (see
+        :func:`unveil_core.evaluate.free_views.measure_free_views`). With their networks the methods of the region ``whole``
+        have ``lpips``, the mean over frames, and ``fid``. ``flicker``
         is what :func:`unveil_core.evaluate.flicker.measure_flicker` finds inside the removed region, of the ``truth``
         itself too, and whose ``depth`` it was warped by: "truth" where that has ``depth/``, else the empty "scene"; without
         truth the single-image baselines are not in it. Floats are rounded to 4 digits;
         what is infinite or undefined is None.
     Raises:
-        WorkspaceError: a delivered frame is missing, the truth folder shows none of the frames, or a network has too
-            little truth to work on.
+        WorkspaceError: a delivered frame is missing, the truth folder shows none of the frames, instances.json is damaged, or a
+            network has too little truth to work on.
         SettingsError: a file of a network that cannot be used.
     """
     workspace_root = Path(workspace_root)
@@ -81,14 +85,15 @@ def run_evaluation(
         )
     networks = Networks(None if lpips is None else LpipsModel(lpips), None if fid is None else FeatureModel(fid))
     _check_networks(networks, drive, truth, workspace_root)
-    scores = _score_frames(Sources(workspace_root, truth, networks), drive, progress)
+    names = read_object_names(workspace_root)
+    scores = _score_frames(Sources(workspace_root, truth, networks, names.kept), drive, progress)
     if truth_root is not None and not any(s.scores for s in scores):
         raise WorkspaceError(
             "none of the drive's frames has a true image here",
             path=Path(truth_root) / "images",
             mend="name the true images like the drive's frames",
         )
-    metrics = summary(scores)
+    metrics = summary(scores, names.classes)
     recorded = metrics.get("truth", {}).get("regions", {})
     by_frame = {f: s for f, s in zip(drive.frames, scores, strict=True)}
     flicker = _flicker(workspace_root, drive, truth, by_frame, progress)

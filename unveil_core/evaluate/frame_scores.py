@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Labels, Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border
 from unveil_core.evaluate.delivered import read_delivered
+from unveil_core.evaluate.detail.scores import DetailScore, StreetDetail
 from unveil_core.evaluate.metrics import SSIM_WINDOW, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel
 from unveil_core.evaluate.pictures import fitted, regions_of, truth_file, truth_mask, workspace_mask
 from unveil_core.geometry.images import grow
+from unveil_core.semantics.labels import frame_instances
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["FrameScores", "Networks", "Score", "Sources", "score_frame"]
@@ -51,11 +53,13 @@ class Sources:
         root: the workspace.
         truth: folder of the true empty street, or None.
         networks: for perceptual metrics.
+        kept: ids of objects in the drive's instance images that stay in the street.
     """
 
     root: Path
     truth: Path | None
     networks: Networks
+    kept: frozenset[int] = frozenset()
 
 
 @dataclass
@@ -66,7 +70,8 @@ class FrameScores:
         name, camera_name: of the frame; pixels: how many it has.
         removed, unobserved: pixels of the workspace's masks.
         untouched_max, untouched_sum, untouched_values: difference between delivered frame and photograph outside the masks.
-        scores: by region and method.
+        scores, details: by region and method.
+        objects: pixels of the delivered frame that still show an object, and those that it and its shadow cover, by id.
         overlaps: intersection and union, pixels, of the workspace's masks with the true ones, by mask.
         seconds: per baseline, of its filling.
         filled: per baseline, (M, 3) colours of the pixels that it filled, see :func:`unveil_core.evaluate.baselines.with_border`.
@@ -83,6 +88,8 @@ class FrameScores:
     untouched_sum: float = 0.0
     untouched_values: int = 0
     scores: dict[tuple[str, str], Score] = field(default_factory=dict)
+    details: dict[tuple[str, str], DetailScore] = field(default_factory=dict)
+    objects: dict[int, tuple[int, int]] = field(default_factory=dict)
     overlaps: dict[str, tuple[int, int]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     filled: dict[str, Picture] = field(default_factory=dict)
@@ -139,6 +146,12 @@ def _read_delivery(root: Path, frame: Frame) -> _Delivery:
     return _Delivery(frame, photograph, delivered, removed, shadows, unobserved)
 
 
+def _removed_instances(frame: Frame, kept: frozenset[int]) -> Labels | None:
+    """(H, W) ids of the removed objects, 0 none; None where the drive has no instance image of this frame."""
+    instances = frame_instances(frame)
+    return None if instances is None else np.where(np.isin(instances, list(kept)), 0, instances)
+
+
 def _score_against_truth(
     result: FrameScores, sources: Sources, truth: Path, delivery: _Delivery, street: Picture, with_baselines: bool
 ) -> None:
@@ -159,7 +172,13 @@ def _score_against_truth(
     elif with_baselines and region is not None:
         pictures.update(dict.fromkeys(BASELINES, photograph))
         result.filled = dict.fromkeys(BASELINES, photograph[region])
+    detail = StreetDetail(truth, frame, street, photograph, regions)
+    gone = _removed_instances(frame, sources.kept)
     for method, picture in pictures.items():
+        found = detail.compare(picture)
+        result.details.update({(name, method): score for name, score in found.scores.items()})
+        if method == "ours" and gone is not None:
+            result.objects = detail.residue_by_object(found.residue, gone)
         error = squared_error(picture, street)
         similar = ssim_map(picture, street) if min(shape) >= SSIM_WINDOW else np.full(shape, np.nan)
         for name, mask in regions.items():
@@ -173,10 +192,10 @@ def _score_against_truth(
     if networks.features is not None:
         true_features = networks.features(street)
         result.features = {m: (networks.features(picture), true_features) for m, picture in pictures.items()}
-    for name, folder, found in (
+    for name, folder, ours in (
         ("unobserved", "unseen", delivery.unobserved),
         ("removed", "removed", delivery.removed),
     ):
         true = truth_mask(truth / folder, frame, shape)
-        if found is not None and true is not None:
-            result.overlaps[name] = (int(np.count_nonzero(found & true)), int(np.count_nonzero(found | true)))
+        if ours is not None and true is not None:
+            result.overlaps[name] = (int(np.count_nonzero(ours & true)), int(np.count_nonzero(ours | true)))

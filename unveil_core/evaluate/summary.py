@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from unveil_core.evaluate.baselines import BASELINES
+from unveil_core.evaluate.detail.scores import DETAIL_FIGURES, DetailScore, detail_figures
 from unveil_core.evaluate.frame_scores import FrameScores, Score
 from unveil_core.evaluate.metrics import psnr_of_mse
 from unveil_core.evaluate.perceptual import frechet_distance
@@ -27,8 +28,12 @@ METHODS: dict[str, str] = {
 """Keys of the measured methods and how people call them."""
 
 
-def summary(results: list[FrameScores]) -> dict[str, Any]:
-    """The figures of a drive from those of its frames, as :func:`unveil_core.evaluate.run_evaluation` returns them, not rounded."""
+def summary(results: list[FrameScores], classes: Mapping[int, str]) -> dict[str, Any]:
+    """The figures of a drive from those of its frames, as :func:`unveil_core.evaluate.run_evaluation` returns them, not rounded.
+
+    Args:
+        results: of all frames; classes: of the objects, by id.
+    """
     pixels = sum(r.pixels for r in results)
     removed = sum(r.removed for r in results)
     unobserved = sum(r.unobserved for r in results)
@@ -48,16 +53,20 @@ def summary(results: list[FrameScores]) -> dict[str, Any]:
     }
     with_truth = [r for r in results if r.scores]
     if with_truth:
-        metrics["truth"] = _truth_summary(with_truth)
+        metrics["truth"] = _truth_summary(with_truth, classes)
     metrics["per_frame"] = [_frame_summary(r) for r in results]
     return metrics
 
 
-def _truth_summary(results: list[FrameScores]) -> dict[str, Any]:
+def _truth_summary(results: list[FrameScores], classes: Mapping[int, str]) -> dict[str, Any]:
     grouped: dict[str, dict[str, list[Score]]] = defaultdict(lambda: defaultdict(list))
     for result in results:
         for (region, method), score in result.scores.items():
             grouped[region][method].append(score)
+    details: dict[tuple[str, str], list[DetailScore]] = defaultdict(list)
+    for result in results:
+        for where, detail in result.details.items():
+            details[where].append(detail)
     regions: dict[str, Any] = {}
     for region in REGIONS:
         if region not in grouped:
@@ -66,7 +75,7 @@ def _truth_summary(results: list[FrameScores]) -> dict[str, Any]:
         regions[region] = {
             "pixels": sum(s.pixels for s in by_method["input"]),
             "frames": len(by_method["input"]),
-            "methods": {m: _pooled(by_method[m]) for m in METHODS if m in by_method},
+            "methods": {m: _pooled(by_method[m], details.get((region, m))) for m in METHODS if m in by_method},
         }
     for method, values in regions["whole"]["methods"].items():
         values.update(_perceptual(results, method))
@@ -76,9 +85,26 @@ def _truth_summary(results: list[FrameScores]) -> dict[str, Any]:
         union = sum(o[1] for o in overlaps)
         if union:
             summary[f"{name}_mask_iou"] = sum(o[0] for o in overlaps) / union
+    objects = _objects(results, classes)
+    if objects:
+        summary["residue_by_object"] = objects
     timed = {name: [r.seconds[name] for r in results if name in r.seconds] for name in BASELINES}
     summary["baseline_seconds_per_frame"] = {n: sum(s) / len(s) for n, s in timed.items() if s}
     return summary
+
+
+def _objects(results: list[FrameScores], classes: Mapping[int, str]) -> list[dict[str, Any]]:
+    """The removed objects and what is left of them, those first that left most pixels."""
+    sums: dict[int, list[int]] = defaultdict(lambda: [0, 0])
+    for result in results:
+        for number, (left, pixels) in result.objects.items():
+            sums[number][0] += left
+            sums[number][1] += pixels
+    worst_first = sorted(sums.items(), key=lambda item: (-item[1][0], item[0]))
+    return [
+        {"id": i, "class": classes.get(i, "object"), "left": left, "pixels": pixels, "residue": left / pixels}
+        for i, (left, pixels) in worst_first
+    ]
 
 
 def _perceptual(results: list[FrameScores], method: str) -> dict[str, float]:
@@ -94,13 +120,14 @@ def _perceptual(results: list[FrameScores], method: str) -> dict[str, float]:
     return found
 
 
-def _pooled(scores: list[Score]) -> dict[str, float | int]:
+def _pooled(scores: list[Score], details: list[DetailScore] | None) -> dict[str, float | int]:
     pixels = sum(s.pixels for s in scores)
     return {
         "psnr": psnr_of_mse(sum(s.squared for s in scores) / pixels),
         "psnr_frame_mean": _finite_mean(psnr_of_mse(s.squared / s.pixels) for s in scores),
         "ssim": sum(s.similarity for s in scores) / pixels,
         "ssim_frame_mean": _finite_mean(s.similarity / s.pixels for s in scores),
+        **({} if details is None else detail_figures(details)),
         "frames": len(scores),
     }
 
@@ -117,6 +144,8 @@ def _frame_summary(result: FrameScores) -> dict[str, Any]:
     if scored:
         entry["psnr"] = {m: psnr_of_mse(s.squared / s.pixels) for m, s in scored.items()}
         entry["ssim"] = {m: s.similarity / s.pixels for m, s in scored.items()}
+        for name in DETAIL_FIGURES:
+            entry[name] = {m: detail_figures([result.details["removed", m]])[name] for m in scored}
     return entry
 
 

@@ -78,8 +78,8 @@ def masked_blur(picture: Float32, mask: Mask, sigma: float | tuple[float, float]
 
 
 def spread_from(picture: Float32, mask: Mask, sigmas: Sequence[float]) -> Float32:
-    """(A, B, C) what ``mask`` shows around each texel of a picture (A, B, C), C > 1, blurred by the first of the sigmas that reaches
-    enough of it: close by in detail, farther into a hole more and more broadly; 0 out of reach of the last.
+    """(A, B, C) what ``mask`` shows around each texel of a picture (A, B, C), C > 1, blurred by the first of the sigmas that
+    reaches enough of it: close by in detail, farther into a hole more and more broadly; 0 out of reach of the last.
 
     Args:
         sigmas: of Gaussians, texels, increasing.

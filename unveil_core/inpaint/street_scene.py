@@ -32,8 +32,9 @@ __all__ = ["Removal", "Views", "complete_scene", "drive_views", "empty_ground_ch
 LOWEST_M, HIGHEST_M = -0.5, 2.5
 """Heights over the ground between which an object's surfels say where it stands, metres: not the roof of a lorry, nor strays below
 the road."""
-LONGEST_M = 12.0
-"""Length from which on an object gets no hull, metres: longer than a bus, it is several that touch."""
+LONGEST_M = 6.0
+"""Length from which on an object gets a hull for each so long piece of it, metres: longer than a car, it is an articulated lorry in
+a bend, or several that touch."""
 JOIN_M = 0.3
 """Side of the gaps that are closed between texels of an object before its parts are compared, metres. Chosen on the two sample
 streets."""
@@ -160,7 +161,7 @@ def complete_scene(
 
 
 def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """(A, B) texels that removed objects stand on: the hull of each object's low surfels."""
+    """(A, B) texels that removed objects stand on: the hull of each object's low surfels, of a long one's piece by piece."""
     footprint = np.zeros(chart.source.shape, dtype=np.uint8)
     ground = chart.ground
     for means in removed:
@@ -172,18 +173,29 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
             continue
         texels = np.zeros_like(footprint)
         texels[row[low], column[low]] = 1
-        if max(np.ptp(street[low, 0]), np.ptp(street[low, 1])) < LONGEST_M:
-            # Strays would stretch the hull: only texels with company count.
-            dense = cv2.morphologyEx(
-                texels, cv2.MORPH_CLOSE, np.ones((2 * int(JOIN_M / chart.texel) + 1,) * 2, np.uint8)
-            )
-            count, component, stats, _ = cv2.connectedComponentsWithStats(dense, connectivity=8)
-            areas = stats[:, cv2.CC_STAT_AREA] * chart.texel**2
-            least = max(LEAST_PART_M2, LEAST_PART * areas[1:].max(initial=0.0))
-            large = [k for k in range(1, count) if areas[k] > least]
-            rows, columns = np.nonzero(np.isin(component, large))
-            if len(rows) >= 3:
-                hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
+        dense = _dense(texels, chart.texel)
+        rows, columns = np.nonzero(dense)
+        for inside in _pieces(rows, LONGEST_M / chart.texel):
+            if np.count_nonzero(inside) >= 3:
+                hull = cv2.convexHull(np.stack([columns[inside], rows[inside]], axis=1).astype(np.int32))
                 cv2.fillConvexPoly(footprint, hull, 1)
         footprint |= texels
     return footprint.astype(bool)
+
+
+def _dense(texels: NDArray[np.uint8], texel: float) -> Mask:
+    """(A, B) of an object's texels those with company: strays would stretch its hull."""
+    closed = cv2.morphologyEx(texels, cv2.MORPH_CLOSE, np.ones((2 * int(JOIN_M / texel) + 1,) * 2, np.uint8))
+    count, component, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
+    areas = stats[:, cv2.CC_STAT_AREA] * texel**2
+    least = max(LEAST_PART_M2, LEAST_PART * areas[1:].max(initial=0.0))
+    return np.isin(component, [k for k in range(1, count) if areas[k] > least])
+
+
+def _pieces(rows: NDArray[np.int64], longest: float) -> list[Mask]:
+    """Which texels (N,), by their rows along the street, belong to each piece of an object; pieces of a long one overlap by
+    half, so that none ends where it is widest."""
+    if not len(rows) or np.ptp(rows) < longest:
+        return [np.ones(len(rows), dtype=bool)]
+    starts = np.arange(rows.min(), rows.max(), longest / 2)
+    return [(rows >= start) & (rows <= start + longest) for start in starts]

@@ -15,6 +15,9 @@ __all__ = ["near_removed", "select_removed"]
 
 MARGIN_M = 0.15
 """Uncertainty of an object's box, metres; what lies no higher than this over its floor is the ground."""
+BUS_M, LONGEST_M, WIDEST_M, GAP_M = 12.0, 25.0, 3.5, 0.4
+"""Metres. A box that is longer than a bus is one vehicle's up to the second length, a road train's, if it is no wider than the
+third and nowhere along it lies a gap of the fourth: cars parked in a row leave half a metre and more."""
 HANGING_M, REACH_M = 0.5, 3.0
 """Metres. The floor of a box hangs in the air if what lies under it, at most ``REACH_M`` down, is more than ``HANGING_M`` lower."""
 
@@ -51,13 +54,29 @@ def select_removed(
             if instance == 0:  # belongs to no object
                 continue
             box = fit_box(means[chosen & (instance_of_surfel == instance)], axes, gap=1.0)
-            # Larger than a bus: several objects that touch, whose common box would take the street with it.
-            if max(box.size) > 12.0:
+            if not _is_one(box, means[chosen & (instance_of_surfel == instance)], axes):
                 continue
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
             above = -margin if _hangs(box, means[~removable], axes) else margin
             chosen |= box.contains(means, axes, margin=margin, above=above) & ~removable
     return chosen | near_removed(surfels, chosen, too_close)
+
+
+def _is_one(box: Box, points: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:
+    """Whether a box is that of one object, not of several that touch, whose common box would take the street with it.
+
+    Args:
+        points: (M, 3) of the object.
+    """
+    length, width = max(box.size[:2]), min(box.size[:2])
+    if length <= BUS_M:
+        return True
+    if length > LONGEST_M or width > WIDEST_M:
+        return False
+    local = points @ axes.T
+    turn = box.yaw if box.size[0] >= box.size[1] else box.yaw + np.pi / 2
+    along = np.sort(local[:, 0] * np.cos(turn) + local[:, 1] * np.sin(turn))
+    return bool(np.diff(along).max(initial=0.0) < GAP_M)
 
 
 def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64]) -> bool:

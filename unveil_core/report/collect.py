@@ -16,6 +16,7 @@ from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
+from unveil_core.evaluate.detail.overlay import draw_lines
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import longest_track
@@ -40,6 +41,7 @@ class FramePictures:
     rendered: str | None = None
     inpainted: str | None = None
     regions: str | None = None
+    lines: str | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     total = len(chosen) + 1
     frames = []
     for done, index in enumerate(chosen):
-        frames.append(_frame_pictures(root, drive.frames[index], len(chosen)))
+        frames.append(_frame_pictures(root, drive, drive.frames[index], len(chosen)))
         progress(done + 1, total, "writing the report")
     meshes = _mesh_pictures(root, drive)
     progress(total, total, "writing the report")
@@ -124,7 +126,7 @@ def _drive_name(root: Path, state: dict[str, Any]) -> str:
     return path.name or root.resolve().name
 
 
-def _frame_pictures(root: Path, frame: Frame, count: int) -> FramePictures:
+def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> FramePictures:
     size = page_size(frame.camera.width, frame.camera.height, count)
 
     def picture(folder: str) -> str | None:
@@ -134,12 +136,14 @@ def _frame_pictures(root: Path, frame: Frame, count: int) -> FramePictures:
     # The footage's lens is taken off: the page lays this over the imported photograph.
     there = frame_file(root / "frames", frame).is_file()
     delivered = jpeg_uri(fitted(read_delivered(root, frame), size)) if there else None
+    lines = draw_lines(root, drive.truth_root, frame, size) if there and drive.truth_root is not None else None
     regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
     return FramePictures(
         name=frame.name,
         camera_name=frame.camera_name,
         before=jpeg_uri(fitted(read_image(frame.image_path), size)),
         after=delivered,
+        lines=None if lines is None else jpeg_uri(lines),
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(

@@ -20,17 +20,33 @@ from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.video import write_video
-from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
+from unveil_core.report.wording import (
+    decibels,
+    detail,
+    detail_rows,
+    left_most,
+    memory,
+    movers,
+    percent,
+    seconds,
+    similarity,
+)
 from unveil_core.workspace.assumptions import recorded_assumptions
 
 __all__ = ["build_page", "write_report"]
 
-MODES = {"after": "Empty street", "rendered": "Rendered", "inpainted": "Pseudo label"}
+MODES = {"after": "Empty street", "rendered": "Rendered", "inpainted": "Pseudo label", "lines": "Lines"}
 REGION_TITLES = {
     "removed": "Whole removed region",
     "seen_elsewhere": "Seen from other frames",
     "unseen": "Never seen",
     "cast_shadow": "Cast shadows",
+}
+DETAIL_TITLES = {
+    "gradient": "Gradient, ratio to the truth",
+    "line_recall": "Lines found",
+    "false_lines": "False lines",
+    "residue": "Residue",
 }
 REGION_STYLE = {1: "observed", 2: "elsewhere", 3: "unseen"}
 
@@ -239,7 +255,33 @@ def _truth(shown: Shown) -> str:
         "PSNR of all pixels of a region over all frames / SSIM. Telea and shift-map fill each frame by itself; "
         "they are given the exact mask.",
         f'<div class="card padded"><div class="scroll"><table><thead><tr><th></th>{heads}</tr></thead>'
-        f"<tbody>{''.join(rows)}</tbody></table></div>{psnr_chart(metrics.get('per_frame', []))}{note}</div>",
+        f"<tbody>{''.join(rows)}</tbody></table></div>{psnr_chart(metrics.get('per_frame', []))}{note}</div>"
+        f"{_details(shown)}",
+    )
+
+
+def _details(shown: Shown) -> str:
+    """What PSNR forgives in the removed region, a row for each method."""
+    truth = (shown.metrics or {}).get("truth", {})
+    figures = detail_rows(truth)
+    if not figures:
+        return ""
+    heads = "".join(f"<th>{title}</th>" for title in DETAIL_TITLES.values())
+    rows = []
+    for name, values in figures.items():
+        cells = "".join(f"<td>{detail(k, values.get(k))}</td>" for k in DETAIL_TITLES)
+        style = ' class="ours"' if name == METHODS["ours"] else ""
+        rows.append(f"<tr{style}><th>{escape(name)}</th>{cells}</tr>")
+    words = "Lines are edges of paint and kerbs on the ground; residue still shows the crowded frame's colours."
+    if any(frame.lines for frame in shown.frames):
+        words += " The view “Lines” shows them: found in green, missed in red, false in blue."
+    worst = left_most(truth)
+    if worst:
+        words += f" Most is left of: {worst}."
+    return (
+        f'<div class="card padded" style="margin-top:14px"><div class="scroll"><table><thead><tr>'
+        f"<th>Where something was removed</th>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+        f'<p class="lead" style="margin:14px 0 0">{escape(words)}</p></div>'
     )
 
 

@@ -7,7 +7,17 @@ from typing import Any, TextIO
 
 from unveil_core.evaluate import METHODS
 from unveil_core.report.collect import read_json
-from unveil_core.report.wording import decibels, memory, movers, percent, seconds, similarity
+from unveil_core.report.wording import (
+    decibels,
+    detail,
+    detail_rows,
+    left_most,
+    memory,
+    movers,
+    percent,
+    seconds,
+    similarity,
+)
 
 __all__ = ["print_summary"]
 
@@ -20,6 +30,13 @@ RESULTS = (
     ("before and after", "report/before_after.mp4"),
 )
 COLUMNS = {"removed": "removed", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
+DETAILS = {
+    "gradient": "gradient ratio",
+    "line_recall": "lines found",
+    "false_lines": "false lines",
+    "residue": "residue",
+}
+"""Figures beside PSNR, and how the table calls them."""
 
 FLICKERING = {name: METHODS.get(name, "the true street") for name in ("truth", "ours", "render", "telea", "shift_map")}
 
@@ -60,6 +77,7 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
         scores = [free.get(f"free_{c}") for c in columns]
         cells = (f"{decibels(s['psnr'])} / {similarity(s['ssim'])}" if s else "-" for s in scores)
         lines.append(f"    {'rendered, beside and above the path':<36}" + "".join(f"{cell:>18}" for cell in cells))
+    lines += _details(metrics.get("truth", {}))
     flicker = metrics.get("flicker", {}).get("methods", {})
     if flicker:
         parts = (f"{name} {flicker[m]['absolute']:.1f}" for m, name in FLICKERING.items() if m in flicker)
@@ -75,6 +93,18 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
         change = "none" if untouched["max"] == 0 else f"up to {untouched['max']} of 255 levels"
         lines.append(f"  change outside the masks: {change}")
     return lines
+
+
+def _details(truth: dict[str, Any]) -> list[str]:
+    """What PSNR forgives in the removed region, a row for each method, and the objects of which most is left."""
+    shown = detail_rows(truth)
+    if not shown:
+        return []
+    lines = [f"  {'inside the removed region':<38}" + "".join(f"{title:>15}" for title in DETAILS.values())]
+    for name, figures in shown.items():
+        lines.append(f"    {name:<36}" + "".join(f"{detail(k, figures.get(k)):>15}" for k in DETAILS))
+    worst = left_most(truth)
+    return [*lines, f"  most is left of: {worst}"] if worst else lines
 
 
 def _movers(state: dict[str, Any]) -> list[str]:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["decibels", "memory", "movers", "percent", "seconds", "similarity"]
+from unveil_core.evaluate import METHODS
+
+__all__ = ["decibels", "detail", "detail_rows", "left_most", "memory", "movers", "percent", "seconds", "similarity"]
+
+MOST_LEFT = 3
+"""Objects that are named for what is left of them."""
 
 
 def decibels(value: float | None) -> str:
@@ -15,6 +20,39 @@ def decibels(value: float | None) -> str:
 def similarity(value: float | None) -> str:
     """SSIM with three digits."""
     return "–" if value is None else f"{value:.3f}"
+
+
+def detail(name: str, value: float | None) -> str:
+    """A figure of ``evaluate.detail``: the gradient as a ratio, shares in per cent; a dash where there was nothing to compare."""
+    if value is None:
+        return "–"
+    return f"{value:.2f}" if name == "gradient" else percent(value)
+
+
+def detail_rows(truth: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The figures of ``evaluate.detail`` by row: each method where something was removed, and ours in cast shadows.
+
+    Args:
+        truth: the ``truth`` of metrics.json. Metrics of an earlier version have no such figures, and no rows.
+    """
+
+    def figures(region: str, method: str) -> dict[str, Any]:
+        found: dict[str, Any] = truth.get("regions", {}).get(region, {}).get("methods", {}).get(method, {})
+        return found
+
+    rows = {name: figures("removed", method) for method, name in METHODS.items()}
+    rows[f"{METHODS['ours']}, in cast shadows"] = figures("cast_shadow", "ours")
+    return {name: values for name, values in rows.items() if "gradient" in values}
+
+
+def left_most(truth: dict[str, Any]) -> str:
+    """``car 3 (1.1 %), car 2 (0.4 %)``: the objects of which most is left, and which share of their pixels; may be empty.
+
+    Args:
+        truth: the ``truth`` of metrics.json.
+    """
+    objects = [entry for entry in truth.get("residue_by_object", []) if entry["left"]][:MOST_LEFT]
+    return ", ".join(f"{entry['class']} {entry['id']} ({percent(entry['residue'])})" for entry in objects)
 
 
 def percent(share: float) -> str:
