@@ -44,3 +44,15 @@ def test_offsets_that_nobody_saw_take_the_nearest_and_an_unseen_street_is_grey()
     usable[:, 12:18] = True
     median, level = lateral_profile(color, usable, window=WINDOW, hop=HOP)
     assert np.allclose(median, 0.6) and np.isfinite(level).all()
+
+
+def test_far_beyond_what_was_seen_an_offset_is_what_it_mostly_is() -> None:
+    """The last thing that was seen of it, a car's underside taken for road, does not go on to the horizon."""
+    color = np.full((600, 8, 3), 0.5, np.float32)
+    color[260:300, 3] = 0.05
+    usable = np.zeros((600, 8), bool)
+    usable[:300] = True
+    median, level = lateral_profile(color, usable, window=40, hop=20)
+    assert (median[280, 3] < 0.1).all()
+    assert np.allclose(median[500:], 0.5)
+    assert np.allclose(level[500:], 0.5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +96,13 @@ def _completed(
     close = (beside >= 0) & (np.abs(beside - column) <= ASIDE_LIMIT * window)
     aside = far & close
     row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
-    medians, levels = medians[row, offset], levels[row, offset]
+    whole = np.where(known, 1.0, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # offsets that are known nowhere
+        of_offset = np.nanmedian(medians * whole[..., None], axis=0), np.nanmedian(levels * whole, axis=0)
+    distant = far & ~close & (along >= 0)
+    medians = np.where(distant[..., None], of_offset[0][None], medians[row, offset]).astype(np.float32)
+    levels = np.where(distant, of_offset[1][None], levels[row, offset]).astype(np.float32)
     # Offsets that are known nowhere take the nearest one that is.
     somewhere = np.flatnonzero(known.any(axis=0))
     nearest = somewhere[np.abs(np.arange(known.shape[1])[:, None] - somewhere[None]).argmin(axis=1)]
