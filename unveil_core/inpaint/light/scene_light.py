@@ -51,13 +51,13 @@ TREE_M = 1.0
 AT_FOOT_M = 0.6
 """Width of the ground at the foot of a wall that the wall cannot shade itself, metres: there its cast shadow is the roughness of
 its surfels."""
-BESIDE_M = (0.25, 0.75)
-"""Distances from the border of a shadow between which the light on either side of it is compared, metres: off the penumbra and off
-what a direction that is wrong by a degree or two puts on the wrong side."""
-MOST_LIGHT = 0.8
-"""Brightness inside of a shadow's border, as a share of that outside, which half of all the borders must fall below for the sun to
-count as found. Where it shines, shadows have 0.4 to 0.65; asphalt of two ages that happens to lie like the shadows of a wrong
-sun has 0.9 to 1."""
+BESIDE_M = (0.15, 0.6)
+"""Distances from the border of the shade between which the light on either side of it is compared, metres: off the penumbra, and
+on the same asphalt."""
+MOST_LIGHT = 0.7
+"""Brightness inside of the shade's border, as a share of that outside, which half of all the borders must fall below for the sun to
+count as found. In the sun shade has 0.45 to 0.6; asphalt of two ages that happens to lie like the shadows of a wrong sun has 0.8 to
+1. Measured on three sunny streets and a real one under thin cloud."""
 LEAST_BESIDE = 0.1
 """Share of what surrounds a piece of border that must have been seen on either side."""
 STANDS_M = 0.25
@@ -89,8 +89,8 @@ class _Evidence:
             observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
         return observed
 
-    def light_seen(self, contact_m: float, casters: Surfels, sun: Sun) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,)."""
+    def dark(self, contact_m: float, casters: Surfels, sun: Sun) -> NDArray[np.bool_]:
+        """(A, B) ground of the :meth:`mask` that lies in shade, if that is where the sun casts the casters' shadows mostly."""
         chart, observed = self.chart, self.mask(contact_m)
         per_m = 1.0 / chart.texel
         rows, columns = np.nonzero(observed)
@@ -101,10 +101,34 @@ class _Evidence:
         expected = np.zeros_like(observed)
         expected[rows, columns] = _in_shadow(chart.world(rows, columns), casters, sun.towards)
         # What is dark must not depend on where the sun was thought to be.
-        dark = read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
-        step = max(1, round(CLOSER_M * per_m))
+        return read_shade(chart.color, observed, expected, profile, texels_per_m=per_m, belief=0.0).dark
+
+    def light_seen(self, contact_m: float, casters: Surfels, sun: Sun) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,)."""
+        rows, columns = np.nonzero(self.mask(contact_m))
+        dark = self.dark(contact_m, casters, sun)
+        step = max(1, round(CLOSER_M / self.chart.texel))
         some = (rows % step == 0) & (columns % step == 0)
-        return chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
+        return self.chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
+
+    def light_at_borders(self, dark: NDArray[np.bool_]) -> float:
+        """Brightness right inside the borders of what is ``dark`` (A, B), as a share of that right outside: the median over all
+        borders in sight, 1 where there are none."""
+        observed = self.mask(CONTACT_M)
+        per_m = 1.0 / self.chart.texel
+        from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (dark, ~dark)]
+        near, far = (m * per_m for m in BESIDE_M)
+        beside = [
+            observed & side & (distance > near) & (distance < far)
+            for side, distance in zip((dark, ~dark), from_border, strict=True)
+        ]
+        level = luminance(self.chart.color)
+        inside, outside = (masked_blur(level, m, far / 2) for m in beside)
+        weights = [cv2.GaussianBlur(m.astype(np.float32), (0, 0), far / 2) for m in beside]
+        border = (from_border[0] > 0) & (from_border[0] < 1.5) & (np.minimum(*weights) > LEAST_BESIDE)
+        if not border.any():
+            return 1.0
+        return float(np.median(inside[border] / np.maximum(outside[border], 1e-3)))
 
 
 def light_of_scene(
@@ -145,7 +169,8 @@ def light_of_scene(
             # Only by what was observed: the far side of a crown is a guess, good enough to come near.
             places, is_dark = evidence.light_seen(CONTACT_M, observed, sun)
             sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun)
-            sun = sun if _darker_within(evidence, concatenate([kept, gone]), sun) < MOST_LIGHT else None
+            dark = evidence.dark(CONTACT_M, observed, sun)
+            sun = sun if evidence.light_at_borders(dark) < MOST_LIGHT else None
     if sun is None:
         return None
     # Between two cars there is little else than what lies beside them.
@@ -153,24 +178,6 @@ def light_of_scene(
     kept = _with_solid_houses(evidence, kept, gone, solid, sun, ground)
     of_kept, of_gone = (_cast_on_chart(chart, surfels, sun) for surfels in (kept, gone))
     return Light(sun, of_kept, of_gone)
-
-
-def _darker_within(evidence: _Evidence, casters: Surfels, sun: Sun) -> float:
-    """Brightness right inside the borders of the shadows that a sun would cast on the ground, as a share of that right outside: the
-    median over all borders in sight, 1 where there are none."""
-    chart, observed = evidence.chart, evidence.mask(CONTACT_M)
-    per_m = 1.0 / chart.texel
-    shaded = _cast_on_chart(chart, casters, sun)
-    from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (shaded, ~shaded)]
-    near, far = (m * per_m for m in BESIDE_M)
-    level = luminance(chart.color)
-    beside = [observed & (distance > near) & (distance < far) for distance in from_border]
-    inside, outside = (masked_blur(level, m, far / 2) for m in beside)
-    weights = [cv2.GaussianBlur(m.astype(np.float32), (0, 0), far / 2) for m in beside]
-    border = (from_border[0] > 0) & (from_border[0] < 1.5) & (np.minimum(*weights) > LEAST_BESIDE)
-    if not border.any():
-        return 1.0
-    return float(np.median(inside[border] / np.maximum(outside[border], 1e-3)))
 
 
 def _with_solid_houses(
