@@ -24,7 +24,8 @@ JPEG = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWR
 OFFSET = np.array([352_140.0, 5_812_960.0, 34.0])
 """Where streets lie in the world: large coordinates, as surveyed drives have them; each seed is 2 km from the next."""
 LARGE_PX = 500_000
-"""Pictures of more pixels take half the paths: the denoiser has as much to go by."""
+LARGE_SAMPLES = 4
+"""Pictures of more pixels take fewer paths each: what a pixel shows is smaller, and the denoiser has as much to go by."""
 STEPS_A_METRE = 256
 """Of the depth images, as KITTI's."""
 
@@ -62,7 +63,7 @@ def write_street(plan: Plan, folder: Path, *, samples: int | None = None, free: 
     """
     rig = plan.rig
     if samples is None:
-        samples = SAMPLES // 2 if rig.width * rig.height_px > LARGE_PX else SAMPLES
+        samples = LARGE_SAMPLES if rig.width * rig.height_px > LARGE_PX else SAMPLES
     scratch = folder / ".scratch"
     scratch.mkdir(parents=True)
     scene, objects = build(plan)

@@ -63,7 +63,7 @@ def draw_light(rng: np.random.Generator) -> Light:
     sun = {"sun": 2.2 + 2.4 * float(np.sin(np.radians(elevation))), "overcast": 0.0, "dusk": 0.25}[kind]
     sky = {"sun": float(rng.uniform(0.6, 1.0)), "overcast": 1.0, "dusk": 0.3}[kind]
     clouds = {"sun": float(rng.uniform(0.0, 0.6)), "overcast": 1.0, "dusk": 0.3}[kind]
-    return Light(kind, elevation, float(rng.uniform(0, 360)), sun, sky, clouds, float(rng.uniform(0.36, 0.46)) * (0.85 if kind == "dusk" else 1.0), drift)
+    return Light(kind, elevation, float(rng.uniform(0, 360)), sun, sky, clouds, float(rng.uniform(0.40, 0.50)) * (0.85 if kind == "dusk" else 1.0), drift)
 
 
 def draw_rig(rng: np.random.Generator, width: int, height: int, frames: int) -> Rig:

@@ -42,7 +42,10 @@ def draw_marks(rng: np.random.Generator, leg: Leg, travel: float) -> list[Mark]:
         for _ in range(int(count)):
             s, t = float(rng.uniform(leg.s0 + 10, leg.s1 - 30)), float(rng.uniform(kerbs[0] + 0.3, kerbs[1] - 1.6))
             long, wide = (float(rng.uniform(3, 18)), float(rng.uniform(0.5, 1.1))) if rng.uniform() < 0.5 else rng.uniform((1.0, 0.8), (4.0, 2.2))
-            found.append(Mark(kind, s, s + float(long), t, min(t + float(wide), kerbs[1] - 0.25)))
+            patch = Mark(kind, s, s + float(long), t, min(t + float(wide), kerbs[1] - 0.25))
+            # Two patches of one age lie at one height: they must not overlap.
+            if not any(m.kind == kind and m.s0 < patch.s1 and m.s1 > patch.s0 and m.t0 < patch.t1 and m.t1 > patch.t0 for m in found):
+                found.append(patch)
     for _ in range(int(rng.integers(2, 8))):
         s, t = float(rng.uniform(0, travel + 40)), float(rng.uniform(kerbs[0] + 0.6, kerbs[1] - 0.6))
         found.append(Mark("manhole", s - 0.32, s + 0.32, t - 0.32, t + 0.32))

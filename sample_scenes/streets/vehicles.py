@@ -57,7 +57,8 @@ def lights(e: float, half: float, low: float, m: Materials, height: float = 0.16
     parts = []
     for side in (-1, 1):
         y = (side * half * 0.72 - 0.17, side * half * 0.72 + 0.17)
-        parts.append(box("headlamp", (e - 0.22, e - 0.005), y, (low, low + height * 0.85), m["headlamp"]))
+        inner = (side * half * 0.62 - 0.14, side * half * 0.62 + 0.14)
+        parts.append(box("headlamp", (e - 0.3, e - 0.045), inner, (low, low + height * 0.85), m["headlamp"]))
         parts.append(box("tail lamp", (-e - 0.004, -e + 0.2), y, (low + 0.06, low + 0.06 + height), m["tail lamp"]))
     for x in ((-e - 0.02, -e + 0.04), (e - 0.04, e + 0.02)):
         parts.append(box("plate", x, (-0.26, 0.26), (low - 0.2, low - 0.09), m["plate"]))
@@ -97,12 +98,12 @@ def passenger(kind: str, m: Materials) -> list:  # type: ignore[type-arg]
     for side in (-1, 1):
         y = side * w
         for x, lean in (((head + tail) / 2 - 0.05, 0.0), (tail + 0.02, -0.12)):
-            corners = [
-                (x + lean - 0.06, y * 0.86 - 0.02, belt - 0.05), (x + lean + 0.06, y * 0.86 - 0.02, belt - 0.05), (x + lean + 0.06, y * 0.86 + 0.02, belt - 0.05),
-                (x + lean - 0.06, y * 0.86 + 0.02, belt - 0.05), (x - 0.06, y * 0.70 - 0.02, height - 0.08), (x + 0.06, y * 0.70 - 0.02, height - 0.08),
-                (x + 0.06, y * 0.70 + 0.02, height - 0.08), (x - 0.06, y * 0.70 + 0.02, height - 0.08),
-            ]  # fmt: skip
-            parts.append(kit.flat_part("pillar", corners, m["skin"]))
+            # The glass bulges: a pillar bends with it, half way up.
+            middle = (belt + height) / 2 - 0.05
+            bends = [(x + lean, y * 0.865, belt - 0.05), (x + lean * 0.5, y * 0.825, middle), (x, y * 0.70, height - 0.07)]
+            for (xa, ya, za), (xb, yb, zb) in zip(bends, bends[1:], strict=False):
+                corners = [(px + dx, py + dy, pz) for px, py, pz in ((xa, ya, za), (xb, yb, zb)) for dx, dy in ((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03))]
+                parts.append(kit.flat_part("pillar", corners, m["skin"]))
         inner = sorted((y * 0.97, y * 1.09))
         parts.append(box("mirror", (front - 0.42, front - 0.28), (inner[0], inner[1]), (belt - 0.02, belt + 0.11), m["skin"]))
         sill = sorted((y * 0.93, y * 0.985))
