@@ -8,6 +8,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from sample_scenes.streets.draw import size_of
@@ -19,6 +20,7 @@ KIT = HERE.parent / "parked_street" / "build_street.py"
 DEFAULT = Path("~/.cache/unveil/streets")
 
 
+@cache
 def version() -> str:
     """Eight letters that change with the generator's code; comments and docstrings do not count."""
     digest = hashlib.sha256()
