@@ -17,6 +17,10 @@ LEAST_RADIUS_M = 34.0
 BEHIND_M, AHEAD_M = 22.0, 85.0
 """How much street there is behind the first and before the last frame."""
 CORNER_RADIUS_M = (4.0, 7.0)
+LEAST_TURN_M = 5.5
+"""The kerb around which the camera turns is rounded at least so far, metres: cars do not turn tighter by much."""
+KERB_ROOM_M = 1.35
+"""The camera stays so far from a kerb that it turns around, metres: half a car's width, and some."""
 
 
 def draw_section(rng: np.random.Generator, character: str) -> Section:
@@ -101,6 +105,8 @@ def junction(
     b = swept(
         b0, b1, np.zeros_like, lambda s: grade * (meet + s * math.cos(angle)), origin=centre, angle=angle, tilt=-grade * math.sin(angle)
     )
+    inner = -1 if angle < 0 else 1
+    inner_radius = 0.0
     corners, cuts_a, cuts_b = [], {-1: [0.0, 0.0], 1: [0.0, 0.0]}, {-1: [0.0, 0.0], 1: [0.0, 0.0]}
     na, nb = np.array([-u[1], u[0]]), np.array([-v[1], v[0]])
 
@@ -115,6 +121,8 @@ def junction(
             away_b = side_a * math.copysign(1, v @ na) * v
             tip = lines_meet(side_a * first.kerb_at(side_a), side_b * second.kerb_at(side_b))
             radius = float(rng.uniform(*CORNER_RADIUS_M))
+            if (side_a, side_b) == (inner, inner):
+                radius = inner_radius = max(radius, LEAST_TURN_M)
             # Walking along the kerb: towards the tip on one street, away from it on the other.
             arc, length, _ = corner_curve(tip + 20 * away_a, -away_a, tip, away_b, radius)
             back = lines_meet(side_a * first.back(side_a), side_b * second.back(side_b))
@@ -134,6 +142,10 @@ def junction(
     # The way: along the first lane, around, along the second; a right turn is tight, a left one wide.
     lane_a, lane_b = route_offset(first), route_offset(second)
     radius = float(rng.uniform(7.5, 9.0)) if angle < 0 else float(rng.uniform(9.0, 12.0))
+    # Between the inner kerb and the camera, at the apex of the turn: room / c - (1 / c - 1) (radius - inner radius).
+    room = min(abs(inner * first.kerb_at(inner) - lane_a), abs(inner * second.kerb_at(inner) - lane_b))
+    c = math.cos(abs(angle) / 2)
+    radius = max(LEAST_TURN_M + 0.5, min(radius, inner_radius + (room / c - KERB_ROOM_M) / (1 / c - 1)))
     arc, before, along = corner_curve(lane_a * na, u, centre + lane_b * nb, v, radius)
     start = np.arange(0, along - before, ROUTE_STEP_M)[:, None] * u + lane_a * na
     rest = np.arange(ROUTE_STEP_M, travel + 30.0, ROUTE_STEP_M)[:, None] * v + arc[-1]

@@ -18,14 +18,16 @@ class Footprint:
     axes: np.ndarray
     half: np.ndarray
 
-    def distance(self, point: np.ndarray) -> float:
-        """From a point (2,) to the rectangle, 0 inside."""
-        outside = np.abs(self.axes @ (point - self.centre)) - self.half
-        return float(np.linalg.norm(np.maximum(outside, 0)))
+    def distance(self, points: np.ndarray) -> float:
+        """From the nearest of some points (..., 2) to the rectangle, 0 inside; inf where there is no point."""
+        outside = np.maximum(np.abs((points - self.centre) @ self.axes.T) - self.half, 0)
+        return float(np.min(np.hypot(outside[..., 0], outside[..., 1]), initial=np.inf))
 
     def overlaps(self, other: Footprint, room: float = 0.0) -> bool:
         """Whether two rectangles come nearer than ``room`` on every one of their axes."""
         between = other.centre - self.centre
+        if between @ between > (np.hypot(*self.half) + np.hypot(*other.half) + 2 * room) ** 2:
+            return False
         for axis in (*self.axes, *other.axes):
             reach = np.abs(self.axes @ axis) @ self.half + np.abs(other.axes @ axis) @ other.half
             if abs(between @ axis) > reach + room:

@@ -35,7 +35,7 @@ class Placer:
         self.centres = np.array([route_at(plan, float(d))[0][:2] for d in station_distances(plan.rig)])
         last = float(station_distances(plan.rig)[-1])
         self.way = np.array([route_at(plan, float(d))[0][:2] for d in np.arange(0.0, last + ROUTE_AHEAD_M, 0.5)])
-        self.posts = [leg.path.place(p.s, p.t)[:2] for leg in plan.legs for p in leg.posts]
+        self.posts = np.array([leg.path.place(p.s, p.t)[:2] for leg in plan.legs for p in leg.posts]).reshape(-1, 2)
 
     def put(self, thing: Thing) -> bool:
         """Keep a thing if it is clear of the cameras, of posts and of all that stands there; returns whether it is kept."""
@@ -53,10 +53,9 @@ class Placer:
                 return False
         else:
             swept = [here]
-            near = self.way[np.linalg.norm(self.way - here.centre, axis=1) < 12]
-            if any(here.distance(p) < CAMERA_ROOM_M for p in near):
+            if here.distance(self.way) < CAMERA_ROOM_M:
                 return False
-        if any(f.overlaps(o, 0.25) for f in swept[:1] for o in self.taken) or any(f.distance(p) < 0.35 for f in swept for p in self.posts):
+        if any(f.overlaps(o, 0.25) for f in swept[:1] for o in self.taken) or any(f.distance(self.posts) < 0.35 for f in swept):
             return False
         self.things.append(replace(thing, number=len(self.things) + 1))
         self.taken += swept

@@ -24,7 +24,7 @@ from sample_scenes.streets.draw import SIZES, draw
 from sample_scenes.streets.exposure import base_gain, encode, gains
 from sample_scenes.streets.footprint import footprint
 from sample_scenes.streets.labels import noisy
-from sample_scenes.streets.path import bend_curvature, corner_curve, swept
+from sample_scenes.streets.path import STEP_M, bend_curvature, corner_curve, swept
 from sample_scenes.streets.plan import KINDS, LabelNoise, Plan
 from sample_scenes.streets.truth import true_picture
 from sample_scenes.streets.visibility import Shown, View, never_seen
@@ -59,7 +59,7 @@ def test_what_is_drawn_stays_in_its_range() -> None:
         assert (rig.width, rig.height_px) == ((960, 640) if seed % 5 == 4 else (384, 256))
         assert len(shots(found)) == (12 if seed % 5 == 4 else 28)
         assert len(found.things) >= 2 and [t.number for t in found.things] == list(range(1, len(found.things) + 1))
-        assert max(abs(leg.path.grade(s)) for leg in found.legs for s in np.arange(leg.s0, leg.s1, 2.0)) < 0.16
+        assert max(np.abs(np.diff(leg.path.z)).max() for leg in found.legs) < 0.16 * STEP_M
 
 
 def test_all_there_is_to_draw_is_drawn() -> None:
@@ -127,6 +127,14 @@ def test_things_keep_off_each_other_and_off_posts() -> None:
         for k, one in enumerate(prints):
             assert not any(one.overlaps(other) for other in prints[:k])
             assert all(one.distance(leg.path.place(p.s, p.t)[:2]) > 0.3 for leg in found.legs for p in leg.posts)
+
+
+def test_a_turn_at_a_junction_stays_on_the_carriageway() -> None:
+    turns = [plan(s) for s in SEEDS if plan(s).corners]
+    for found in turns:
+        arcs = np.concatenate([np.array(c.arc) for c in found.corners])
+        apart = np.linalg.norm(found.route_xyz[:, None, :2] - arcs[None], axis=2)
+        assert apart.min() > 1.1
 
 
 def test_a_halt_repeats_a_place_and_its_poses_are_noisy() -> None:
