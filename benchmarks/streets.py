@@ -46,7 +46,7 @@ BORDER_PX = 4
 """Pixels around removed objects and shadows that do not count as outside."""
 LEAST_SHARE = 0.005
 """A frame in which less than this share is removed is not called the worst: a few pixels say little."""
-SHEET_ROW_PX, SHEET_BYTES = 190, 1_000_000
+SHEET_ROW_PX, SHEET_BYTES = 256, 1_000_000
 
 
 def run_street(drive: Path, workspace: Path, quality: str) -> dict[str, Any]:
@@ -135,6 +135,7 @@ def scores(workspace: Path, truth: Path) -> tuple[dict[str, Any], dict[str, str]
         "input": of("removed", "input"),
         "best_opencv": None if best is None else {"row": best, **there[best]},
         "flicker": {m: round(flicker[m]["absolute"], 2) for m in ("ours", "truth", *BASELINES) if m in flicker},
+        "free_views": (found.get("free_views") or {}).get("regions", {}).get("free_removed"),
         "removed_mask_iou": found["truth"].get("removed_mask_iou"),
         "outside": outside(workspace, truth),
         "untouched_max": found["untouched"]["max"],
@@ -209,7 +210,8 @@ def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    good = {seed: r for seed, r in rows.items() if "error" not in r and r.get("removed") and r.get("best_opencv")}
+    shown = {s: r for s, r in rows.items() if int(s) not in HELD_OUT and "error" not in r}
+    good = {s: r for s, r in shown.items() if r.get("removed") and r.get("best_opencv")}
     if not good:
         return
     ours = [r["removed"]["psnr"] for r in good.values()]
