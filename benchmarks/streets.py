@@ -1,0 +1,292 @@
+"""Streets that nobody tuned for: whole runs on streets drawn by seed, held against their truth.
+
+    python benchmarks/streets.py --seeds 0-9 [--cache DIR] [--keep DIR] [--quality standard]
+
+Streets that are missing are rendered first (sample_scenes/streets/make_streets.py, which needs Blender's Python module). Each
+run is a process of its own. Results go to benchmarks/results/streets.json after every seed, where those of other seeds and
+qualities are kept; a plot (streets.png) and the worst frame of each seed of this call (streets.jpg) lie beside it. Seeds 0 to 9
+are for work on the program; seeds 10 to 19 are held out: nobody looks at them, and nothing is chosen by them. They have their own
+means, and are in no picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from sample_scenes.streets.cache import version  # noqa: E402
+from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
+from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
+from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.drives.imported import read_imported  # noqa: E402
+from unveil_core.evaluate import run_evaluation  # noqa: E402
+from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
+from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
+
+RESULTS = HERE / "results" / "streets.json"
+HELD_OUT = range(10, 20)
+BASELINES = ("telea", "shift_map")
+CHANGED = 8
+"""Levels of 255 by which a pixel outside of what was removed must differ from its photograph to count as changed."""
+BORDER_PX = 4
+"""Pixels around removed objects and shadows that do not count as outside."""
+LEAST_SHARE = 0.005
+"""A frame in which less than this share is removed is not called the worst: a few pixels say little."""
+SHEET_ROW_PX, SHEET_BYTES = 256, 1_000_000
+
+
+def run_street(drive: Path, workspace: Path, quality: str) -> dict[str, Any]:
+    """Run the program on a drive; returns seconds, peak memory, and the error if it failed."""
+    shutil.rmtree(workspace, ignore_errors=True)
+    command = [sys.executable, "-m", "unveil_core", "run", str(drive), "-o", str(workspace)]
+    command += ["--remove", "vehicle,human", "--quality", quality]
+    begun = time.perf_counter()
+    with tempfile.TemporaryFile("w+") as said:
+        environment = {**os.environ, "PYTHONPATH": str(HERE.parent), "OMP_WAIT_POLICY": "PASSIVE"}
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said, env=environment)
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        found: dict[str, Any] = {
+            "seconds": round(time.perf_counter() - begun, 1),
+            "processor_seconds": round(usage.ru_utime + usage.ru_stime, 1),
+            "peak_memory_mb": round(usage.ru_maxrss / 1024, 1),
+        }
+        if process.returncode:
+            said.seek(0)
+            found["error"] = (said.read().strip().splitlines() or [f"exit {process.returncode}"])[-1][-300:]
+    return found
+
+
+def drawn(street: dict[str, Any]) -> dict[str, Any]:
+    """What was drawn, in short."""
+    rig, section = street["rig"], street["legs"][0]["section"]
+    return {
+        "course": street["course"]["kind"],
+        "turn_degrees": street["course"]["turn_degrees"],
+        "character": street["character"],
+        "pavement": section["pavement"],
+        "light": street["light"]["kind"],
+        "sun_degrees": round(street["light"]["elevation"], 1),
+        "exposure_drift_stops": round(street["light"]["drift"], 2),
+        "size": [rig["width"], rig["height_px"]],
+        "cameras": len(rig["cameras"]),
+        "fov_degrees": round(rig["fov"], 1),
+        "height_m": round(rig["height"], 2),
+        "step_m": round(rig["step"], 2),
+        "halt": rig["halt"] is not None,
+        "lidar_beams": street["lidar"]["beams"],
+        "label_noise_px": None if street["label_noise"] is None else round(street["label_noise"]["border"], 2),
+        "things": sum(street["counts"].values()),
+        "moving": street["moving"],
+        "removed_share": street["removed_share"],
+    }
+
+
+def outside(workspace: Path, truth: Path) -> dict[str, float]:
+    """How much was changed where nothing was removed and no shadow lies."""
+    pixels = changed = 0
+    total = 0.0
+    for frame in read_imported(workspace / "drive").frames:
+        photograph, clean = read_image(frame.image_path), read_delivered(workspace, frame)
+        gone = np.zeros(photograph.shape[:2], dtype=bool)
+        for name in ("removed", "shadow"):
+            mask = truth_mask(truth / name, frame, photograph.shape)
+            gone |= mask if mask is not None else False
+        size = 2 * BORDER_PX + 1
+        beside = cv2.dilate(gone.astype(np.uint8), np.ones((size, size), np.uint8)) == 0
+        apart = np.abs(clean.astype(np.int64) - photograph).max(axis=2)[beside]
+        pixels, changed, total = pixels + apart.size, changed + int((apart > CHANGED).sum()), total + float(apart.sum())
+    return {"changed_share": round(changed / max(pixels, 1), 5), "mean_levels": round(total / max(pixels, 1), 4)}
+
+
+def scores(workspace: Path, truth: Path) -> tuple[dict[str, Any], dict[str, str]]:
+    """The figures of a run, and the frame (and its camera) that came out worst."""
+    found = run_evaluation(workspace, truth)
+    regions = found["truth"]["regions"]
+
+    def of(region: str, method: str = "ours") -> dict[str, Any] | None:
+        row = regions.get(region, {}).get("methods", {}).get(method)
+        return None if row is None else {"psnr": row["psnr"], "ssim": row["ssim"]}
+
+    rivals = {name: of("removed", name) for name in BASELINES}
+    there = {name: row for name, row in rivals.items() if row is not None}
+    best = max(there, key=lambda n: there[n]["psnr"]) if there else None
+    flicker = found.get("flicker", {}).get("methods", {})
+    row = {
+        "removed": of("removed"),
+        "unseen": of("unseen"),
+        "seen_elsewhere": of("seen_elsewhere"),
+        "cast_shadow": of("cast_shadow"),
+        "cast_shadow_input": of("cast_shadow", "input"),
+        "input": of("removed", "input"),
+        "best_opencv": None if best is None else {"row": best, **there[best]},
+        "flicker": {m: round(flicker[m]["absolute"], 2) for m in ("ours", "truth", *BASELINES) if m in flicker},
+        "free_views": (found.get("free_views") or {}).get("regions", {}).get("free_removed"),
+        "removed_mask_iou": found["truth"].get("removed_mask_iou"),
+        "outside": outside(workspace, truth),
+        "untouched_max": found["untouched"]["max"],
+    }
+    drive = read_imported(workspace / "drive")
+    size = {(f.name, f.camera_name): f.camera.width * f.camera.height for f in drive.frames}
+    measured = [
+        f
+        for f in found["per_frame"]
+        if f.get("psnr", {}).get("ours") is not None
+        and f["removed_pixels"] > LEAST_SHARE * size[f["frame"], f["camera"]]
+    ]
+    worst = min(measured, key=lambda f: f["psnr"]["ours"], default=None)
+    return row, {} if worst is None else {"frame": worst["frame"], "camera": worst["camera"]}
+
+
+def pictures(workspace: Path, truth: Path, worst: dict[str, str], caption: str) -> np.ndarray | None:
+    """A row of the sheet: what went in, what came out, what is true."""
+    frames = [
+        f
+        for f in read_imported(workspace / "drive").frames
+        if worst and (f.name, f.camera_name) == (worst["frame"], worst["camera"])
+    ]
+    true = truth_file(truth / "images", frames[0]) if frames else None
+    if true is None:
+        return None
+    three = [read_image(frames[0].image_path), read_delivered(workspace, frames[0]), read_image(true)]
+    width = SHEET_ROW_PX * 3 // 2
+    small = [cv2.resize(p, (width, SHEET_ROW_PX), interpolation=cv2.INTER_AREA) for p in three]
+    row = np.hstack([np.pad(p, ((2, 2), (2, 2), (0, 0)), constant_values=255) for p in small])
+    for color, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.putText(row, caption, (8, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.42, color, thickness, cv2.LINE_AA)
+    return row
+
+
+def write_sheet(rows: list[np.ndarray], path: Path) -> None:
+    """The rows below each other as JPEG, as good as a megabyte allows."""
+    sheet = cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR)
+    for quality in range(90, 20, -8):
+        encoded = cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        if len(encoded) < SHEET_BYTES:
+            break
+    path.write_bytes(encoded.tobytes())
+
+
+def means(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Means over streets: of those that were measured."""
+
+    def mean(values: list[float | None]) -> float | None:
+        there = [v for v in values if v is not None]
+        return round(float(np.mean(there)), 4) if there else None
+
+    found: dict[str, Any] = {"streets": len(rows), "failed": sum("error" in r for r in rows)}
+    good = [r for r in rows if "error" not in r]
+    names = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "cast_shadow_input", "input", "best_opencv")
+    for region in names:
+        here = [r[region] for r in good if r.get(region)]
+        found[region] = {k: mean([h[k] for h in here]) for k in ("psnr", "ssim")}
+    found["flicker"] = {m: mean([r["flicker"].get(m) for r in good]) for m in ("ours", "truth", *BASELINES)}
+    found["changed_share_outside"] = mean([r["outside"]["changed_share"] for r in good])
+    for name in ("seconds", "peak_memory_mb"):
+        found[name] = mean([r[name] for r in good])
+    ahead = [r["removed"]["psnr"] - r["best_opencv"]["psnr"] for r in good if r.get("best_opencv")]
+    found["ahead_of_best_opencv"] = sum(a > 0 for a in ahead)
+    return found
+
+
+def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
+    """How the streets spread: PSNR in the removed region, ours and the best OpenCV row, as a histogram and by seed."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    shown = {s: r for s, r in rows.items() if int(s) not in HELD_OUT and "error" not in r}
+    good = {s: r for s, r in shown.items() if r.get("removed") and r.get("best_opencv")}
+    if not good:
+        return
+    ours = [r["removed"]["psnr"] for r in good.values()]
+    rival = [r["best_opencv"]["psnr"] for r in good.values()]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6))
+    bins = np.arange(np.floor(min(ours + rival)), np.ceil(max(ours + rival)) + 1.0, 1.0)
+    left.hist([ours, rival], bins=bins, label=["Unveil", "best OpenCV row"], color=["#2b6cb0", "#c9a227"])
+    left.set_xlabel("PSNR inside the removed region, dB")
+    left.set_ylabel("streets")
+    left.legend()
+    at = np.arange(len(good))
+    right.bar(at - 0.2, ours, 0.4, color="#2b6cb0")
+    right.bar(at + 0.2, rival, 0.4, color="#c9a227")
+    right.set_xticks(at, [f"{s}\n{r['drawn']['course']}\n{r['drawn']['light']}" for s, r in good.items()], fontsize=6)
+    right.set_ylim(min(ours + rival) - 2, None)
+    right.set_xlabel("seed")
+    figure.suptitle(title)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def summarized(document: dict[str, Any], quality: str) -> dict[str, Any]:
+    """The document with the means of a quality; only streets of the present generator count."""
+    rows = {s: r for s, r in document["runs"][quality].items() if r["generator"] == version()}
+    groups = {
+        "work": [r for s, r in rows.items() if int(s) not in HELD_OUT],
+        "held_out": [r for s, r in rows.items() if int(s) in HELD_OUT],
+    }
+    document["means"][quality] = {name: means(group) for name, group in groups.items() if group}
+    return document
+
+
+def main() -> None:
+    """Measure the seeds of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=seeds_of, required=True)
+    parser.add_argument("--cache", type=Path, default=None)
+    parser.add_argument("--keep", type=Path, default=None, help="keep the workspaces here, to be looked at")
+    parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
+    parser.add_argument("-o", "--output", type=Path, default=RESULTS)
+    arguments = parser.parse_args()
+    results: Path = arguments.output
+    document: dict[str, Any] = {"runs": {}, "means": {}}
+    if results.is_file():
+        document = json.loads(results.read_text())
+    sheet: list[tuple[float, np.ndarray]] = []
+    with tempfile.TemporaryDirectory() as temporary:
+        for seed in arguments.seeds:
+            drive, _ = make(seed, arguments.cache, "usual")
+            workspace = Path(arguments.keep or temporary) / f"{seed:04d}"
+            row = {"generator": version(), "drawn": drawn(json.loads((drive / "street.json").read_text()))}
+            row.update(run_street(drive, workspace, arguments.quality))
+            if "error" not in row:
+                figures, worst = scores(workspace, drive / "truth")
+                row.update(figures, worst=worst)
+                caption = (
+                    f"{seed} {worst.get('camera', '')} {worst.get('frame', '')}: {row['removed']['psnr']} dB in all"
+                )
+                shown = None if seed in HELD_OUT else pictures(workspace, drive / "truth", worst, caption)
+                if shown is not None:
+                    sheet.append((row["removed"]["psnr"], shown))
+            runs = document["runs"].setdefault(arguments.quality, {})
+            runs[str(seed)] = row
+            document["runs"][arguments.quality] = dict(sorted(runs.items(), key=lambda item: int(item[0])))
+            document["machine"] = machine()
+            results.parent.mkdir(parents=True, exist_ok=True)
+            write_json_atomic(results, summarized(document, arguments.quality))
+            print(seed, row.get("error") or (row["seconds"], row["removed"], row["best_opencv"]), flush=True)
+            if not arguments.keep:
+                shutil.rmtree(workspace, ignore_errors=True)
+    plot(document["runs"][arguments.quality], results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
+    if sheet:
+        write_sheet([p for _, p in sorted(sheet, key=lambda pair: pair[0])], results.with_suffix(".jpg"))
+
+
+if __name__ == "__main__":
+    main()
