@@ -22,11 +22,17 @@ from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, 
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
-from unveil_core.inpaint.light.relight import prevailing_shade, relighting_gain, shadows_of_removed, sky_gain
+from unveil_core.inpaint.light.relight import prevailing_shade, relighting_gain, shadows_of_removed, under_an_even_sky
 from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, Shade, read_shade, shade_where_unseen
 
 __all__ = ["SHADOW_REACH_M", "fill_chart"]
 
+LONG_WINDOW_M, LONG_HOP_M = 20.0, 8.0
+"""The same of the stretch that tells what is painted there: a zebra crossing is 4 m long, and a hole beside it as much again."""
+OTHER_PAINT, ACROSS_M = 0.2, 0.4
+"""Change of luma between the two stretches from which on they show different paint, and standard deviation across the street over
+which all other change is taken for light or age, metres. On a street with a zebra crossing 3.1 dB of what is invented, on two
+without +0.05 and -0.4 dB."""
 WINDOW_M, HOP_M = 5.0, 4.0
 """Half length of the stretch whose median stands for a lateral offset, and the distance between such stretches, metres: longer
 than a parked car, so that each holds open road; chosen on the two sample streets."""
@@ -109,8 +115,7 @@ def fill_chart(
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
         if light is None:
-            # Asphalt of another age beside an object is darker, too, but all the way.
-            gain = np.minimum(gain, sky_gain(footprint, per_m)[..., None])
+            gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
@@ -130,11 +135,19 @@ def fill_chart(
 
 
 def _profile(drift: Drift, per_m: float) -> Profile:
-    """Running medians of the lateral offsets of a chart whose street drifts."""
-    window, hop = int(WINDOW_M * per_m), max(1, int(HOP_M * per_m))
+    """Running medians of the lateral offsets of a chart whose street drifts.
+
+    Paint, kerb and sidewalk are those of a long stretch: of a short one zebra bars that end in a hole would be lines along the
+    street. How bright they are is that of a short one, all across: light and the asphalt's age change sooner.
+    """
+    windows = [(int(w * per_m), max(1, int(h * per_m))) for w, h in ((LONG_WINDOW_M, LONG_HOP_M), (WINDOW_M, HOP_M))]
 
     def profile(color: Float32, usable: Mask) -> Float32:
-        return drift.unrectify(lateral_profile(*drift.rectify(color, usable), window=window, hop=hop)[0])
+        rectified = drift.rectify(color, usable)
+        long, short = (lateral_profile(*rectified, window=window, hop=hop)[0] for window, hop in windows)
+        brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
+        same = np.abs(luminance(brighter)) < OTHER_PAINT
+        return drift.unrectify((long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32))
 
     return profile
 

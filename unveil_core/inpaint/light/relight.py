@@ -10,7 +10,14 @@ from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade
 
-__all__ = ["object_shadows", "prevailing_shade", "relighting_gain", "shadows_of_removed", "sky_gain"]
+__all__ = [
+    "object_shadows",
+    "prevailing_shade",
+    "relighting_gain",
+    "shadows_of_removed",
+    "sky_gain",
+    "under_an_even_sky",
+]
 
 PENUMBRA_M = 0.2
 """Width on either side of a shadow's border within which sun and shade may be mixed, metres. The sun is half a degree wide: a
@@ -21,6 +28,8 @@ inside."""
 TOUCH_M = 0.4
 """Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
 metres. Chosen on the two sample streets."""
+MOST_OF_AGE = 1.5
+"""Gain beyond which a dark patch is a shadow that some sun made: asphalt of two ages differs by a third at the most."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
@@ -97,6 +106,23 @@ def shadows_of_removed(
     hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     return shadow, hopeless
+
+
+def under_an_even_sky(gain: Float32, shadow: Mask, footprint: Mask, per_m: float) -> Float32:
+    """The gain (A, B, 3) of the shadows (A, B), no more than what an even sky gives back, except where a shadow is so dark that some
+    sun must have made it: asphalt of another age beside an object is darker, too, but all the way.
+
+    Args:
+        footprint: (A, B) texels under or inside removed objects; per_m: texels per metre.
+    """
+    count, patch = cv2.connectedComponents(shadow.astype(np.uint8), connectivity=8)
+    lightest = luminance(gain)
+    sunny = np.zeros(count, dtype=bool)
+    for k in np.unique(patch[shadow]):
+        sunny[k] = np.median(lightest[patch == k]) > MOST_OF_AGE
+    of_sun = grow(sunny[patch] & shadow, PENUMBRA_M * per_m)
+    limited: Float32 = np.where(of_sun[..., None], gain, np.minimum(gain, sky_gain(footprint, per_m)[..., None]))
+    return limited
 
 
 def sky_gain(footprint: Mask, per_m: float) -> Float32:
