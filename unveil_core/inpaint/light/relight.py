@@ -109,8 +109,8 @@ def shadows_of_removed(
 
 
 def under_an_even_sky(gain: Float32, shadow: Mask, footprint: Mask, per_m: float) -> Float32:
-    """The gain (A, B, 3) of the shadows (A, B), no more than what an even sky gives back, except where a shadow is so dark that some
-    sun must have made it: asphalt of another age beside an object is darker, too, but all the way.
+    """The gain (A, B, 3) of the shadows (A, B), no more than what an even sky gives back, except where a shadow is so dark that
+    some sun must have made it: asphalt of another age beside an object is darker, too, but all the way.
 
     Args:
         footprint: (A, B) texels under or inside removed objects; per_m: texels per metre.
