@@ -18,16 +18,20 @@ SHRINK = 2
 
 def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500, shrink: int = SHRINK) -> Path:
     """A drive with frames at the given metres down the street; returns the path of transforms.json."""
+    return make_tiny_drive(folder, [pose_at(x) for x in places], rays=rays, shrink=shrink)
+
+
+def make_tiny_drive(folder: Path, poses: Sequence[np.ndarray], *, rays: int = 1500, shrink: int = SHRINK) -> Path:
+    """A drive with frames of the given OpenGL poses (4, 4) on the street; returns the path of transforms.json."""
     (folder / "images").mkdir(parents=True)
     (folder / "semantics").mkdir()
     generator = np.random.default_rng(0)
     frames, cloud = [], []
-    drawn: dict[float, tuple[np.ndarray, np.ndarray]] = {}
-    for i, x in enumerate(places):
-        pose = pose_at(x)
-        if x not in drawn:
-            drawn[x] = picture(pose, True, shrink)
-        image, kind = drawn[x]
+    drawn: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    for i, pose in enumerate(poses):
+        if pose.tobytes() not in drawn:
+            drawn[pose.tobytes()] = picture(pose, True, shrink)
+        image, kind = drawn[pose.tobytes()]
         cv2.imwrite(str(folder / f"images/{i:03d}.png"), image)
         cv2.imwrite(str(folder / f"semantics/{i:03d}.png"), kind)
         frames.append(
