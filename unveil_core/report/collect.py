@@ -22,6 +22,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
+from unveil_core.report.provenance import draw_provenance
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
@@ -42,6 +43,8 @@ class FramePictures:
     inpainted: str | None = None
     regions: str | None = None
     lines: str | None = None
+    provenance: str | None = None
+    certainty: str | None = None
 
 
 @dataclass(frozen=True)
@@ -137,6 +140,7 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
     there = frame_file(root / "frames", frame).is_file()
     delivered = jpeg_uri(fitted(read_delivered(root, frame), size)) if there else None
     lines = draw_lines(root, drive.truth_root, frame, size) if there and drive.truth_root is not None else None
+    drawn = draw_provenance(root, frame, size) if there else None
     regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
     return FramePictures(
         name=frame.name,
@@ -144,6 +148,8 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
         before=jpeg_uri(fitted(read_image(frame.image_path), size)),
         after=delivered,
         lines=None if lines is None else jpeg_uri(lines),
+        provenance=None if drawn is None else jpeg_uri(drawn[0]),
+        certainty=None if drawn is None else jpeg_uri(drawn[1]),
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(
