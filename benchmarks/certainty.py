@@ -1,10 +1,11 @@
 """Fits and checks the certainty of delivered pixels on finished workspaces of drives with truth.
 
-    python benchmarks/certainty.py WORKSPACE WORKSPACE ...
+    python benchmarks/certainty.py WORKSPACE WORKSPACE ... [--check WORKSPACE ...]
 
 For each origin a logistic function of the doubts is fitted (unveil_core/provenance). Each workspace is also predicted by a fit
-to all others: the reliability is that of drives that the fit has not seen. Results go to benchmarks/results/certainty.json; the
-models in unveil_core/provenance/certainty.py are copied from there.
+to all others: the reliability is that of drives that the fit has not seen. What follows ``--check`` is predicted by the fit to
+all before. Results go to benchmarks/results/certainty.json; the models in unveil_core/provenance/certainty.py are copied from
+there.
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.pictures import fitted, truth_file
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels
+from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels
 from unveil_core.provenance.doubts import DOUBTS
 from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.surfels.ply import read_surfels
 
 RESULTS = Path(__file__).resolve().parent / "results" / "certainty.json"
 KINDS = {"relit": RELIT, "seen_elsewhere": SEEN_ELSEWHERE, "continued": CONTINUED, "invented": INVENTED}
-BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+BINS = (0.0, 0.6, 0.8, 0.9, 0.95, 1.0)
+"""Limits of the expectation: most pixels are expected to be right, so that equal bins would say little of them."""
 RIDGE = 1e-3
 """Weight of the squares of the weights in the fit: what tells the same twice shares it."""
 PURITY = 0.95
@@ -80,17 +82,22 @@ def fit(samples: list[Sample]) -> Models:
         doubts = np.concatenate([d for d, _ in parts]).astype(np.float64)
         right = np.concatenate([r for _, r in parts])
         share = np.concatenate([np.full(len(d), 1 / np.sqrt(len(d))) for d, _ in parts])
-        models[kind] = _logistic(doubts, right, share / share.sum())
+        models[kind] = _logistic(doubts, right, share / share.sum(), CEILINGS[kind])
     return models
 
 
-def _logistic(doubts: NDArray[np.float64], right: NDArray[np.bool_], share: NDArray[np.float64]) -> tuple[float, ...]:
-    sign = np.where(right, 1.0, -1.0)
+def _logistic(
+    doubts: NDArray[np.float64], right: NDArray[np.bool_], share: NDArray[np.float64], ceiling: float
+) -> tuple[float, ...]:
+    """The constant and the weights for which pixels (P,) with their shares of the whole are most likely."""
 
     def loss(x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        margin = sign * (x[0] - doubts @ x[1:])
-        cost = share @ np.logaddexp(0, -margin) + RIDGE * np.square(x[1:]).sum()
-        slope = -share * sign / (1 + np.exp(margin))
+        score = x[0] - doubts @ x[1:]
+        inner = 1 / (1 + np.exp(-np.clip(score, -50, 50)))
+        expected = np.clip(ceiling * inner, 1e-9, 1 - 1e-9)
+        cost = -share @ np.where(right, np.log(expected), np.log(1 - expected)) + RIDGE * np.square(x[1:]).sum()
+        by_expected = share * np.where(right, -1 / expected, 1 / (1 - expected))
+        slope = by_expected * ceiling * inner * (1 - inner)
         return float(cost), np.concatenate([[slope.sum()], -(doubts.T @ slope) + 2 * RIDGE * x[1:]])
 
     start = np.concatenate([[1.0], np.full(len(DOUBTS), 0.1)])
@@ -136,7 +143,9 @@ def reliability(levels: NDArray[np.uint8], right: NDArray[np.bool_], certain: in
 
 def main() -> None:
     """Fit, predict each workspace by a fit to the others, and write the result."""
-    samples = [read_sample(Path(folder)) for folder in sys.argv[1:]]
+    split = sys.argv.index("--check") if "--check" in sys.argv else len(sys.argv)
+    samples = [read_sample(Path(folder)) for folder in sys.argv[1:split]]
+    checks = [read_sample(Path(folder)) for folder in sys.argv[split + 1 :]]
     models = fit(samples)
     by_others = []
     for one in samples:
@@ -148,10 +157,14 @@ def main() -> None:
     document = {
         "machine": machine(),
         "doubts": list(DOUBTS),
+        "ceilings": {name: CEILINGS[kind] for name, kind in KINDS.items()},
         "models": {name: models[kind] for name, kind in KINDS.items()},
         "certain": certain,
         "not_fitted_on": {s.name: reliability(p, r, certain) for s, (p, r) in zip(samples, by_others, strict=True)},
         "fitted_on": {s.name: reliability(p, s.right, certain) for s, p in zip(samples, fitted_levels, strict=True)},
+        "checked": {
+            s.name: reliability(certainty_levels(expected_right(s.origin, s.doubts, models)), s.right, certain) for s in checks
+        },
         "origins": {
             s.name: {
                 name: {
@@ -160,7 +173,7 @@ def main() -> None:
                 }
                 for name, kind in KINDS.items()
             }
-            for s in samples
+            for s in samples + checks
         },
     }
     RESULTS.write_text(json.dumps(document, indent=1) + "\n")

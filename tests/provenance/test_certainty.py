@@ -18,7 +18,7 @@ from unveil_core.provenance.certainty import (
     expected_right,
     right_pixels,
 )
-from unveil_core.provenance.doubts import DOUBTS, find_doubts
+from unveil_core.provenance.doubts import DOUBTS, MOST, find_doubts
 from unveil_core.provenance.witnesses import Seen
 
 KINDS = {"relit": RELIT, "seen_elsewhere": SEEN_ELSEWHERE, "continued": CONTINUED, "invented": INVENTED}
@@ -39,6 +39,12 @@ def test_the_models_are_those_of_the_benchmark() -> None:
     assert {name: tuple(found["models"][name]) for name in KINDS} == {name: MODELS[k] for name, k in KINDS.items()}
     for drive in found["not_fitted_on"].values():
         assert drive["certain_right"] >= 0.95 and drive["calibration_error"] < 0.05
+
+
+def test_what_no_frame_shows_is_never_certain() -> None:
+    origin = np.array([SEEN_ELSEWHERE, CONTINUED, INVENTED], np.uint8)
+    sure = certainty_levels(expected_right(origin, np.zeros((3, len(DOUBTS)), np.float32)))
+    assert (sure >= CERTAIN).tolist() == [True, False, False]
 
 
 def test_nothing_that_was_made_is_as_sure_as_the_photograph() -> None:
@@ -72,6 +78,6 @@ def test_doubts_of_a_picture_that_is_known() -> None:
     middle = {name: plane[3, 100:102] for name, plane in planes.items()}
     assert middle["inside"] == pytest.approx(np.log2(5), abs=0.05) and middle["distance"] == pytest.approx(3)
     assert (planes["distance"][0] > 6).all() and (planes["inside"][3] > planes["inside"][0]).all()
-    assert middle["beside"] == pytest.approx(2, abs=0.1) and middle["refitted"] == pytest.approx(2, abs=0.1)
+    assert middle["beside"] == pytest.approx(MOST) and middle["refitted"] == pytest.approx(MOST)
     assert middle["changed"] == pytest.approx(0)
     assert middle["unseen"] == pytest.approx([1, 0.25]) and middle["contradicted"] == pytest.approx([0, 1], abs=0.05)

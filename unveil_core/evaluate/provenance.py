@@ -22,8 +22,9 @@ __all__ = ["ORIGINS", "ProvenanceScore", "provenance_figures", "score_provenance
 
 ORIGINS = {RELIT: "relit", SEEN_ELSEWHERE: "seen_elsewhere", CONTINUED: "continued", INVENTED: "invented"}
 """Names of the origins of what is not the photograph's."""
-BINS = 5
-"""Equal parts of the range of certainty in which expectation and truth are compared."""
+BINS = (0.0, 0.6, 0.8, 0.9, 0.95)
+"""Lower limits of the certainties between which expectation and truth are compared: most pixels are expected to be right, so that
+equal parts would say little of them."""
 
 
 @dataclass
@@ -33,7 +34,7 @@ class ProvenanceScore:
     Attributes:
         pixels: by origin; certain: of all of them, those that are called certain; expected: sum of the certainties, 0 to 1.
         true_pixels, squared: by origin, pixels that the truth shows and their squared error.
-        bins: (BINS, 3) of these pixels by certainty: their number, the sum of their certainties, the number of right ones.
+        bins: (5, 3) of these pixels by certainty: their number, the sum of their certainties, the number of right ones.
         certain_pixels, certain_right: of these pixels those called certain, and of them the right ones.
     """
 
@@ -42,7 +43,7 @@ class ProvenanceScore:
     expected: float = 0.0
     true_pixels: dict[int, int] = field(default_factory=dict)
     squared: dict[int, float] = field(default_factory=dict)
-    bins: np.ndarray = field(default_factory=lambda: np.zeros((BINS, 3)))
+    bins: np.ndarray = field(default_factory=lambda: np.zeros((len(BINS), 3)))
     certain_pixels: int = 0
     certain_right: int = 0
 
@@ -71,9 +72,9 @@ def score_provenance(root: Path, frame: Frame, delivered: Picture, street: Pictu
         error, right = squared_error(delivered, street)[changed], right_pixels(delivered, street)[changed]
         score.true_pixels = dict(score.pixels)
         score.squared = {k: float(error[kinds == k].sum()) for k in ORIGINS}
-        number = np.minimum((expected * BINS).astype(np.int64), BINS - 1)
+        number = np.searchsorted(BINS, expected, side="right") - 1
         weights = (None, expected, right.astype(np.float64))
-        score.bins = np.stack([np.bincount(number, w, minlength=BINS) for w in weights], axis=1).astype(np.float64)
+        score.bins = np.stack([np.bincount(number, w, minlength=len(BINS)) for w in weights], axis=1).astype(np.float64)
         score.certain_pixels = score.certain
         score.certain_right = int(np.count_nonzero(certain & right))
     return score
@@ -112,7 +113,7 @@ def provenance_figures(scores: Sequence[ProvenanceScore]) -> dict[str, Any]:
         certainty["certain_right"] = sum(s.certain_right for s in scores) / called if called else math.nan
         certainty["calibration_error"] = float(np.abs(bins[:, 1] - bins[:, 2]).sum()) / known
         certainty["bins"] = [
-            {"from": k / BINS, "pixels": int(n), "expected": e / n, "right": r / n}
+            {"from": BINS[k], "pixels": int(n), "expected": e / n, "right": r / n}
             for k, (n, e, r) in enumerate(bins.tolist())
             if n
         ]
