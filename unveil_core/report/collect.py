@@ -25,9 +25,11 @@ from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, regio
 from unveil_core.report.provenance import draw_provenance
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
+__all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "drive_name", "gather", "read_json", "step_cameras"]
 
 MESH_PICTURE = (720, 450)
+PALE_QUALITY = 68
+"""Of JPEG, for pictures in which colours mark regions: they need less than photographs."""
 MESH_BACKGROUND = (43, 48, 56)
 
 
@@ -111,7 +113,7 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     progress(total, total, "writing the report")
     first = drive.frames[0].camera if drive.frames else None
     return Shown(
-        name=_drive_name(root, state),
+        name=drive_name(root, state),
         frame_count=len(drive.frames),
         size=(first.width, first.height) if first else (0, 0),
         frames=tuple(frames),
@@ -122,7 +124,12 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     )
 
 
-def _drive_name(root: Path, state: dict[str, Any]) -> str:
+def drive_name(root: Path, state: dict[str, Any]) -> str:
+    """What people call the drive of a workspace.
+
+    Args:
+        root: the workspace; state: its workspace.json.
+    """
     path = Path(str(state.get("drive", "")))
     if path.suffix == ".json":
         path = path.parent
@@ -148,8 +155,8 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
         before=jpeg_uri(fitted(read_image(frame.image_path), size)),
         after=delivered,
         lines=None if lines is None else jpeg_uri(lines),
-        provenance=None if drawn is None else jpeg_uri(drawn[0]),
-        certainty=None if drawn is None else jpeg_uri(drawn[1]),
+        provenance=None if drawn is None else jpeg_uri(drawn[0], PALE_QUALITY),
+        certainty=None if drawn is None else jpeg_uri(drawn[1], PALE_QUALITY),
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(

@@ -35,8 +35,10 @@ ORIGIN_NAMES: dict[int, str] = {
     CONTINUED: "continued from what was seen beside it",
     INVENTED: "invented",
 }
-UNSURE, HALF, SURE = (196, 60, 78), (246, 214, 110), (38, 120, 178)
-"""sRGB of certainties 0, one half and 1; told apart also by people who see no difference between red and green."""
+RAMP = {0.0: (196, 60, 78), 0.5: (246, 214, 110), 0.9: (170, 212, 230)}
+"""sRGB of expectations; told apart also by people who see no difference between red and green."""
+SURE = (24, 96, 196)
+"""sRGB of what is called certain."""
 SHARE = 0.7
 """So much of the colours lies over the clean frame."""
 DARK = 0.55
@@ -74,7 +76,9 @@ def _over(picture: Picture, colors: NDArray[np.float64], where: Mask) -> Picture
 def _ramp() -> NDArray[np.float64]:
     """(256, 3) colours of the levels of certainty."""
     at = np.arange(256) / (ORIGINAL_LEVEL - 1)
-    return np.stack([np.interp(at, (0, 0.5, 1), ends) for ends in zip(UNSURE, HALF, SURE, strict=True)], axis=1)
+    colors = np.stack([np.interp(at, list(RAMP), ends) for ends in zip(*RAMP.values(), strict=True)], axis=1)
+    colors[CERTAIN:] = SURE
+    return colors
 
 
 def mode_legend(mode: str) -> str:
@@ -82,8 +86,8 @@ def mode_legend(mode: str) -> str:
     if mode == "provenance":
         entries = {ORIGIN_NAMES[k]: ORIGIN_COLORS[k] for k in ORIGIN_COLORS}
     elif mode == "certainty":
-        low, middle, high = (f"expected to be right: {share} %" for share in (0, 50, 100))
-        entries = {low: UNSURE, middle: HALF, high: SURE}
+        entries = {f"expected to be right: {share:.0%}".replace("%", " %"): color for share, color in RAMP.items()}
+        entries["certain"] = SURE
     else:
         return ""
     items = "".join(f'<li><i style="background:rgb{color}"></i>{escape(name)}</li>' for name, color in entries.items())
