@@ -28,7 +28,6 @@ from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEE
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels
 from unveil_core.provenance.doubts import DOUBTS
 from unveil_core.provenance.of_workspace import provenance_of
-from unveil_core.report.collect import drive_name
 from unveil_core.surfels.ply import read_surfels
 
 RESULTS = Path(__file__).resolve().parent / "results" / "certainty.json"
@@ -68,9 +67,7 @@ def read_sample(root: Path) -> Sample:
         origins.append(known.origin[changed])
         doubts.append(known.doubts)
         right.append(right_pixels(delivered, street)[changed])
-    state = json.loads((root / "workspace.json").read_text())
-    name = f"{drive_name(root, state)}, {state['settings']['quality']}"
-    return Sample(name, np.concatenate(origins), np.concatenate(doubts), np.concatenate(right))
+    return Sample(root.name, np.concatenate(origins), np.concatenate(doubts), np.concatenate(right))
 
 
 def fit(samples: list[Sample]) -> Models:

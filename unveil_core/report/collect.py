@@ -25,7 +25,7 @@ from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, regio
 from unveil_core.report.provenance import draw_provenance
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "drive_name", "gather", "read_json", "step_cameras"]
+__all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
 
 MESH_PICTURE = (720, 450)
 PALE_QUALITY = 68
@@ -113,7 +113,7 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     progress(total, total, "writing the report")
     first = drive.frames[0].camera if drive.frames else None
     return Shown(
-        name=drive_name(root, state),
+        name=_drive_name(root, state),
         frame_count=len(drive.frames),
         size=(first.width, first.height) if first else (0, 0),
         frames=tuple(frames),
@@ -124,12 +124,7 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     )
 
 
-def drive_name(root: Path, state: dict[str, Any]) -> str:
-    """What people call the drive of a workspace.
-
-    Args:
-        root: the workspace; state: its workspace.json.
-    """
+def _drive_name(root: Path, state: dict[str, Any]) -> str:
     path = Path(str(state.get("drive", "")))
     if path.suffix == ".json":
         path = path.parent
