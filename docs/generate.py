@@ -27,6 +27,7 @@ ORDER = {
     "pipeline": "stages, runner, settings",
     "report": "the page, videos",
     "evaluate": "metrics, baselines",
+    "provenance": "origins, certainty",
     "workspace": "files, lock, journal",
     "mesh": "fusion, export",
     "delivery": "frames at the footage's size",

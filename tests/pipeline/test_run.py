@@ -22,6 +22,8 @@ from tests.drives.tiny_drive import make_tiny_drive
 from tests.small_street import make_small_street
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
+from unveil_core.inpaint.chart.files import read_chart_sources
+from unveil_core.inpaint.chart.street_chart import INVENTED
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
@@ -65,6 +67,7 @@ def done(street: Path, opened: list[tuple[str, str, bool]], tmp_path_factory: py
 def results(root: Path) -> dict[str, bytes]:
     """Every file that a run leaves, but for times and places."""
     keep = ("surfels", "ground", "masks", "regions", "inpaint", "inpainted", "renders", "frames", "meshes", "instances")
+    keep += ("provenance", "certainty")
     return {
         str(p.relative_to(root)): p.read_bytes()
         for name in keep
@@ -108,6 +111,37 @@ def test_nothing_else_changes(done: Workspace, street: Path) -> None:
         mask = cv2.imread(str(done.root / f"masks/removed/camera/{i:02d}.png"), 0) > 0
         mask |= cv2.imread(str(done.root / f"masks/shadows/camera/{i:02d}.png"), 0) > 0
         assert np.array_equal(clean[~mask], image[~mask])
+
+
+def test_every_pixel_tells_where_it_comes_from_and_how_sure_it_is(done: Workspace) -> None:
+    def plane(folder: str, i: int) -> np.ndarray:
+        return cv2.imread(str(done.root / f"{folder}/camera/{i:02d}.png"), cv2.IMREAD_UNCHANGED)
+
+    ground = read_ground(done.ground_npz).street
+    assert ground is not None
+    chart = read_chart_sources(done.root / "inpaint/chart.npz")
+    assert chart is not None
+    invented_ground = []
+    for i, frame in enumerate(read_imported(done.drive_dir).frames):
+        origin, level = plane("provenance", i), plane("certainty", i)
+        removed, unobserved = plane("masks/removed", i) > 0, plane("masks/unobserved", i) > 0
+        changed = removed | (plane("masks/shadows", i) > 0)
+        assert origin.dtype == level.dtype == np.uint8 and origin.shape == level.shape == changed.shape
+        assert (origin[~changed] == 0).all() and (level[~changed] == 255).all()
+        assert (np.isin(origin[changed], (1, 2, 3, 4))).all() and (level[changed] < 255).all()
+        assert not unobserved[np.isin(origin, (1, 2))].any()
+        # Well inside, what the ray meets is ground that the chart continued.
+        core = cv2.erode((removed & unobserved).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+        depth, street = ground.intersect(frame.camera, frame.camera.rays()[core])
+        row = np.round((street[:, 0] - chart.s_start) / chart.texel).astype(int).clip(0, len(chart.source) - 1)
+        column = np.round((street[:, 1] - chart.t_start) / chart.texel).astype(int).clip(0, chart.source.shape[1] - 1)
+        met = np.isfinite(depth) & (np.abs(street[:, 1]) < 4) & (chart.source[row, column] == INVENTED)
+        invented_ground.append(origin[core][met])
+    found = np.concatenate(invented_ground)
+    assert len(found) > 100 and (found == 3).mean() > 0.95
+    metrics = json.loads((done.root / "metrics.json").read_text())
+    assert sum(o["share"] for o in metrics["provenance"]["origins"].values()) == pytest.approx(1, abs=1e-3)
+    assert 0 < metrics["certainty"]["expected"] < 1 and metrics["certainty"]["bins"]
 
 
 def test_stages_read_and_write_what_they_declare(

@@ -16,7 +16,7 @@ import pytest
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import cast, street_camera
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_ply
@@ -280,6 +280,27 @@ def test_pages_stay_small(width: int, height: int, count: int) -> None:
     assert wide / tall == pytest.approx(width / height, rel=0.05)
     if (width, height) == (384, 256):
         assert (wide, tall) == (width, height)
+
+
+def test_provenance_and_certainty_have_views_a_legend_and_a_card(finished: Path, tmp_path: Path) -> None:
+    root = tmp_path / "ws"
+    shutil.copytree(finished, root)
+    for path in (root / "regions/front").glob("*.png"):
+        regions = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        write_image_atomic(root / "provenance/front" / path.name, np.where(regions > 0, 3, 0).astype(np.uint8))
+        write_image_atomic(root / "certainty/front" / path.name, np.where(regions > 0, 250, 255).astype(np.uint8))
+    metrics = run_evaluation(root)
+    write_report(root, tmp_path / "report", metrics)
+    page = Page((tmp_path / "report/index.html").read_text())
+    assert {"provenance", "certainty"} <= {a.get("data-mode") for _, a in page.found}
+    assert {"provenance", "certainty"} <= {a.get("data-legend") for _, a in page.found}
+    assert "continued from what was seen" in page.text and "is called certain" in page.text
+    for frame in page.frames():
+        drawn = decoded(frame["provenance"]).astype(int)
+        regions = cv2.imread(str(root / f"regions/front/{frame['name']}.png"), cv2.IMREAD_UNCHANGED)
+        inside = cv2.erode((regions > 0).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+        blue, _, red = drawn[inside].mean(axis=0)
+        assert not inside.any() or blue > red + 40
 
 
 def test_regions_stay_in_place_when_the_page_shrinks_them() -> None:

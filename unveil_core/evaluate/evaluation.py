@@ -58,7 +58,8 @@ def run_evaluation(
         lpips: a network for LPIPS (see :class:`unveil_core.evaluate.perceptual.LpipsModel`), or None.
         fid: a network for FID (see :class:`unveil_core.evaluate.perceptual.FeatureModel`), or None.
     Returns:
-        a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``per_frame`` and, with truth, ``truth`` with
+        a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``provenance`` and ``certainty`` (see
+        :func:`unveil_core.evaluate.provenance.provenance_figures`), ``per_frame`` and, with truth, ``truth`` with
         ``regions`` (removed, unseen, seen_elsewhere, cast_shadow, whole) of ``methods`` (see :data:`METHODS`), each
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
         of ``frames``, which is smaller for the single-image baselines of a long drive; the methods of all regions but ``whole``

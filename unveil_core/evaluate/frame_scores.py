@@ -18,6 +18,7 @@ from unveil_core.evaluate.detail.scores import DetailScore, StreetDetail
 from unveil_core.evaluate.metrics import SSIM_WINDOW, squared_error, ssim_map
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel
 from unveil_core.evaluate.pictures import fitted, regions_of, truth_file, truth_mask, workspace_mask
+from unveil_core.evaluate.provenance import ProvenanceScore, score_provenance
 from unveil_core.geometry.images import grow
 from unveil_core.semantics.labels import frame_instances
 from unveil_core.workspace.files import frame_file
@@ -77,6 +78,7 @@ class FrameScores:
         filled: per baseline, (M, 3) colours of the pixels that it filled, see :func:`unveil_core.evaluate.baselines.with_border`.
         lpips: per method.
         features: per method, of its picture and of the true one.
+        provenance: where its pixels come from, and how sure they are; None where the workspace does not tell.
     """
 
     name: str
@@ -95,6 +97,7 @@ class FrameScores:
     filled: dict[str, Picture] = field(default_factory=dict)
     lpips: dict[str, float] = field(default_factory=dict)
     features: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=dict)
+    provenance: ProvenanceScore | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +133,11 @@ def score_frame(sources: Sources, frame: Frame, with_baselines: bool) -> FrameSc
         result.untouched_max = int(change.max())
         result.untouched_sum, result.untouched_values = float(change.sum(dtype=np.int64)), change.size
     true_image = None if sources.truth is None else truth_file(sources.truth / "images", frame)
+    street = None
     if sources.truth is not None and true_image is not None:
         street = fitted(read_image(true_image), shape)
         _score_against_truth(result, sources, sources.truth, delivery, street, with_baselines)
+    result.provenance = score_provenance(sources.root, frame, delivery.delivered, street)
     return result
 
 

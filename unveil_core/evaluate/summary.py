@@ -15,6 +15,7 @@ from unveil_core.evaluate.frame_scores import FrameScores, Score
 from unveil_core.evaluate.metrics import psnr_of_mse
 from unveil_core.evaluate.perceptual import frechet_distance
 from unveil_core.evaluate.pictures import REGIONS
+from unveil_core.evaluate.provenance import provenance_figures
 
 __all__ = ["METHODS", "summary"]
 
@@ -54,6 +55,7 @@ def summary(results: list[FrameScores], classes: Mapping[int, str]) -> dict[str,
     with_truth = [r for r in results if r.scores]
     if with_truth:
         metrics["truth"] = _truth_summary(with_truth, classes)
+    metrics.update(provenance_figures([r.provenance for r in results if r.provenance is not None]))
     metrics["per_frame"] = [_frame_summary(r) for r in results]
     return metrics
 

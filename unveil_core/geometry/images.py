@@ -11,12 +11,25 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
 
-__all__ = ["area_px", "border_px", "disc", "grow", "luminance", "masked_blur", "sample_at", "spread_from", "within"]
+__all__ = [
+    "area_px",
+    "border_px",
+    "disc",
+    "grow",
+    "luminance",
+    "masked_blur",
+    "sample_at",
+    "smoothed",
+    "spread_from",
+    "within",
+]
 
 ENOUGH_SUPPORT = 0.1
 """Share of a Gaussian's weight that must fall on known texels for its blur to be believed alone."""
 BORDER_WIDTH = 800
 """Images narrower than this have borders of so many pixels as were found at 384, wider ones in proportion."""
+SMOOTHING_PX = 1.0
+"""Standard deviation of the smoothing before colours are compared, pixels at 384 px: grain and JPEG blocks do not count."""
 
 
 def border_px(width: int, least: int = 2) -> int:
@@ -35,6 +48,12 @@ def border_px(width: int, least: int = 2) -> int:
 def area_px(shape: tuple[int, ...], least: int) -> int:
     """How many pixels of an image (H, W…) cover what ``least`` pixels cover of one of 384x256; not fewer in smaller ones."""
     return max(least, round(least * shape[0] * shape[1] / (384 * 256)))
+
+
+def smoothed(picture: NDArray[np.uint8]) -> Float32:
+    """A picture (H, W, 3) uint8 as colours of two pictures are compared, levels of 255: without grain."""
+    sigma = SMOOTHING_PX * border_px(picture.shape[1], 2) / 2
+    return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), sigma).astype(np.float32)
 
 
 def disc(radius: float) -> NDArray[np.uint8]:

@@ -22,11 +22,14 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
+from unveil_core.report.provenance import draw_provenance
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
 
 MESH_PICTURE = (720, 450)
+PALE_QUALITY = 68
+"""Of JPEG, for pictures in which colours mark regions: they need less than photographs."""
 MESH_BACKGROUND = (43, 48, 56)
 
 
@@ -42,6 +45,8 @@ class FramePictures:
     inpainted: str | None = None
     regions: str | None = None
     lines: str | None = None
+    provenance: str | None = None
+    certainty: str | None = None
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,7 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
     there = frame_file(root / "frames", frame).is_file()
     delivered = jpeg_uri(fitted(read_delivered(root, frame), size)) if there else None
     lines = draw_lines(root, drive.truth_root, frame, size) if there and drive.truth_root is not None else None
+    drawn = draw_provenance(root, frame, size) if there else None
     regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
     return FramePictures(
         name=frame.name,
@@ -144,6 +150,8 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
         before=jpeg_uri(fitted(read_image(frame.image_path), size)),
         after=delivered,
         lines=None if lines is None else jpeg_uri(lines),
+        provenance=None if drawn is None else jpeg_uri(drawn[0], PALE_QUALITY),
+        certainty=None if drawn is None else jpeg_uri(drawn[1], PALE_QUALITY),
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(

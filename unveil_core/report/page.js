@@ -25,6 +25,7 @@
   ].map(part);
   const afterTag = part(".tag.after");
   const modes = [...viewer.querySelectorAll("[data-mode]")];
+  const legends = [...viewer.querySelectorAll("[data-legend]")];
   let current = 0, mode = modes.length ? modes[0].dataset.mode : "", regions = false, timer = 0;
 
   const pictureOf = (frame) => frame[mode] || frame.before;
@@ -75,12 +76,13 @@
     button.addEventListener("click", () => {
       mode = button.dataset.mode;
       for (const other of modes) other.setAttribute("aria-pressed", other === button);
+      for (const legend of legends) legend.hidden = legend.dataset.legend !== mode;
       if (afterTag) afterTag.textContent = button.textContent;
       show(current, false);
     });
   }
   const toggle = viewer.querySelector(".regions");
-  const legend = viewer.querySelector(".legend");
+  const legend = viewer.querySelector(".legend.of-regions");
   if (toggle) {
     toggle.addEventListener("click", () => {
       regions = !regions;

@@ -19,6 +19,7 @@ from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather
 from unveil_core.report.pictures import REGION_NAMES
+from unveil_core.report.provenance import certainty_cards, mode_legend
 from unveil_core.report.video import write_video
 from unveil_core.report.wording import (
     decibels,
@@ -36,6 +37,7 @@ from unveil_core.workspace.assumptions import recorded_assumptions
 __all__ = ["build_page", "write_report"]
 
 MODES = {"after": "Empty street", "rendered": "Rendered", "inpainted": "Pseudo label", "lines": "Lines"}
+MODES |= {"provenance": "Provenance", "certainty": "Certainty"}
 REGION_TITLES = {
     "removed": "Whole removed region",
     "seen_elsewhere": "Seen from other frames",
@@ -144,7 +146,8 @@ def _viewer(shown: Shown) -> str:
     )
     pictures = _slider_images(frames[first].before, getattr(frames[first], modes[0]) if modes else None)
     overlay = '<img class="overlay" alt="" hidden>'
-    legend = f'<ul class="legend" hidden>{_region_legend()}</ul>' if with_regions else ""
+    legend = f'<ul class="legend of-regions" hidden>{_region_legend()}</ul>' if with_regions else ""
+    legend += "".join(mode_legend(mode) for mode in modes)
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     return (
         f'<div id="viewer" class="card viewer" data-first="{first}">'
@@ -207,6 +210,7 @@ def _numbers(shown: Shown) -> str:
         cards.append((str(moved), what))
     if coverage.get("unobserved_of_removed") is not None:
         cards.append((percent(coverage["unobserved_of_removed"]), "of these were never seen and had to be invented"))
+    cards += certainty_cards(metrics)
     untouched = metrics.get("untouched", {})
     if "max" in untouched:
         text = "not one" if untouched["max"] == 0 else f"up to {untouched['max']} levels"

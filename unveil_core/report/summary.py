@@ -7,6 +7,7 @@ from typing import Any, TextIO
 
 from unveil_core.evaluate import METHODS
 from unveil_core.report.collect import read_json
+from unveil_core.report.provenance import certainty_cards
 from unveil_core.report.wording import (
     decibels,
     detail,
@@ -88,6 +89,7 @@ def _quality(metrics: dict[str, Any]) -> list[str]:
             f"  {percent(coverage['removed'])} of all pixels were removed, "
             f"{percent(coverage['unobserved_of_removed'])} of these seen from nowhere"
         )
+    lines += [f"  {share} {what}" for share, what in certainty_cards(metrics)]
     untouched = metrics.get("untouched", {})
     if "max" in untouched:
         change = "none" if untouched["max"] == 0 else f"up to {untouched['max']} of 255 levels"

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tests.evaluate.detail.pictures import HEIGHT, WIDTH, grained, road
-from unveil_core.evaluate.detail.residue import find_residue, nearest_object, smoothed
+from unveil_core.evaluate.detail.residue import find_residue, nearest_object
+from unveil_core.geometry.images import smoothed
 
 CAR = (slice(80, 160), slice(200, 320))
 RED = (170, 30, 30)

@@ -5,14 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from unveil_core.base.types import Float32, Labels, Mask, Picture
+from unveil_core.base.types import Float32, Labels, Mask
 from unveil_core.evaluate.detail.nearest import from_nearest
-from unveil_core.geometry.images import border_px
 
-__all__ = ["PATCH_PX", "find_residue", "nearest_object", "smoothed"]
+__all__ = ["PATCH_PX", "find_residue", "nearest_object"]
 
-SMOOTHING_PX = 1.0
-"""Standard deviation of the smoothing before colours are compared, pixels at 384 px: grain and JPEG blocks do not count."""
 VISIBLE_LEVELS = 24.0
 """Residue is so far from the true street and more, root mean square of the channels: less passes as another shade of it. Of 24 and
 32 the first finds the dark underside of cars that are left on asphalt in the shade."""
@@ -25,19 +22,14 @@ PATCH_PX = 16
 """Smallest connected patch, pixels of 384x256."""
 
 
-def smoothed(picture: Picture) -> Float32:
-    """A picture (H, W, 3) uint8 as :func:`find_residue` compares it, levels of 255."""
-    sigma = SMOOTHING_PX * border_px(picture.shape[1], 2) / 2
-    return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), sigma).astype(np.float32)
-
-
 def find_residue(clean: Float32, crowded: Float32, truth: Float32, where: Mask, *, patch_px: int = 1) -> Mask:
     """Pixels (H, W) of ``where`` in patches that show what was to be removed, and not the street behind it.
 
     Where object and street have one colour nothing can be told, and nothing is found.
 
     Args:
-        clean, crowded, truth: (H, W, 3) of :func:`smoothed`; where: (H, W) the removed region and its shadows.
+        clean, crowded, truth: (H, W, 3) of :func:`unveil_core.geometry.images.smoothed`.
+        where: (H, W) the removed region and its shadows.
         patch_px: pixels of the smallest patch that counts, see ``PATCH_PX``.
     """
     from_crowded, from_truth = _squared_distance(clean, crowded), _squared_distance(clean, truth)

@@ -14,9 +14,9 @@ from unveil_core.base.types import Float64, Labels, Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.detail.ground_pixels import ground_pixels
 from unveil_core.evaluate.detail.lines import LineMatch, find_edges, match_lines
-from unveil_core.evaluate.detail.residue import PATCH_PX, find_residue, nearest_object, smoothed
+from unveil_core.evaluate.detail.residue import PATCH_PX, find_residue, nearest_object
 from unveil_core.evaluate.metrics import gradient
-from unveil_core.geometry.images import area_px, border_px, grow
+from unveil_core.geometry.images import area_px, border_px, grow, smoothed
 
 __all__ = ["DETAIL_FIGURES", "DetailScore", "PictureDetail", "StreetDetail", "detail_figures"]
 

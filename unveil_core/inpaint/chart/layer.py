@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.inpaint.chart.street_chart import RELIT_GAIN, StreetChart, blur_levels, sample_chart
+from unveil_core.inpaint.chart.street_chart import OUTSIDE, RELIT_GAIN, StreetChart, blur_levels, sample_chart
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
@@ -41,6 +41,7 @@ class GroundPixels:
         shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
             was given up, see StreetChart.
         extent: (H, W) length of a pixel's footprint along its ray on the ground, texels of the chart.
+        source: (H, W) uint8, where the chart has its colour from, see StreetChart; OUTSIDE where not covered.
     """
 
     hit: NDArray[np.bool_]
@@ -51,6 +52,7 @@ class GroundPixels:
     shadow: NDArray[np.bool_]
     replaced: NDArray[np.bool_]
     extent: Float32
+    source: NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +135,7 @@ class GroundLayer:
         covered = np.zeros(len(rays), dtype=bool)
         replaced = np.zeros(len(rays), dtype=bool)
         extent = np.zeros(len(rays), dtype=np.float32)
+        source = np.full(len(rays), OUTSIDE, dtype=np.uint8)
         if hit.any():
             z = depth[hit]
             # A pixel's extent on the ground: z/f across the view, and stretched by the grazing angle along it.
@@ -148,7 +151,8 @@ class GroundLayer:
             color[hit] = sample_chart(self._colors, self.chart, at, footprint, across)
             gain[hit] = sample_chart(self._gains, self.chart, at, footprint, across)
             row, column, on_chart = self.chart.index_of(street[hit])
-            covered[hit] = on_chart & (self.chart.source[row, column] > 0)
+            source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)
+            covered = source != OUTSIDE
             replaced[hit] = on_chart & self.chart.replaced[row, column]
 
         def spread(values: Any, default: float | bool) -> Any:
@@ -166,6 +170,7 @@ class GroundLayer:
             shadow=spread((gain.max(axis=1) > RELIT_GAIN) | replaced, False),
             replaced=spread(replaced, False),
             extent=spread(extent, 0.0),
+            source=spread(source, OUTSIDE),
         )
 
 

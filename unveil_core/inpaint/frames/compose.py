@@ -6,7 +6,22 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["compose_frame"]
+from unveil_core.base.types import Mask
+from unveil_core.geometry.images import border_px, grow
+
+__all__ = ["compose_frame", "optimized_pixels"]
+
+
+def optimized_pixels(removed: Mask, moving: Mask) -> Mask:
+    """(H, W) pixels that show the optimized scene: those behind removed objects.
+
+    Shadows were relit in the photograph itself. Around dynamic objects nothing was optimized: there the inpainted frame is shown,
+    with what other frames saw.
+
+    Args:
+        removed: (H, W) pixels of removed objects; moving: (H, W) pixels of dynamic ones.
+    """
+    return removed & ~grow(moving, border_px(removed.shape[1]))
 
 
 def compose_frame(

@@ -32,6 +32,7 @@ from unveil_core.inpaint.frames.holes import (
 )
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.seed import seed_pixels
+from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
 from unveil_core.raster import render
 from unveil_core.surfels.sky import Sky
@@ -55,6 +56,9 @@ twice as much: they mix shadow and light. Chosen on the two sample streets."""
 STEEP = 0.1
 """Relative change of the gain within a border's width that makes the border of a shadow. Chosen on the two sample streets."""
 
+ORIGIN_OF_TEXEL = np.array([ORIGINAL, SEEN_ELSEWHERE, RELIT, CONTINUED], dtype=np.uint8)
+"""What a chart's OUTSIDE, OBSERVED, RELIT and INVENTED are in ``inpaint.origin``."""
+
 
 @dataclass(frozen=True, eq=False)
 class Painted:
@@ -62,13 +66,13 @@ class Painted:
 
     Attributes:
         image: (H, W, 3) uint8: the photograph outside, the empty street inside the removed region.
-        ground: (H, W) bool, pixels inside that come from the street chart.
+        origin: (H, W) uint8, see ``inpaint.origin``; SEEN_ELSEWHERE for all that surfels show, whatever theirs is.
         invented: (H, W) bool, pixels that this frame invented itself.
         shadow: (H, W) bool, pixels outside ``removed`` from which a removed object's shadow was taken.
     """
 
     image: NDArray[np.uint8]
-    ground: NDArray[np.bool_]
+    origin: NDArray[np.uint8]
     invented: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
 
@@ -144,7 +148,8 @@ def propagate_inpainting(
 def _over(first: Painted, again: Painted) -> Painted:
     """A keyframe that deferred places to others: what it invented itself, over what it takes from them."""
     image = np.where(first.invented[..., None], first.image, again.image)
-    return replace(again, image=image, invented=first.invented | again.invented)
+    origin = np.where(first.invented, INVENTED, again.origin).astype(np.uint8)
+    return replace(again, image=image, origin=origin, invented=first.invented | again.invented)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +172,7 @@ class _Painter:
         Returns:
             the frame, and the surfels of what it invented.
         """
-        image, shadow, background = self._known(task, surfels)
+        image, shadow, background, origin = self._known(task, surfels)
         empty = hole_in_frame(task, background)
         invented = empty if deferred is None else empty & ~deferred
         seeds: list[Surfels] = []
@@ -177,7 +182,10 @@ class _Painter:
             depth = missing_depth(background, empty)
             # What surfels carry here from another frame is a hole as well, to be painted by that frame.
             image, by_reference = self.references.paint(task.camera, image, self._bare_hole(task), depth)
+            origin[by_reference] = INVENTED
             unpainted = empty & ~by_reference
+        # A deferred pixel is painted, too, until its own keyframe's surfels are put over it.
+        origin[empty] = INVENTED
         if invented.any():
             image = fill_around(self.single_image, image, unpainted)
             if int(invented.sum()) >= area_px(invented.shape, least_px):
@@ -187,7 +195,7 @@ class _Painter:
                 seeds = [seed_pixels(task.camera, image, depth, label, invented, sh_degree=sh_degree)]
                 if self.references is not None:
                     self.references.add(task.camera, image, depth)
-        return Painted(image, background.from_chart, invented, shadow), seeds
+        return Painted(image, origin, invented, shadow), seeds
 
     def _bare_hole(self, task: FrameTask) -> NDArray[np.bool_]:
         """(H, W) the hole as it is before anything is invented."""
@@ -195,8 +203,9 @@ class _Painter:
 
     def _known(
         self, task: FrameTask, surfels: Surfels
-    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], BackgroundLayers]:
-        """The frame (H, W, 3) uint8 filled as far as scene and chart know it, the pixels relit (H, W), and the background."""
+    ) -> tuple[NDArray[np.uint8], NDArray[np.bool_], BackgroundLayers, NDArray[np.uint8]]:
+        """The frame (H, W, 3) uint8 filled as far as scene and chart know it, the pixels relit (H, W), the background, and where
+        each pixel has its colour from (H, W)."""
         layer = self.scene.ground
         border = border_px(task.camera.width)
         ring = within(task.removed, RING_PX * max(1.0, task.camera.width / 384)) & ~grow(task.removed, border)
@@ -209,8 +218,10 @@ class _Painter:
         shadow = np.zeros_like(task.removed)
         gain = np.ones_like(fill)
         original = task.image.astype(np.float32) / 255
+        origin = np.where(task.removed, SEEN_ELSEWHERE, ORIGINAL).astype(np.uint8)
         ground = background.chart
         if ground is not None:
+            origin[from_chart] = ORIGIN_OF_TEXEL[ground.source[from_chart]]
             plain = ring & ground.covered & ~background.in_front & ~ground.shadow & _shows_ground(ground.depth, out)
             fill[from_chart] = ground.color[from_chart] + tint(original, ground.color, plain)
             on_ground = ground.replaced | _shows_ground(ground.depth, out)
@@ -222,6 +233,7 @@ class _Painter:
             over = shadow & ground.replaced
             original[over] = ground.color[over]
             gain[over] = 1.0  # the chart shows it lit already
+            origin[shadow] = np.where(over[shadow], CONTINUED, RELIT)
         relit = np.clip(original * gain, 0, 1)
         if ground is not None and shadow.any():
             # A pixel far off mixes shadow and light along the street; the chart, read from nearby, does not.
@@ -231,7 +243,7 @@ class _Painter:
             held = _held(relit[shadow], ground.color[shadow])
             relit[shadow] = held * (1 - distant) + ground.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
-        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background
+        return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background, origin
 
 
 def tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:

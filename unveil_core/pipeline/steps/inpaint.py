@@ -24,6 +24,7 @@ from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.inpaint.light.sun import Sun
+from unveil_core.inpaint.origin import CONTINUED, INVENTED
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import Removal, Views, complete_scene, drive_views, empty_ground_chart
@@ -44,9 +45,9 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> Facts:
-    """inpainted/ in canonical colours, inpaint/keyframes.json, inpaint/chart.npz, masks/shadows; surfels/seeds.ply, and of
-    full.ply's surfels those that they replace and those that lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns
-    where the sun was found, and what was assumed."""
+    """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json, inpaint/chart.npz,
+    masks/shadows; surfels/seeds.ply and surfels/seed_origins.npy; and of full.ply's surfels those that they replace and those that
+    lost a shadow: surfels/displaced.npy, surfels/relit.npy. Returns where the sun was found, and what was assumed."""
     return inpaint_with(context)
 
 
@@ -96,12 +97,16 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     painted, seeds = _propagate(context, given, known)
     for frame, result, shadow in zip(drive.frames, painted, given.shaded, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
+        write_image_atomic(frame_file(context.output("inpaint/origins"), frame), result.origin)
         save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
+    invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
     if chart is not None:
         spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
         label = scene.labels.index("road") or 0
         parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=remaining.sh_degree, default_label=label))
+    origins = [np.full(len(p), INVENTED if k in invented else CONTINUED, np.uint8) for k, p in enumerate(parts)]
+    save_array(np.concatenate([np.zeros(0, np.uint8), *origins]), context.output("surfels/seed_origins.npy"))
     seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
     write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
@@ -224,8 +229,10 @@ STAGE = Stage(
         "inpainted",
         "inpaint/keyframes.json",
         "inpaint/chart.npz",
+        "inpaint/origins",
         "masks/shadows",
         "surfels/seeds.ply",
+        "surfels/seed_origins.npy",
         "surfels/displaced.npy",
         "surfels/relit.npy",
     ),

@@ -9,10 +9,12 @@ from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
-from unveil_core.geometry.images import border_px, grow
-from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
+from unveil_core.inpaint.origin import ORIGINAL
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
+from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.raster.picture import picture_of
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -25,7 +27,7 @@ __all__ = ["STAGE"]
 
 
 def run(context: StageContext) -> None:
-    """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure."""
+    """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; provenance/ and certainty/ of clean/."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
     scene = load_labels(workspace)
@@ -62,12 +64,16 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        # Behind removed objects the optimized scene is shown; shadows were relit in the photograph itself. Around dynamic objects
-        # nothing was optimized: there the inpainted frame is shown, with what other frames saw.
-        optimized = removed & ~grow(moving.pixels(frame), border_px(frame.camera.width))
+        optimized = optimized_pixels(removed, moving.pixels(frame))
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("clean"), frame), delivered)
+    for known in provenance_of(workspace.root, context.partial, drive.frames, empty):
+        changed = known.origin != ORIGINAL
+        certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
+        certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
+        write_image_atomic(frame_file(context.output("provenance"), known.frame), known.origin)
+        write_image_atomic(frame_file(context.output("certainty"), known.frame), certainty)
 
 
 STAGE = Stage(
@@ -84,14 +90,19 @@ STAGE = Stage(
         "surfels/seeds.ply",
         "surfels/displaced.npy",
         "surfels/relit.npy",
+        "surfels/seed_origins.npy",
         "inpainted",
+        "inpaint/origins",
         "masks/removed",
         "masks/shadows",
+        "masks/unobserved",
     ),
     outputs=(
         "surfels/empty.ply",
         "renders",
         "clean",
+        "provenance",
+        "certainty",
     ),
     settings=("quality", "seed"),
 )

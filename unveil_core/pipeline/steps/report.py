@@ -40,6 +40,8 @@ STAGE = Stage(
         "inpainted",
         "masks",
         "regions",
+        "provenance",
+        "certainty",
         "instances.json",
         "instances",
         "meshes/full.ply",

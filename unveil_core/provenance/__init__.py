@@ -1,0 +1,1 @@
+"""Where each pixel of the empty street comes from, and how sure it is."""

@@ -1,0 +1,73 @@
+"""How sure a pixel is: the expectation that it is right, from where it comes from and what speaks against it.
+
+A pixel is *right* if its smoothed colour is less than ``RIGHT_LEVELS`` from that of the true empty street. For each origin the
+expectation is a ceiling times a logistic function: of a constant, less a weight times each doubt. No weight is negative, so no
+doubt makes surer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.geometry.images import smoothed
+from unveil_core.inpaint.origin import CONTINUED, INVENTED, RELIT, SEEN_ELSEWHERE
+
+__all__ = [
+    "CEILINGS",
+    "CERTAIN",
+    "MODELS",
+    "ORIGINAL_LEVEL",
+    "RIGHT_LEVELS",
+    "certainty_levels",
+    "expected_right",
+    "right_pixels",
+]
+
+RIGHT_LEVELS = 12.0
+"""Root mean square of the channels, levels of 255: half of what passes as another shade of the street (``evaluate.detail``)."""
+ORIGINAL_LEVEL = 255
+"""Level of a pixel that is the photograph's. All others have at most one less."""
+CEILINGS: dict[int, float] = {RELIT: 1.0, SEEN_ELSEWHERE: 1.0, CONTINUED: 0.9, INVENTED: 0.9}
+"""Highest expectation: what no frame shows can hold something that nothing tells of, a cover, a line, a shadow. On the
+parked street that is so in a tenth of the continued pixels that no doubt speaks against; on the country road in less."""
+MODELS: dict[int, tuple[float, ...]] = {
+    RELIT: (5.571, 0.0, 0.324, 0.117, 1.657, 0.0, 1.102, 0.221, 0.0, 0.002),
+    SEEN_ELSEWHERE: (5.32, 0.044, 0.0, 0.5, 0.773, 1.34, 0.002, 1.289, 0.615, 0.262),
+    CONTINUED: (6.617, 0.169, 0.024, 2.04, 0.766, 1.159, 0.001, 0.263, 0.373, 0.019),
+    INVENTED: (7.662, 0.0, 0.389, 0.855, 1.088, 0.959, 0.007, 2.908, 0.886, 0.46),
+}
+"""For each origin the constant, and the weights in the order of ``doubts.DOUBTS``: fitted by ``benchmarks/certainty.py`` on drafts
+of the two sample streets, copied from ``benchmarks/results/certainty.json``."""
+CERTAIN = 232
+"""Level from which on a pixel is called certain: the lowest for which 95 % of such pixels of each sample street are right,
+predicted by a fit to the other. It is over the ceiling of what no frame shows, so that is never certain."""
+
+
+def expected_right(
+    origin: NDArray[np.uint8], doubts: Float32, models: dict[int, tuple[float, ...]] = MODELS
+) -> Float32:
+    """(P,) expectation, 0 to 1, that changed pixels are right.
+
+    Args:
+        origin: (P,) of ``inpaint.origin``; doubts: (P, D), see ``doubts``.
+    """
+    expected = np.ones(len(origin), dtype=np.float32)
+    for kind, (constant, *weights) in models.items():
+        some = origin == kind
+        score = constant - doubts[some] @ np.array(weights, dtype=np.float32)
+        expected[some] = CEILINGS[kind] / (1 + np.exp(-score))
+    return expected
+
+
+def certainty_levels(expected: Float32) -> NDArray[np.uint8]:
+    """Expectations as levels: 254 times as much, rounded."""
+    return np.round(np.clip(expected, 0, 1) * (ORIGINAL_LEVEL - 1)).astype(np.uint8)
+
+
+def right_pixels(delivered: Picture, truth: Picture) -> Mask:
+    """(H, W) pixels that are right, of pictures (H, W, 3) in the same exposure."""
+    error = np.square(smoothed(delivered) - smoothed(truth)).mean(axis=2)
+    right: Mask = error < RIGHT_LEVELS**2
+    return right

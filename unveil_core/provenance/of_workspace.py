@@ -1,0 +1,115 @@
+"""The provenance of a workspace's clean frames: all that it follows from is read from files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.types import Float32, Mask
+from unveil_core.delivery.views import EmptyView
+from unveil_core.drives.drive import Frame
+from unveil_core.drives.exposure import Exposures, read_exposures
+from unveil_core.geometry.images import border_px, grow, smoothed
+from unveil_core.inpaint.frames.compose import optimized_pixels
+from unveil_core.inpaint.origin import ORIGINAL, RELIT
+from unveil_core.provenance.doubts import find_doubts
+from unveil_core.provenance.origins import frame_origins, rendered_origins, scene_origins
+from unveil_core.provenance.witnesses import Witness, seen_by
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import frame_file, load_array, load_mask
+from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
+
+__all__ = ["FrameProvenance", "provenance_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameProvenance:
+    """Where a clean frame comes from.
+
+    Attributes:
+        frame: whose it is.
+        origin: (H, W) uint8, see ``inpaint.origin``.
+        doubts: (P, D) of the pixels that are not ORIGINAL, see ``doubts``.
+    """
+
+    frame: Frame
+    origin: NDArray[np.uint8]
+    doubts: Float32
+
+
+def provenance_of(root: Path, made: Path, frames: Sequence[Frame], surfels: Surfels) -> Iterator[FrameProvenance]:
+    """The provenance of all frames, in their order.
+
+    Args:
+        root: the workspace; made: folder of ``clean/`` and ``renders/``, which may not be there yet.
+        surfels: the empty scene.
+    Raises:
+        WorkspaceError: its surfels are not those that the workspace says.
+    """
+    origins = _origins(root)
+    if len(origins) != len(surfels):
+        raise WorkspaceError(
+            f"has {len(surfels)} surfels, {len(origins)} are expected",
+            path=root / "surfels/empty.ply",
+            mend="run `unveil inpaint` and `unveil reoptimize` again",
+        )
+    exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
+    found, witnesses = [], []
+    for frame in frames:
+        shown, depth = rendered_origins(surfels, origins, frame.camera)
+        origin, barred = _origin_of(root, frame, shown, moving)
+        picture = np.round(smoothed(exposures.read(frame))).astype(np.uint8)
+        found.append(origin)
+        witnesses.append(Witness(EmptyView(frame.camera, depth, barred), picture))
+    for i, frame in enumerate(frames):
+        yield FrameProvenance(frame, found[i], _doubts_of(root, made, frame, found[i], witnesses, i, exposures))
+
+
+def _origins(root: Path) -> NDArray[np.uint8]:
+    """(M,) of the empty scene's surfels."""
+    gone, displaced, relit = (
+        load_array(root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
+    )
+    seeds = load_array(root / "surfels/seed_origins.npy").astype(np.uint8)
+    return scene_origins(~(gone | displaced), relit, seeds)
+
+
+def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> tuple[NDArray[np.uint8], Mask]:
+    """(H, W) origins of a clean frame, and (H, W) pixels in which the photograph is no witness of the empty street."""
+    removed, shadows, unobserved = (
+        load_mask(frame_file(root / "masks" / name, frame)) for name in ("removed", "shadows", "unobserved")
+    )
+    inpainted = read_label_image(frame_file(root / "inpaint/origins", frame))
+    optimized = optimized_pixels(removed, moving.pixels(frame))
+    origin = frame_origins(shown, inpainted, optimized, (removed | shadows) & ~optimized, unobserved)
+    return origin, grow(removed | shadows | ego_pixels(frame), border_px(frame.camera.width))
+
+
+def _doubts_of(
+    root: Path,
+    made: Path,
+    frame: Frame,
+    origin: NDArray[np.uint8],
+    witnesses: Sequence[Witness],
+    own: int,
+    exposures: Exposures,
+) -> Float32:
+    changed = origin != ORIGINAL
+    exposure = exposures.of(frame)
+    clean, rendered = (exposure.canonical(read_image(frame_file(made / name, frame))) for name in ("clean", "renders"))
+    inpainted = read_image(frame_file(root / "inpainted", frame))
+    return find_doubts(
+        clean,
+        exposures.read(frame),
+        (rendered, inpainted),
+        changed,
+        origin == RELIT,
+        witnesses[own].view.depth,
+        seen_by(witnesses, own, changed),
+    )

@@ -1,0 +1,65 @@
+"""Where each pixel of a clean frame has its colour from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.origin import CONTINUED, ORIGIN_COUNT, ORIGINAL, RELIT, SEEN_ELSEWHERE
+from unveil_core.raster import render
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["frame_origins", "rendered_origins", "scene_origins"]
+
+Origins = NDArray[np.uint8]
+
+
+def scene_origins(stays: Mask, relit: Mask, of_seeds: Origins) -> Origins:
+    """(M,) origins of the empty scene's surfels: of the full scene's N those that stay, then the seeds.
+
+    Args:
+        stays, relit: (N,) of the full scene; of_seeds: (M - N',).
+    """
+    return np.concatenate([np.where(relit[stays], RELIT, SEEN_ELSEWHERE).astype(np.uint8), of_seeds])
+
+
+def rendered_origins(surfels: Surfels, origins: Origins, camera: Camera) -> tuple[Origins, NDArray[np.float32]]:
+    """(H, W) the origin that has most weight in each pixel of a rendered scene, and (H, W) the depth there, 0 for the sky.
+
+    The sky counts as seen elsewhere: it is a panorama of what all frames show of it.
+
+    Args:
+        origins: (M,) of the surfels.
+    """
+    marked = replace(surfels, labels=torch.from_numpy(origins.astype(np.int64)))
+    planes = ("alpha", "depth", "semantics")
+    with torch.no_grad():
+        out = render(marked, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
+    assert out.alpha is not None and out.depth is not None and out.semantics is not None
+    weight, alpha = out.semantics.numpy().copy(), out.alpha.numpy()
+    weight[..., SEEN_ELSEWHERE] += 1 - alpha
+    # The same rule as that of delivery: half of the light says whether there is a surface.
+    depth = np.where(alpha > 0.5, out.depth.numpy() / np.maximum(alpha, 0.5), 0)
+    return weight.argmax(axis=2).astype(np.uint8), depth.astype(np.float32)
+
+
+def frame_origins(rendered: Origins, inpainted: Origins, optimized: Mask, shadows: Mask, unobserved: Mask) -> Origins:
+    """(H, W) origins of a clean frame.
+
+    Args:
+        rendered: (H, W) of the optimized scene; inpainted: (H, W) of the inpainted frame, with SEEN_ELSEWHERE for all surfels.
+        optimized: (H, W) pixels that show the optimized scene; shadows: (H, W) pixels that show the inpainted frame.
+        unobserved: (H, W) pixels behind which lies what no frame shows.
+    """
+    from_surfels = optimized | (inpainted == SEEN_ELSEWHERE)
+    origin = np.where(from_surfels, rendered, inpainted)
+    # A surface reaches a little into what no frame shows; it was fitted to what lies beside that.
+    origin[unobserved & ((origin == SEEN_ELSEWHERE) | (origin == RELIT))] = CONTINUED
+    origin[~(optimized | shadows)] = ORIGINAL
+    return origin.astype(np.uint8)

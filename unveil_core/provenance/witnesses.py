@@ -1,0 +1,88 @@
+"""What other frames show of the places behind a frame's removed objects: how many show them, and which colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from unveil_core.base.types import Float32, Float64, Mask, Picture
+from unveil_core.delivery.views import EmptyView, sees
+from unveil_core.geometry.images import sample_at
+
+__all__ = ["Seen", "Witness", "seen_by"]
+
+MOST_WITNESSES, MOST_NEAR = 24, 96
+"""Frames that are asked, evenly chosen of the so many nearest: more show nothing else, and would take time."""
+SKY_M = 1e5
+"""Distance at which the sky is looked up, metres: the cameras of a drive lie in one point there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """A frame that can be asked: its view, and its photograph (H, W, 3) uint8, smoothed, in canonical colours."""
+
+    view: EmptyView
+    picture: Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What other frames show of P pixels.
+
+    Attributes:
+        count: (P,) frames that show the place.
+        color: (P, 3) their mean, levels of 255, nearer ones weigh more; spread: (P,) root mean square distance from it, levels.
+            Both 0 where no frame shows it.
+    """
+
+    count: Float32
+    color: Float32
+    spread: Float32
+
+
+def seen_by(witnesses: Sequence[Witness], own: int, pixels: Mask) -> Seen:
+    """What the other frames show of pixels (H, W) of frame ``own``."""
+    here = witnesses[own].view
+    depth, rays = here.depth[pixels].astype(np.float64), here.camera.rays()[pixels]
+    sky = depth == 0
+    points: Float64 = here.camera.centre + np.where(sky, SKY_M, depth)[:, None] * rays
+    count, total = np.zeros(len(points)), np.zeros(len(points))
+    color, square = np.zeros((len(points), 3)), np.zeros(len(points))
+    for j in _asked(witnesses, own):
+        other = witnesses[j]
+        shown, far = sees(other.view, points)
+        at, _ = other.view.camera.project(points)
+        if sky.any():
+            shown[sky] = _shows_sky(other.view, points[sky])
+        index = np.flatnonzero(shown)
+        if not len(index):
+            continue
+        found = sample_at(other.picture, at[index]).astype(np.float64)
+        weight = 1.0 / far[index]
+        count[index] += 1
+        total[index] += weight
+        color[index] += weight[:, None] * found
+        square[index] += weight * np.square(found).mean(axis=1)
+    total = np.maximum(total, 1e-12)
+    color /= total[:, None]
+    spread = np.sqrt(np.maximum(square / total - np.square(color).mean(axis=1), 0))
+    return Seen(count.astype(np.float32), color.astype(np.float32), spread.astype(np.float32))
+
+
+def _asked(witnesses: Sequence[Witness], own: int) -> list[int]:
+    """The frames that are asked about frame ``own``."""
+    here = witnesses[own].view.camera.centre
+    apart = [float(np.linalg.norm(w.view.camera.centre - here)) for w in witnesses]
+    near = [int(j) for j in np.argsort(apart, kind="stable") if j != own][:MOST_NEAR]
+    return near[:: max(1, -(-len(near) // MOST_WITNESSES))]
+
+
+def _shows_sky(view: EmptyView, points: Float64) -> Mask:
+    """(P,) which far points (P, 3) a view shows as sky."""
+    pixels, depth = view.camera.project(points)
+    inside = view.camera.in_picture(pixels, depth)
+    row, column = view.at(np.where(inside[:, None], pixels, 0.0))
+    shown: Mask = inside & (view.depth[row, column] == 0) & ~view.barred[row, column]
+    return shown
