@@ -73,8 +73,12 @@ class Removal:
     def objects(self) -> list[NDArray[np.float64]]:
         """(M, 3) positions of the removed surfels, one array per object."""
         means = self.surfels.means.double().numpy()
-        instance = np.where(self.gone, self.instance, -1)
-        return [means[instance == i] for i in np.unique(instance) if i >= 0]
+        instance = np.where(self.gone, self.instance, 0)
+        return [means[instance == i] for i in np.unique(instance) if i > 0]
+
+    def loose(self) -> NDArray[np.float64]:
+        """(M, 3) positions of the removed surfels that belong to no object."""
+        return self.surfels.means.double().numpy()[self.gone & (self.instance == 0)]
 
 
 def drive_views(
@@ -116,7 +120,7 @@ def empty_ground_chart(
         for camera, label, removed, depth in zip(cameras, views.labels, views.removed, views.depths, strict=True)
     ]
     chart = read_chart(ground, cameras, views.images, views.labels, usable, progress=progress)
-    footprint = _footprint(chart, removal.objects())
+    footprint = _footprint(chart, removal.objects(), removal.loose())
     keep = torch.from_numpy(~removal.gone)
     light = light_of_scene(
         chart,
@@ -160,19 +164,22 @@ def complete_scene(
     return facades, feet_of_poles(standing, ground, cameras, views.depths, views.removed)
 
 
-def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """(A, B) texels that removed objects stand on: the hull of each object's low surfels, of a long one's piece by piece."""
+def _footprint(
+    chart: StreetChart, removed: Sequence[NDArray[np.float64]], loose: NDArray[np.float64] | None = None
+) -> NDArray[np.bool_]:
+    """(A, B) texels that removed objects stand on: the hull of each object's low surfels, of a long one's piece by piece.
+
+    Args:
+        removed: (M, 3) positions of each object's surfels; loose: (L, 3) of those that belong to none and have no hull.
+    """
     footprint = np.zeros(chart.source.shape, dtype=np.uint8)
-    ground = chart.ground
+    if loose is not None:
+        footprint |= _low_texels(chart, loose)
     for means in removed:
-        street = ground.path.to_street(means)
-        above = ground.over(street)
-        row, column, on_chart = chart.index_of(street)
-        low = on_chart & (above < HIGHEST_M) & (above > LOWEST_M)
-        if low.sum() < 3:
+        texels = _low_texels(chart, means)
+        if np.count_nonzero(texels) < 3:
+            footprint |= texels
             continue
-        texels = np.zeros_like(footprint)
-        texels[row[low], column[low]] = 1
         dense = _dense(texels, chart.texel)
         rows, columns = np.nonzero(dense)
         for inside in _pieces(rows, LONGEST_M / chart.texel):
@@ -181,6 +188,17 @@ def _footprint(chart: StreetChart, removed: Sequence[NDArray[np.float64]]) -> ND
                 cv2.fillConvexPoly(footprint, hull, 1)
         footprint |= texels
     return footprint.astype(bool)
+
+
+def _low_texels(chart: StreetChart, means: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """(A, B) texels over which surfels (M, 3) of an object lie low enough to tell where it stands."""
+    texels = np.zeros(chart.source.shape, dtype=np.uint8)
+    street = chart.ground.path.to_street(means)
+    above = chart.ground.over(street)
+    row, column, on_chart = chart.index_of(street)
+    low = on_chart & (above < HIGHEST_M) & (above > LOWEST_M)
+    texels[row[low], column[low]] = 1
+    return texels
 
 
 def _dense(texels: NDArray[np.uint8], texel: float) -> Mask:

@@ -16,10 +16,12 @@ from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
+from unveil_core.ground.street import Ground
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
 from unveil_core.remove.behind import empty_street
+from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import region_map
 from unveil_core.remove.selection import select_removed
@@ -75,6 +77,15 @@ def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArra
     return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
 
 
+def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground) -> NDArray[np.bool_]:
+    """(N,) surfels labelled ground that float where objects are."""
+    border = border_px(drive.frames[0].camera.width)
+    masks = [grow(np.isin(frame_labels(f, scene), scene.removed_labels), border) for f in drive.frames]
+    on_ground = np.isin(surfels.labels.numpy(), scene.labels.indices(GROUND_CLASSES))
+    cameras = [f.camera for f in drive.frames]
+    return floating_ground(surfels.means.double().numpy(), on_ground, street, cameras, masks)
+
+
 def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
@@ -86,13 +97,16 @@ def run(context: StageContext) -> None:
     on_ground = scene.labels.indices(GROUND_CLASSES)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
+    ground = read_ground(workspace.ground_npz)
+    if on_ground and ground.street is not None:
+        gone |= _floating(drive, scene, surfels, ground.street)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
     # No label or instance image tells where these are: they are drawn apart.
     kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
     told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
-    empty = empty_street(surfels, gone, read_ground(workspace.ground_npz), on_ground)
+    empty = empty_street(surfels, gone, ground, on_ground)
     moving = read_moving(workspace.root)
     views = []
     for done, frame in enumerate(drive.frames):
