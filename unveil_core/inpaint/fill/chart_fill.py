@@ -64,10 +64,10 @@ MARK = 0.06
 texture. Chosen on the two sample streets."""
 BORDER_M = 0.12
 """Width beyond the border of a shadow or an object that is neither, metres: the penumbra, and texels that mix the two."""
-LOCAL_M, MOST_LOCAL = (0.5, 1.0, 2.0), 0.5
+LOCAL_M, MOST_LOCAL, OTHER_TINT = (0.5, 1.0, 2.0), 0.3, 0.2
 """Standard deviations of the surroundings, metres, from narrow to broad, that tell how much brighter or darker than its lateral
-offset the street is at a place, and the largest such share. On a real street with asphalt of two ages 1.0 dB of what is invented,
-on the two sample streets 0.05 and 0.2 dB; up to 4 m is no better."""
+offset the street is at a place; the change of luma from which on it is paint that does so, and that between channels. On a real
+street with asphalt of two ages 1.0 dB of what is invented, on the two sample streets 0.05 and 0.2 dB; up to 4 m is no better."""
 CLOSE_M = 0.6
 """Distance from a removed object within which frames show the invented ground instead of their own pixels, metres: there they are
 too mixed with the object to be read. Chosen on the two sample streets."""
@@ -199,8 +199,10 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
     )
     median = np.minimum(_to_the_sides(profile(sunny, even & read), kept), 1.0)
     # Brightness varies along the street: more sky, a bright wall across, asphalt of two ages.
-    local = np.clip(sunny / np.maximum(median, 0.02) - 1, -MOST_LOCAL, MOST_LOCAL).astype(np.float32)
-    return median * (1 + spread_from(local, even, [m * per_m for m in LOCAL_M]))
+    local = (sunny / np.maximum(median, 0.02) - 1).astype(np.float32)
+    # Not the bars of a crossing, nor those in the shade, which are as light as asphalt in the sun, and blue.
+    same = even & (luminance(local) < MOST_LOCAL) & (np.ptp(local, axis=2) < OTHER_TINT)
+    return median * (1 + spread_from(local, same, [m * per_m for m in LOCAL_M]))
 
 
 def _invented(detail: Float32, even: Mask, hole: Mask, drift: Drift, *, per_m: float) -> Float32:
