@@ -67,7 +67,7 @@ def box(frame: int, ahead: float, left: float, size: tuple[float, float, float])
 def car(frame: int, ahead: float, left: float, number: int) -> Car:
     """A car in the direction of travel."""
     floor, axes = empty_street().place(frame, ahead, left)
-    return Car(VirtualCar(floor, axes, 1.0, number, 0.0, 0.0))
+    return Car(VirtualCar(floor, axes, number, 0.0, 0.0))
 
 
 def glass_front() -> GlassFront:
