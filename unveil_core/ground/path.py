@@ -112,19 +112,20 @@ class StreetPath:
 
     def to_world(self, street: Float64) -> Float64:
         """Inverse of :meth:`to_street`."""
-        foot, angle, _ = self._at((street[:, 0] - self.start) / self.step)
+        foot, angle = self._at((street[:, 0] - self.start) / self.step)
         east = foot[:, 0] - street[:, 1] * np.sin(angle)
         north = foot[:, 1] + street[:, 1] * np.cos(angle)
         return np.stack([east, north, street[:, 2]], axis=1) @ self.axes
 
-    def _at(self, u: Float64) -> tuple[Float64, Float64, Float64]:
-        """Place (N, 2), heading (N,) and curvature (N,), per metre, of the path at nodes and parts of nodes; straight beyond its
-        ends. Between nodes both are interpolated: 12 m aside in a bend of 30 m frames of single nodes would be apart by 10 cm."""
+    def _at(self, u: Float64) -> tuple[Float64, Float64]:
+        """Place (N, 2) and heading (N,) of the path at nodes and parts of nodes; straight beyond its ends.
+
+        Between nodes both are interpolated: 12 m aside in a bend of 30 m frames of single nodes would be apart by 10 cm.
+        """
         index = np.clip(u.astype(np.int64), 0, len(self.nodes) - 2)
         part = u - index
         there, leg = self.nodes[index], self._legs[index]
-        turn = self._turns[index]
-        return there + part[:, None] * leg, self.heading[index] + np.clip(part, 0, 1) * turn, turn / self.step
+        return there + part[:, None] * leg, self.heading[index] + np.clip(part, 0, 1) * self._turns[index]
 
     @cached_property
     def _legs(self) -> Float64:

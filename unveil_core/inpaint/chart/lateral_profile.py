@@ -96,10 +96,9 @@ def _completed(
     close = (beside >= 0) & (np.abs(beside - column) <= ASIDE_LIMIT * window)
     aside = far & close
     row, offset = np.where(aside | (along < 0), index, along), np.where(aside, beside, column)
-    whole = np.where(known, 1.0, np.nan)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # offsets that are known nowhere
-        of_offset = np.nanmedian(medians * whole[..., None], axis=0), np.nanmedian(levels * whole, axis=0)
+        of_offset = np.nanmedian(medians, axis=0), np.nanmedian(levels, axis=0)
     distant = far & ~close & (along >= 0)
     medians = np.where(distant[..., None], of_offset[0][None], medians[row, offset]).astype(np.float32)
     levels = np.where(distant, of_offset[1][None], levels[row, offset]).astype(np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from scipy import ndimage
 
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur
@@ -116,10 +117,7 @@ def under_an_even_sky(gain: Float32, shadow: Mask, footprint: Mask, per_m: float
         footprint: (A, B) texels under or inside removed objects; per_m: texels per metre.
     """
     count, patch = cv2.connectedComponents(shadow.astype(np.uint8), connectivity=8)
-    lightest = luminance(gain)
-    sunny = np.zeros(count, dtype=bool)
-    for k in np.unique(patch[shadow]):
-        sunny[k] = np.median(lightest[patch == k]) > MOST_OF_AGE
+    sunny = np.asarray(ndimage.median(luminance(gain), patch, np.arange(count))) > MOST_OF_AGE
     of_sun = grow(sunny[patch] & shadow, PENUMBRA_M * per_m)
     limited: Float32 = np.where(of_sun[..., None], gain, np.minimum(gain, sky_gain(footprint, per_m)[..., None]))
     return limited
