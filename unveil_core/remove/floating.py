@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ FARTHEST_M = 40.0
 
 
 def floating_ground(
-    means: Float64, on_ground: Mask, street: Ground, cameras: Sequence[Camera], objects: Sequence[NDArray[np.bool_]]
+    means: Float64, on_ground: Mask, street: Ground, cameras: Sequence[Camera], objects: Iterable[NDArray[np.bool_]]
 ) -> Mask:
     """(N,) which surfels labelled ground float over the street where objects are seen.
 
     Args:
         means: (N, 3) world; on_ground: (N,) those labelled ground.
         street: its ground.
-        cameras: of the frames; objects: (H, W) pixels of removed objects per frame.
+        cameras: of the frames; objects: (H, W) pixels of removed objects per frame, asked for once each.
     """
     floats = np.zeros(len(means), dtype=bool)
     some = np.flatnonzero(on_ground)

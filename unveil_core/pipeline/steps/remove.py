@@ -80,7 +80,7 @@ def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArra
 def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground) -> NDArray[np.bool_]:
     """(N,) surfels labelled ground that float where objects are."""
     border = border_px(drive.frames[0].camera.width)
-    masks = [grow(np.isin(frame_labels(f, scene), scene.removed_labels), border) for f in drive.frames]
+    masks = (grow(np.isin(frame_labels(f, scene), scene.removed_labels), border) for f in drive.frames)
     on_ground = np.isin(surfels.labels.numpy(), scene.labels.indices(GROUND_CLASSES))
     cameras = [f.camera for f in drive.frames]
     return floating_ground(surfels.means.double().numpy(), on_ground, street, cameras, masks)
