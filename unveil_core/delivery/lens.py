@@ -38,11 +38,7 @@ def work_positions(footage: Footage, camera: Camera) -> Float32:
     Args:
         footage: with its lens; camera: of the working picture, with the same pose.
     """
-    return _positions_of_lens(_intrinsics(footage.camera), footage.distortion, _intrinsics(camera))
-
-
-def _intrinsics(camera: Camera) -> tuple[int, int, float, float, float, float]:
-    return camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy
+    return _positions_of_lens(footage.camera.intrinsics, footage.distortion, camera.intrinsics)
 
 
 @lru_cache(maxsize=KEPT_LENSES)

@@ -37,6 +37,11 @@ class Camera:
     world_to_camera: Float64
 
     @property
+    def intrinsics(self) -> tuple[int, int, float, float, float, float]:
+        """width, height, fx, fy, cx, cy: the same for all frames of a camera."""
+        return self.width, self.height, self.fx, self.fy, self.cx, self.cy
+
+    @property
     def camera_to_world(self) -> Float64:
         """(4, 4) float64 inverse of :attr:`world_to_camera`, exact for a rigid transform."""
         return rigid_inverse(self.world_to_camera)

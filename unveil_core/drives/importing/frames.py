@@ -38,7 +38,7 @@ def distortion_maps(
     Returns:
         columns and rows (H, W) of the file's pixels, counted from the centre of the first.
     """
-    return _maps_of_lens(tuple(_numbers(source).values()), distortion, tuple(_numbers(target).values()))
+    return _maps_of_lens(source.intrinsics, distortion, target.intrinsics)
 
 
 @lru_cache(maxsize=KEPT_LENSES)
@@ -60,7 +60,7 @@ def _maps_of_lens(
 
 def _numbers(camera: Camera) -> dict[str, float]:
     """Size and intrinsics as cameras.json has them."""
-    return {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    return dict(zip(("width", "height", "fx", "fy", "cx", "cy"), camera.intrinsics, strict=True))
 
 
 def working_camera(camera: Camera, work_side: int | None) -> Camera:
