@@ -16,18 +16,22 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
 
-def row_of_surfels(labels: list[int]) -> Surfels:
-    count = len(labels)
-    means = torch.zeros(count, 3)
-    means[:, 0] = torch.arange(count) * 0.1
+def surfels_at(means: np.ndarray, labels: np.ndarray) -> Surfels:
+    count = len(means)
     return Surfels(
-        means,
+        torch.from_numpy(means).float(),
         torch.ones(count, 4),
         torch.zeros(count, 2),
         torch.zeros(count),
         torch.zeros(count, 1, 3),
-        torch.tensor(labels),
+        torch.from_numpy(labels),
     )
+
+
+def row_of_surfels(labels: list[int]) -> Surfels:
+    means = np.zeros((len(labels), 3))
+    means[:, 0] = np.arange(len(labels)) * 0.1
+    return surfels_at(means, np.array(labels))
 
 
 def scene(removed: tuple[str, ...], instances: tuple[int, ...] = ()) -> SceneLabels:
@@ -53,15 +57,7 @@ def bus_seen_from_close_by(floor: float) -> tuple[Surfels, np.ndarray]:
     labels = np.zeros(len(means), np.int64)
     labels[: len(rear)] = np.where(np.arange(len(rear)) % 5 == 0, 0, 2)
     count = len(means)
-    surfels = Surfels(
-        torch.from_numpy(means).float(),
-        torch.ones(count, 4),
-        torch.zeros(count, 2),
-        torch.zeros(count),
-        torch.zeros(count, 1, 3),
-        torch.from_numpy(labels),
-    )
-    return surfels, np.arange(count) < len(rear)
+    return surfels_at(means, labels), np.arange(count) < len(rear)
 
 
 def test_of_an_object_whose_foot_nobody_saw_nothing_stays_but_the_ground() -> None:
@@ -87,14 +83,7 @@ def long_vehicle(gap: float) -> tuple[Surfels, np.ndarray]:
     )
     means = np.concatenate([*sides, poles])
     count = len(means)
-    surfels = Surfels(
-        torch.from_numpy(means).float(),
-        torch.ones(count, 4),
-        torch.zeros(count, 2),
-        torch.zeros(count),
-        torch.zeros(count, 1, 3),
-        torch.from_numpy(np.where(np.arange(count) < count - len(poles), 2, 0)),
-    )
+    surfels = surfels_at(means, np.where(np.arange(count) < count - len(poles), 2, 0))
     return surfels, np.arange(count) >= count - len(poles)
 
 

@@ -58,9 +58,18 @@ def _range_image(points: Array, beams: Array) -> np.ndarray:
     return image
 
 
+def _return_columns(component: str, images: list[np.ndarray]) -> dict[str, Any]:
+    """The columns of the top LiDAR's first return: images (H, W, C), one a frame."""
+    return {
+        "key.laser_name": pa.array([1] * len(images), pa.int8()),
+        f"[{component}].range_image_return1.values": pa.array([m.ravel() for m in images], pa.list_(pa.float32())),
+        f"[{component}].range_image_return1.shape": pa.array([m.shape for m in images], pa.list_(pa.int32(), 3)),
+    }
+
+
 def write_waymo(root: Path, street: Street) -> Path:
     """Tables with boxes and the top LiDAR; photographs are not labelled, as in most segments."""
-    fixed, shape = pa.list_(pa.float64(), 16), pa.list_(pa.int32(), 3)
+    fixed = pa.list_(pa.float64(), 16)
     stamps = [round((START_S + t) * 1e6) for t in street.times]
     in_laser = [transformed(np.linalg.inv(v @ TOP), street.sweep(i)[0]) for i, v in enumerate(street.vehicles)]
     up = np.concatenate([np.arcsin(p[:, 2] / np.linalg.norm(p, axis=1)) for p in in_laser])
@@ -101,11 +110,7 @@ def write_waymo(root: Path, street: Street) -> Path:
         },
         "lidar": {
             "key.frame_timestamp_micros": stamps,
-            "key.laser_name": pa.array([1] * street.count, pa.int8()),
-            "[LiDARComponent].range_image_return1.values": pa.array(
-                [m.ravel() for m in images], pa.list_(pa.float32())
-            ),
-            "[LiDARComponent].range_image_return1.shape": pa.array([m.shape for m in images], shape),
+            **_return_columns("LiDARComponent", images),
         },
         "lidar_calibration": {
             "key.laser_name": pa.array([1], pa.int8()),
@@ -116,11 +121,7 @@ def write_waymo(root: Path, street: Street) -> Path:
         },
         "lidar_pose": {
             "key.frame_timestamp_micros": stamps,
-            "key.laser_name": pa.array([1] * street.count, pa.int8()),
-            "[LiDARPoseComponent].range_image_return1.values": pa.array(
-                [m.ravel() for m in motions], pa.list_(pa.float32())
-            ),
-            "[LiDARPoseComponent].range_image_return1.shape": pa.array([m.shape for m in motions], shape),
+            **_return_columns("LiDARPoseComponent", motions),
         },
         "lidar_box": {
             "key.frame_timestamp_micros": [stamps[i] for i, *_ in rows],
