@@ -14,6 +14,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import StreetChart, read_chart, usable_pixels
@@ -25,9 +26,9 @@ from unveil_core.inpaint.light.sun import Sun
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import SOLID_CLASSES, UPRIGHT_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_labels
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["Removal", "Views", "complete_scene", "drive_views", "empty_ground_chart"]
+__all__ = ["Completed", "Removal", "Views", "complete_scene", "drive_views", "empty_ground_chart"]
 
 LOWEST_M, HIGHEST_M = -0.5, 2.5
 """Heights over the ground between which an object's surfels say where it stands, metres: not the roof of a lorry, nor strays below
@@ -38,6 +39,8 @@ a bend, or several that touch."""
 JOIN_M = 0.3
 """Side of the gaps that are closed between texels of an object before its parts are compared, metres. Chosen on the two sample
 streets."""
+COVERED = 0.5
+"""Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
 LEAST_PART_M2, LEAST_PART = 0.15, 0.25
 """Smallest area of a part of an object that counts for its hull, square metres and as a share of the largest: strays would stretch
 it. Chosen on the two sample streets."""
@@ -79,6 +82,21 @@ class Removal:
     def loose(self) -> NDArray[np.float64]:
         """(M, 3) positions of the removed surfels that belong to no object."""
         return self.surfels.means.double().numpy()[self.gone & (self.instance == 0)]
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What completes things that were seen in part.
+
+    Attributes:
+        facades: surfels, one scene per side of the street where something is missing.
+        feet: surfels of the feet of poles, None where none is hidden.
+        sky: (H, W) bool per frame, where the sky goes on over completed facades; None where none goes on.
+    """
+
+    facades: list[Surfels]
+    feet: Surfels | None
+    sky: list[Mask] | None
 
 
 def drive_views(
@@ -137,31 +155,43 @@ def empty_ground_chart(
     return filled, None if light is None else light.sun
 
 
-def complete_scene(
-    drive: Drive, scene: SceneLabels, ground: Ground, remaining: Surfels, views: Views
-) -> tuple[list[Surfels], Surfels | None]:
+def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: Surfels, views: Views) -> Completed:
     """What completes things that were seen in part.
 
     Args:
         ground: the street's.
         remaining: the scene without what is removed.
-    Returns:
-        surfels of facades, and surfels of the feet of poles, None where none is hidden.
     """
     cameras = [f.camera for f in drive.frames]
     facades: list[Surfels] = []
+    curtains: list[Surfels] = []
     house = scene.labels.index("building")
     if house is not None:
         walls = remaining.select(remaining.labels == house)
+        sky = scene.labels.indices(("sky",))
         frames = zip(cameras, views.images, views.labels, views.depths, views.removed, strict=True)
-        seen = [FacadeView(camera, image, label == house, depth, gone) for camera, image, label, depth, gone in frames]
+        seen = [
+            FacadeView(camera, image, label == house, np.isin(label, sky), depth, gone)
+            for camera, image, label, depth, gone in frames
+        ]
         for left in (False, True):
             chart = read_facade(ground, walls, seen, left=left)
-            facade = None if chart is None else invented_facades(chart, label=house, sh_degree=remaining.sh_degree)
-            facades += [] if facade is None else [facade]
+            if chart is not None:
+                found = invented_facades(chart, label=house, sh_degree=remaining.sh_degree)
+                facades += [] if found.walls is None else [found.walls]
+                curtains += [] if found.open is None else [found.open]
     kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=remaining.labels.dtype)
     standing = remaining.select(torch.isin(remaining.labels, kinds))
-    return facades, feet_of_poles(standing, ground, cameras, views.depths, views.removed)
+    feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed)
+    return Completed(facades, feet, _skies(cameras, curtains))
+
+
+def _skies(cameras: Sequence[Camera], curtains: Sequence[Surfels]) -> list[Mask] | None:
+    """(H, W) per camera, where it looks through ``curtains``; None where there are none."""
+    if not curtains:
+        return None
+    planes = concatenate(list(curtains))
+    return [render_numpy(planes, camera, near=NEAR_M, far=FAR_M)["alpha"] > COVERED for camera in cameras]
 
 
 def _footprint(

@@ -13,7 +13,8 @@ from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
-from unveil_core.inpaint.facade.facade_chart import FacadeView, facade_offsets, invented_facades, read_facade
+from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.offsets import facade_offsets
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
@@ -47,8 +48,8 @@ def stripes(along: np.ndarray, height: np.ndarray) -> np.ndarray:
     return np.repeat(grey[:, None], 3, axis=1)
 
 
-def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Image, wall, depth and what the car hides, of a straight street: rays against the facade's plane and the car's box."""
+def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Image, wall, sky, depth and what the car hides, of a straight street: rays against the facade's plane and the car's box."""
     rays = camera.rays().reshape(-1, 3)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = (FACADE_T - camera.centre[1]) / rays[:, 1]
@@ -62,7 +63,9 @@ def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     shape = (camera.height, camera.width)
     depth = np.where(wall, z, FAR)
     depth[hidden] = near[hidden]
-    return image.reshape(*shape, 3).astype(np.uint8), wall.reshape(shape), depth.reshape(shape), hidden.reshape(shape)
+    sky = ~wall & ~hidden & (rays[:, 2] > 0)
+    planes = (p.reshape(shape) for p in (wall, sky, depth, hidden))
+    return image.reshape(*shape, 3).astype(np.uint8), *planes
 
 
 @pytest.mark.parametrize("radius", [np.inf, 60.0, -80.0])
@@ -88,7 +91,7 @@ def test_a_facade_goes_on_behind_a_car() -> None:
     views = [FacadeView(c, *view(c, car)) for c in cameras]
     chart = read_facade(ground, houses(np.inf), views, left=True, texel_m=0.05)
     assert chart is not None
-    found = invented_facades(chart, label=3, sh_degree=1)
+    found = invented_facades(chart, label=3, sh_degree=1).walls
     assert found is not None and len(found) > 200
     assert (found.labels == 3).all()
     means = found.means.double().numpy()
@@ -112,7 +115,7 @@ def scene_views(pole_seen: bool) -> tuple[list[Camera], list[np.ndarray], list[n
     _, cameras = street(np.inf)
     car = np.array([[9.0, 2.2, 0.0], [13.0, 3.4, 1.3]])
     views = [view(c, car) for c in cameras]
-    depths, hidden = [v[2] for v in views], [v[3] for v in views]
+    depths, hidden = [v[3] for v in views], [v[4] for v in views]
     if pole_seen:
         depths, hidden = [np.full_like(d, FAR) for d in depths], [np.zeros_like(h) for h in hidden]
     return cameras, depths, hidden
@@ -162,3 +165,24 @@ def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
     assert shown.sum() < 3 * len(np.unique(pixels, axis=0)) + 9
     assert not layer.foot_pixels(camera, np.full((camera.height, camera.width), 3.0)).any()
     assert not GroundLayer(chart).foot_pixels(camera, np.full(shown.shape, float(z.mean()))).any()
+
+
+def test_behind_a_lorry_the_facade_goes_on_to_its_eaves() -> None:
+    """Nothing is seen of the second half of a row of houses 7 m high. Behind a car, what is seen over it is no house, and none is
+    put there."""
+    ground, cameras = street(np.inf)
+    lorry = np.array([[13.0, 2.2, 0.0], [19.0, 4.8, 6.0]])
+    views = [FacadeView(c, *view(c, lorry)) for c in cameras[:3]]
+    chart = read_facade(ground, houses(np.inf, 0.0, 15.0), views, left=True, texel_m=0.1)
+    assert chart is not None
+    found = invented_facades(chart, label=3, sh_degree=1)
+    assert found.walls is not None and found.open is not None
+    places, above = (p.means.double().numpy() for p in (found.walls, found.open))
+    behind = places[:, 0] > 17
+    assert np.abs(places[:, 1] - FACADE_T).max() < 0.2
+    assert places[behind, 0].max() > 22 and 6.5 < places[behind, 2].max() < 7.3
+    assert above[:, 2].min() > 6.7 and above[:, 2].max() > 7.5
+    views = [FacadeView(c, *view(c, lorry * (1, 1, 0.25))) for c in cameras[:3]]
+    chart = read_facade(ground, houses(np.inf, 0.0, 15.0), views, left=True, texel_m=0.1)
+    assert chart is not None
+    assert not np.isfinite(chart.offset[chart.s_start + 0.1 * np.arange(len(chart.offset)) > 17]).any()

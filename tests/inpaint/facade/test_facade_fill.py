@@ -34,7 +34,7 @@ def gap(shape: tuple[int, ...], *parts: tuple[float, float, float]) -> np.ndarra
 def test_a_gap_below_windows_gets_the_other_half_of_them(place: float) -> None:
     truth = facade()
     hidden = gap(truth.shape, (place, place + 3.2, 1.8))
-    color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert filled[hidden].mean() > 0.99
     assert np.array_equal(color[~hidden], truth[~hidden])
     error = np.sqrt(((color - truth) ** 2)[hidden].mean())
@@ -46,7 +46,7 @@ def test_another_houses_windows_come_in_this_ones_plaster() -> None:
     """Of the second house only a strip is known below; its windows are those of the first."""
     truth = facade(door=100.0)
     hidden = gap(truth.shape, (12.5, 24.0, 1.8))
-    color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     inside = gap(truth.shape, (14.0, 23.0, 1.8)) & filled
     assert inside.sum() > 0.9 * gap(truth.shape, (14.0, 23.0, 1.8)).sum()
     assert np.sqrt(((color - truth) ** 2)[inside].mean()) < 0.05
@@ -57,7 +57,7 @@ def test_another_houses_windows_come_in_this_ones_plaster() -> None:
 def test_a_door_is_not_put_under_a_window() -> None:
     truth = facade()
     hidden = gap(truth.shape, (18.0, 19.6, 1.6))
-    color, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, _, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     red = (color[..., 0] > 2 * color[..., 1]) & hidden
     assert red.sum() == 0
 
@@ -65,9 +65,9 @@ def test_a_door_is_not_put_under_a_window() -> None:
 def test_where_nothing_is_known_nothing_is_invented() -> None:
     truth = facade()
     everything = np.ones(truth.shape[:2], dtype=bool)
-    color, filled = fill_facade(np.zeros_like(truth), ~everything, everything, texels_per_m=PER_M)
+    color, filled, _ = fill_facade(np.zeros_like(truth), ~everything, everything, texels_per_m=PER_M)
     assert not filled.any()
-    color, filled = fill_facade(truth, everything, ~everything, texels_per_m=PER_M)
+    color, filled, _ = fill_facade(truth, everything, ~everything, texels_per_m=PER_M)
     assert not filled.any() and np.array_equal(color, truth)
 
 
@@ -79,7 +79,7 @@ def test_where_nothing_is_known_nothing_is_invented() -> None:
 def test_what_is_filled_was_wanted_and_is_a_colour(parts: list[tuple[float, float, float]], bright: float) -> None:
     truth = np.clip(facade() * np.float32(bright), 0, 1)
     hidden = gap(truth.shape, *((a, a + b, top) for a, b, top in parts))
-    color, filled = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert not (filled & ~hidden).any()
     assert np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1
     assert np.array_equal(color[~filled], np.where(hidden[..., None], 0, truth)[~filled])

@@ -1,7 +1,8 @@
 """Facade charts: the texture of the houses along one side of the street, read from the frames and completed.
 
 Rows run along the street (arc length s), columns upwards from the ground. A facade repeats itself along the street, windows and
-plinth included, and what lies above a hole says which part of it lies below.
+plinth included, and what lies above a hole says which part of it lies below. Behind a lorry, which hides a facade to its eaves, the
+facades on either side of it go on, and so does the sky over them.
 """
 
 from __future__ import annotations
@@ -17,31 +18,26 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow, sample_at
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.facade.facade_fill import fill_facade
+from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["FacadeChart", "FacadeView", "facade_offsets", "invented_facades", "read_facade"]
+__all__ = ["FacadeChart", "FacadeView", "InventedFacades", "invented_facades", "read_facade"]
 
-BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
-"""Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
-how many there must be. Chosen on the two sample streets."""
-LOW_M, HIGH_M = 0.3, 8.0
-"""Heights over the ground between which a wall's surfels give the facade's offset, metres: over kerbs and shrubs, under roofs."""
-FACING = 0.7
-"""Cosine of the angle by which a wall may be turned from the street: 45 degrees."""
-STEP_M, GAP_M = 0.5, 6.0
-"""Difference of offset under which two stretches are one facade, over a gap up to the second, metres: the projection of a bay,
-and a van's length. Chosen on the two sample streets."""
-LONG_M = 2.5
-"""Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
-TOP_M = 6.0
-"""Height of the charts, metres: what a car or a van hides. A lorry close by hides more, which is left to the single-image
-inpainter."""
+TOP_M, HIGHEST_M = 6.0, 16.0
+"""Height of the charts, metres: what a car or a van hides; and up to where they reach if something close by hides more."""
+COARSE_M = 0.25
+"""Size of the texels by which it is found how high the chart must be, metres."""
+EAVES_M, MOSTLY = 3.0, 0.8
+"""Height up to which a facade of which nothing was seen must be hidden to be carried on from those beside it, metres, and how much
+of it: a car hides half of that, and what is seen over it is no house."""
 NEAREST_M = 0.3
 """Depth in front of which a camera shows no facade, metres."""
 AGREE_M, AGREE = 0.3, 0.04
 """Difference between the scene's depth and the facade's up to which a pixel shows the facade, metres plus a share of the depth:
 its relief, and the error of rendered depth. Chosen on the two sample streets."""
+ROOF_M, ROOF_WEIGHT = 6.0, 1e-3
+"""How far behind the facade a house's pixel still shows its roof, metres, and what that counts beside a view of the wall itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +50,8 @@ class FacadeChart:
         s_start: arc length of the first row's centre.
         offset: (A,) lateral offset t of the facade, NaN where no house stands.
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where nothing is known.
-        known: (A, B) bool, texels that some frame shows.
+        known: (A, B) bool, texels of a house that some frame shows.
+        open: (A, B) bool, texels through which some frame shows the sky.
         occluded: (A, B) bool, texels that lie behind something removed in some frame.
     """
 
@@ -65,6 +62,7 @@ class FacadeChart:
     offset: Float64
     color: Float32
     known: Mask
+    open: Mask
     occluded: Mask
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
@@ -80,52 +78,29 @@ class FacadeView:
 
     Attributes:
         camera: of the frame; image: (H, W, 3) uint8.
-        on_wall: (H, W) bool, pixels of houses.
+        on_wall: (H, W) bool, pixels of houses; sky: (H, W) bool, of the sky.
         depth: (H, W) of the full scene, metres; removed: (H, W) bool, pixels of what is removed.
     """
 
     camera: Camera
     image: NDArray[np.uint8]
     on_wall: Mask
+    sky: Mask
     depth: Float32
     removed: Mask
 
 
-def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:
-    """(A,) lateral offset of the facade at arc lengths ``s`` (A,) increasing, NaN where no house stands.
+@dataclass(frozen=True, eq=False)
+class InventedFacades:
+    """What completes a facade.
 
-    Args:
-        walls: surfels of houses; left: which side of the street.
+    Attributes:
+        walls: surfels of houses, None where none are missing.
+        open: surfels in the facade's plane through which the sky is to be seen, None where there are none.
     """
-    path = ground.path
-    means = walls.means.detach().double().numpy()
-    street = path.to_street(means)
-    height = ground.over(street)
-    heading = path.heading[path.node_of((means @ path.axes.T)[:, :2])]
-    normal = walls.normals().detach().double().numpy() @ path.axes.T
-    across = np.abs(-normal[:, 0] * np.sin(heading) + normal[:, 1] * np.cos(heading))
-    facing = (street[:, 1] > 0) == left
-    facing &= (across > FACING) & (height > LOW_M) & (height < HIGH_M)
-    along, aside = street[facing, 0], street[facing, 1]
-    order = np.argsort(along)
-    along, aside = along[order], aside[order]
-    at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
-    offset = np.full(len(at), np.nan)
-    for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
-        if high - low >= LEAST:
-            offset[k] = np.median(aside[low:high])
-    known = np.flatnonzero(np.isfinite(offset))
-    for a, b in zip(known, known[1:], strict=False):
-        if 1 < b - a <= GAP_M / BIN_M and abs(offset[b] - offset[a]) < STEP_M:
-            offset[a : b + 1] = np.linspace(offset[a], offset[b], b - a + 1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.isfinite(offset), [0]]).astype(np.int8)))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        if (last - first) * BIN_M < LONG_M:
-            offset[first:last] = np.nan
-    place, stands = (s - at[0]) / BIN_M, np.isfinite(offset)
-    below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
-    smooth = np.interp(s, at, np.nan_to_num(offset))
-    return np.where(stands[below] & stands[above], smooth, np.nan)
+
+    walls: Surfels | None
+    open: Surfels | None
 
 
 def read_facade(
@@ -147,21 +122,40 @@ def read_facade(
     end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     s = np.arange(ground.s_start, end, texel_m)
     offset = facade_offsets(walls, ground, s, left=left)
-    shape = (len(s), int(TOP_M / texel_m))
     if not np.isfinite(offset).any():
         return None
-    empty = np.zeros(shape, dtype=bool)
-    chart = FacadeChart(
-        ground, texel_m, 1.0 / texel_m, float(s[0]), offset, np.zeros((*shape, 3), np.float32), empty, empty
+    stands = np.isfinite(offset)
+    factor = max(1, round(COARSE_M / texel_m))
+    coarse = _empty(ground, s[::factor], carried_on(offset, texel_m)[::factor], HIGHEST_M)
+    coarse = _read(coarse, views, reach_m)
+    offset = np.where(
+        stands | np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)], carried_on(offset, texel_m), np.nan
     )
-    rows, columns = (p.ravel() for p in np.indices(shape))
-    stands = np.isfinite(offset)[rows]
+    lacks = (coarse.occluded & ~coarse.known & ~coarse.open)[np.isfinite(offset[::factor])].any(axis=0)
+    top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
+    return _read(_empty(ground, s, offset, top), views, reach_m)
+
+
+def _empty(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeChart:
+    """A chart of which nothing is known, for arc lengths ``s`` (A,)."""
+    texel = float(s[1] - s[0])
+    shape = (len(s), int(top / texel))
+    no, color = np.zeros(shape, dtype=bool), np.zeros((*shape, 3), np.float32)
+    return FacadeChart(ground, texel, 1.0 / texel, float(s[0]), offset, color, no, no, no)
+
+
+def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> FacadeChart:
+    """The chart with what the views show of it."""
+    rows, columns = (p.ravel() for p in np.indices(chart.known.shape))
+    stands = np.isfinite(chart.offset)[rows]
     rows, columns = rows[stands], columns[stands]
     world = chart.world(rows, columns)
-    total, weight, occluded = np.zeros((len(rows), 3)), np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
+    along = chart.s_start + chart.texel * rows
+    total, weight, sky = np.zeros((len(rows), 3)), np.zeros(len(rows)), np.zeros(len(rows))
+    occluded = np.zeros(len(rows), dtype=bool)
     for view in views:
-        here = float(ground.path.to_street(view.camera.centre[None])[0, 0])
-        part = np.flatnonzero(np.abs(s[rows] - here) < reach_m)
+        here = float(chart.ground.path.to_street(view.camera.centre[None])[0, 0])
+        part = np.flatnonzero(np.abs(along - here) < reach_m)
         pixel, z = view.camera.project(world[part])
         inside = view.camera.in_picture(pixel, z, nearest=NEAREST_M)
         part, pixel, z = part[inside], pixel[inside], z[inside]
@@ -169,34 +163,50 @@ def read_facade(
         occluded[part[view.removed[y, x]]] = True
         # At the border of what is removed pixels are mixed.
         clear = ~grow(view.removed, border_px(view.camera.width, 1))[y, x]
-        seen = view.on_wall[y, x] & clear & (np.abs(view.depth[y, x] - z) < AGREE_M + AGREE * z)
-        part, pixel, z = part[seen], pixel[seen], z[seen]
+        behind, agree = view.depth[y, x] - z, AGREE_M + AGREE * z
+        seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + ROOF_M)
         # Seen from along the street a facade is foreshortened.
         distance = np.maximum(np.linalg.norm(world[part] - view.camera.centre, axis=1), 1e-9)
-        straight = np.abs(offset[rows[part]]) / distance
+        straight = np.abs(chart.offset[rows[part]]) / distance
         w = (straight / z) ** 3
+        through = clear & view.sky[y, x]
+        sky[part[through]] += w[through]
+        w = np.where(behind < agree, w, ROOF_WEIGHT * w)
+        part, pixel, w = part[seen], pixel[seen], w[seen]
         total[part] += sample_at(view.image, pixel) * w[:, None]
         weight[part] += w
-    known, color, hidden = empty.copy(), chart.color.copy(), empty.copy()
-    seen = weight > 0
+    known, open_, color, hidden = chart.known.copy(), chart.open.copy(), chart.color.copy(), chart.occluded.copy()
+    seen = (weight > 0) & (weight >= sky)
     known[rows[seen], columns[seen]] = True
     color[rows[seen], columns[seen]] = total[seen] / weight[seen, None] / 255
-    hidden[rows[occluded], columns[occluded]] = True
-    return replace(chart, color=color, known=known, occluded=hidden)
+    open_[rows, columns] = sky > weight
+    hidden[rows, columns] = occluded
+    return replace(chart, color=color, known=known, open=open_, occluded=hidden)
 
 
-def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Surfels | None:
-    """Surfels for the parts of facades behind removed objects that nobody saw; None where none are missing.
+def _hidden_to_the_eaves(chart: FacadeChart) -> Mask:
+    """(A,) where something removed hides the facade so far up that nothing tells whether a house stands there."""
+    low, high = (int(h * chart.per_m) for h in (LOW_M, EAVES_M))
+    hidden = (chart.occluded & ~chart.known & ~chart.open)[:, low:high]
+    return np.asarray(hidden.mean(axis=1) >= MOSTLY)
+
+
+def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> InventedFacades:
+    """What completes the facades behind removed objects where nobody saw them.
 
     Args:
         label: of the surfels.
     """
-    # Below its observed part a facade goes on; where no part was observed, nothing says so.
-    stands = np.isfinite(chart.offset) & chart.known.any(axis=1)
-    color, filled = fill_facade(
-        chart.color, chart.known, chart.occluded & ~chart.known & stands[:, None], texels_per_m=chart.per_m
-    )
-    rows, columns = np.nonzero(filled)
+    stands = np.isfinite(chart.offset)
+    wanted = chart.occluded & ~chart.known & ~chart.open & stands[:, None]
+    color, filled, opened = fill_facade(chart.color, chart.known, wanted, chart.open, texels_per_m=chart.per_m)
+    parts = [_surfels(chart, color, part, label=label, sh_degree=sh_degree) for part in (filled, opened)]
+    return InventedFacades(*parts)
+
+
+def _surfels(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:
+    """Surfels for a part (A, B) of the facade, in the colours (A, B, 3); None for no part."""
+    rows, columns = np.nonzero(part)
     if not len(rows):
         return None
     street = np.stack([chart.s_start + chart.texel * rows, chart.offset[rows]], axis=1)

@@ -39,49 +39,59 @@ WALL_M, HUE, LEVEL = 1.0, 0.2, 0.4
 MISSING_COST, CHANGE_COST, DISTANCE_COST = 0.25, 0.4, 5e-5
 """Costs, in clipped squared differences, of a column that holds nothing for the gap, of another shift than the neighbour's, and of
 each step of distance. Chosen on the two sample streets."""
+SKY = np.float32(-2.0)
+"""What stands for the sky among colours that are shares of the plaster's."""
 RATIO_LIMITS = (0.3, 3.0)
 """Limits of the ratio by which a copied column is darkened or brightened to the plaster here: beyond, it is another house."""
 
 
-def fill_facade(color: Float32, known: Mask, wanted: Mask, *, texels_per_m: float) -> tuple[Float32, Mask]:
+def fill_facade(
+    color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None, *, texels_per_m: float
+) -> tuple[Float32, Mask, Mask]:
     """Fill the ``wanted`` texels of a facade.
 
     Args:
-        color: (A, B, 3), rows along the street; known: (A, B) texels that were seen; wanted: (A, B) to fill.
+        color: (A, B, 3), rows along the street; known: (A, B) texels of the facade that were seen; wanted: (A, B) to fill; sky:
+            (A, B) texels through which the sky was seen.
     Returns:
-        the picture (A, B, 3), and the texels that were filled (A, B).
+        the picture (A, B, 3), the texels that were filled (A, B), and those that show the sky (A, B).
     """
+    sky = np.zeros_like(known) if sky is None else sky
     factor = max(1, round(STEP_M * texels_per_m))
-    shift, possible = _shifts(*_coarse(color, known, wanted, factor), texels_per_m / factor)
-    result, filled = color.copy(), np.zeros_like(wanted)
+    shift, possible = _shifts(*_coarse(color, known, wanted, sky, factor), texels_per_m / factor)
+    result, filled, opened = color.copy(), np.zeros_like(wanted), np.zeros_like(wanted)
     rows = np.flatnonzero(wanted.any(axis=1))
     source = rows + shift[np.minimum(rows // factor, len(shift) - 1)] * factor
     usable = possible[np.minimum(rows // factor, len(shift) - 1)] & (source >= 0) & (source < len(color))
     rows, source = rows[usable], source[usable]
     if not len(rows):
-        return result, filled
+        return result, filled, opened
     wall = _plaster(color, known, texels_per_m)
     ratio = np.clip(wall[rows] / np.maximum(wall[source], 1e-3), *RATIO_LIMITS)[:, None]
     # Windows and doors do not take the colour of the plaster around them.
     plaster = _likeness(color[source], wall[source][:, None])
     take = wanted[rows] & known[source]
     result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**plaster, 0, 1), result[rows])
-    filled[rows] = take
-    return result, filled
+    filled[rows], opened[rows] = take, wanted[rows] & sky[source]
+    return result, filled, opened
 
 
-def _coarse(color: Float32, known: Mask, wanted: Mask, factor: int) -> tuple[Float32, Mask, Mask]:
+def _coarse(color: Float32, known: Mask, wanted: Mask, sky: Mask, factor: int) -> tuple[Float32, Mask, Mask, Mask]:
+    """Colours, what is known of the facade, what is wanted and where the sky is seen, ``factor`` texels to one."""
     rows, columns = known.shape
     size = (-(-columns // factor), -(-rows // factor))
-    share = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    share, asked, open_ = (
+        cv2.resize(m.astype(np.float32), size, interpolation=cv2.INTER_AREA) for m in (known, wanted, sky)
+    )
     mean = cv2.resize(np.where(known[..., None], color, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
     small = np.asarray(mean / np.maximum(share, 1e-6)[..., None], dtype=np.float32)
-    asked = cv2.resize(wanted.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.3
-    return small, share > 0.6, asked & (share <= 0.6)
+    through = open_ > 0.6
+    return small, share > 0.6, (asked > 0.3) & (share <= 0.6) & ~through, through
 
 
-def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[NDArray[np.int64], Mask]:
+def _shifts(color: Float32, walls: Mask, wanted: Mask, sky: Mask, per_m: float) -> tuple[NDArray[np.int64], Mask]:
     """(A,) the shift of each row, and whether there is one."""
+    known = walls | sky
     rows = len(known)
     reach = min(int(SEARCH_M * per_m), rows - 1)
     shifts = np.array([d for d in range(-reach, reach + 1) if d != 0], dtype=np.int64)
@@ -98,10 +108,10 @@ def _shifts(color: Float32, known: Mask, wanted: Mask, per_m: float) -> tuple[ND
     def summed(values: NDArray[np.float32]) -> Float32:
         return cv2.blur(values[:, None], (1, along))[:, 0]
 
-    wall = _plaster(color, known, per_m)
-    # Relative to the plaster: in the shade of the street all differences are small.
+    wall = _plaster(color, walls, per_m)
+    # Relative to the plaster: in the shade of the street all differences are small. The sky is like nothing but the sky.
     level = np.maximum(wall.mean(axis=1), 0.02)
-    color, wall = color / level[:, None, None], wall / level[:, None]
+    color, wall = np.where(sky[..., None], SKY, color / level[:, None, None]), wall / level[:, None]
     needed = summed(context.sum(axis=1).astype(np.float32))
     missing = wanted.sum(axis=1)
     cost = np.empty((rows, len(shifts)), dtype=np.float32)

@@ -39,6 +39,7 @@ class FrameTask:
         removed: (H, W) bool, pixels of removed objects with their borders.
         unobserved: (H, W) bool, of them those behind which lies what no frame shows.
         kept: (H, W) bool, pixels of objects that stay, on which no ground is relit; None where they are not known.
+        sky: (H, W) bool, pixels behind which facades end below the sky; None where they are not known.
     """
 
     camera: Camera
@@ -46,6 +47,7 @@ class FrameTask:
     removed: Mask
     unobserved: Mask
     kept: Mask | None = None
+    sky: Mask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +142,8 @@ def hole_in_frame(task: FrameTask, background: BackgroundLayers, filled: Mask | 
     unseen = grow(task.unobserved, border_px(task.camera.width, 3)) & task.removed
     # Surfels carried from another frame close the hole.
     empty = (unseen | (task.removed & background.below_horizon)) & ~background.from_chart & ~background.solid
+    if task.sky is not None:
+        empty &= ~task.sky
     return empty if filled is None else empty & ~filled
 
 

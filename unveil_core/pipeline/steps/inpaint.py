@@ -80,13 +80,14 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         relit = ground_relit(chart, surfels)
     remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
     parts: list[Surfels] = []
-    layer = None
+    layer, sky = None, None
     tested = [] if chart is None or context.settings.shadows == "off" else [_sun_assumed(sun)]
     if street is not None and chart is not None:
-        parts, feet = complete_scene(drive, scene, street, remaining, given.views)
+        completed = complete_scene(drive, scene, street, remaining, given.views)
+        feet, sky = completed.feet, completed.sky
         if scene.labels.index("building") is not None:
-            tested.append(_facades_assumed(len(parts)))
-        parts += [] if feet is None else [feet]
+            tested.append(_facades_assumed(len(completed.facades)))
+        parts = [*completed.facades, *([] if feet is None else [feet])]
         layer = GroundLayer(
             chart,
             feet=np.zeros((0, 3)) if feet is None else feet.means.double().numpy(),
@@ -94,7 +95,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         )
     # What follows from the seen part of a house or a pole is known before anything is invented.
     known = RemainingScene(concatenate([remaining, *parts]), given.sky, layer, len(scene.labels))
-    painted, seeds = _propagate(context, given, known)
+    painted, seeds = _propagate(context, given, known, sky)
     for frame, result, shadow in zip(drive.frames, painted, given.shaded, strict=True):
         write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
         write_image_atomic(frame_file(context.output("inpaint/origins"), frame), result.origin)
@@ -167,15 +168,23 @@ def _read(context: StageContext) -> _Given:
     return _Given(drive, scene, removal, load_sky(workspace.root / "surfels/sky.npz"), views, shaded, unobserved)
 
 
-def _propagate(context: StageContext, given: _Given, known: RemainingScene) -> tuple[list[Painted], Surfels | None]:
-    """Choose the keyframes, record them, and clean all frames."""
+def _propagate(
+    context: StageContext, given: _Given, known: RemainingScene, sky: Sequence[Mask] | None
+) -> tuple[list[Painted], Surfels | None]:
+    """Choose the keyframes, record them, and clean all frames.
+
+    Args:
+        sky: (H, W) bool per frame, where the sky goes on behind removed objects; None where that is not known.
+    """
     frames, views, settings = given.drive.frames, given.views, context.settings
     kept = [
         np.isin(labels, given.scene.removable_labels) & ~mask
         for labels, mask in zip(views.labels, views.removed, strict=True)
     ]
     tasks = [
-        FrameTask(f.camera, views.images[i], views.removed[i], given.unobserved[i], kept[i])
+        FrameTask(
+            f.camera, views.images[i], views.removed[i], given.unobserved[i], kept[i], None if sky is None else sky[i]
+        )
         for i, f in enumerate(frames)
     ]
     order, names = settings.order, settings.keyframes

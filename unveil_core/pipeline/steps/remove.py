@@ -24,6 +24,7 @@ from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import region_map
+from unveil_core.remove.remains import remains
 from unveil_core.remove.selection import select_removed
 from unveil_core.remove.unsupported import unsupported
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -86,6 +87,15 @@ def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground
     return floating_ground(surfels.means.double().numpy(), on_ground, street, cameras, masks)
 
 
+def _remains(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) surfels of other labels that only pixels of removed objects show."""
+    labels = [frame_labels(f, scene) for f in drive.frames]
+    told = [(f.camera, label) for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
+    border = border_px(drive.frames[0].camera.width)
+    masks = [grow(np.isin(label, scene.removed_labels), border) for _, label in told]
+    return remains(surfels, gone, [camera for camera, _ in told], masks)
+
+
 def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
@@ -100,6 +110,7 @@ def run(context: StageContext) -> None:
     ground = read_ground(workspace.ground_npz)
     if on_ground and ground.street is not None:
         gone |= _floating(drive, scene, surfels, ground.street)
+    gone |= _remains(drive, scene, surfels, gone)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     keep = torch.from_numpy(~gone)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]

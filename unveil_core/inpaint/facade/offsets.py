@@ -1,0 +1,77 @@
+"""Where the facades of one side of the street stand: their distance from the path, by arc length."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unveil_core.base.types import Float64, Mask
+from unveil_core.ground.street import Ground
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["LOW_M", "carried_on", "facade_offsets"]
+
+BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
+"""Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
+how many there must be. Chosen on the two sample streets."""
+LOW_M, HIGH_M = 0.3, 8.0
+"""Heights over the ground between which a wall's surfels give the facade's offset, metres: over kerbs and shrubs, under roofs."""
+FACING = 0.7
+"""Cosine of the angle by which a wall may be turned from the street: 45 degrees."""
+STEP_M, GAP_M = 0.5, 6.0
+"""Difference of offset under which two stretches are one facade, over a gap up to the second, metres: the projection of a bay,
+and a van's length. Chosen on the two sample streets."""
+LONG_M = 2.5
+"""Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
+CARRIED_M = 20.0
+"""Distance along s over which a facade goes on behind something that hides it to the eaves, metres: the length of an articulated
+lorry, from either end half of it and as much again for the angle at which it is seen."""
+
+
+def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) -> Float64:
+    """(A,) lateral offset of the facade at arc lengths ``s`` (A,) increasing, NaN where no house stands.
+
+    Args:
+        walls: surfels of houses; left: which side of the street.
+    """
+    path = ground.path
+    means = walls.means.detach().double().numpy()
+    street = path.to_street(means)
+    height = ground.over(street)
+    heading = path.heading[path.node_of((means @ path.axes.T)[:, :2])]
+    normal = walls.normals().detach().double().numpy() @ path.axes.T
+    across = np.abs(-normal[:, 0] * np.sin(heading) + normal[:, 1] * np.cos(heading))
+    facing = (street[:, 1] > 0) == left
+    facing &= (across > FACING) & (height > LOW_M) & (height < HIGH_M)
+    along, aside = street[facing, 0], street[facing, 1]
+    order = np.argsort(along)
+    along, aside = along[order], aside[order]
+    at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
+    offset = np.full(len(at), np.nan)
+    for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
+        if high - low >= LEAST:
+            offset[k] = np.median(aside[low:high])
+    known = np.flatnonzero(np.isfinite(offset))
+    for a, b in zip(known, known[1:], strict=False):
+        if 1 < b - a <= GAP_M / BIN_M and abs(offset[b] - offset[a]) < STEP_M:
+            offset[a : b + 1] = np.linspace(offset[a], offset[b], b - a + 1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.isfinite(offset), [0]]).astype(np.int8)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if (last - first) * BIN_M < LONG_M:
+            offset[first:last] = np.nan
+    place, stands = (s - at[0]) / BIN_M, np.isfinite(offset)
+    below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
+    smooth = np.interp(s, at, np.nan_to_num(offset))
+    return np.where(stands[below] & stands[above], smooth, np.nan)
+
+
+def carried_on(offset: Float64, texel: float) -> Float64:
+    """(A,) offsets (A,) ``texel`` metres apart, those that are not known like the nearest within :data:`CARRIED_M`."""
+    known = np.flatnonzero(np.isfinite(offset))
+    if not len(known):
+        return offset
+    rows = np.arange(len(offset))
+    after = np.clip(np.searchsorted(known, rows), 0, len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(known[before] - rows) <= np.abs(known[after] - rows), known[before], known[after])
+    close: Mask = np.abs(nearest - rows) * texel <= CARRIED_M
+    return np.where(close, offset[nearest], np.nan)
