@@ -48,7 +48,7 @@ def remains(surfels: Surfels, gone: Mask, cameras: Sequence[Camera], objects: It
         picture = render(plain, small, ("rgb",), near=NEAR_M, far=FAR_M).rgb
         assert picture is not None
         asked = torch.from_numpy(np.stack([share, np.ones_like(share), np.zeros_like(share)], axis=2))
-        (picture * asked).sum().backward()
+        torch.autograd.backward((picture * asked).sum())
     assert color.grad is not None
     on_objects, everywhere = (color.grad[:, 0, :2].double().numpy() / SH_C0).T
     return np.asarray(~gone & (everywhere > LEAST_PX) & (on_objects >= SHARE * everywhere))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
@@ -22,6 +24,7 @@ from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
+from unveil_core.remove.missed import missed_pixels
 from unveil_core.remove.observed import never_seen, seen_view
 from unveil_core.remove.regions import region_map
 from unveil_core.remove.remains import remains
@@ -87,15 +90,6 @@ def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground
     return floating_ground(surfels.means.double().numpy(), on_ground, street, cameras, masks)
 
 
-def _remains(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) surfels of other labels that only pixels of removed objects show."""
-    labels = [frame_labels(f, scene) for f in drive.frames]
-    told = [(f.camera, label) for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
-    border = border_px(drive.frames[0].camera.width)
-    masks = [grow(np.isin(label, scene.removed_labels), border) for _, label in told]
-    return remains(surfels, gone, [camera for camera, _ in told], masks)
-
-
 def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
@@ -110,29 +104,31 @@ def run(context: StageContext) -> None:
     ground = read_ground(workspace.ground_npz)
     if on_ground and ground.street is not None:
         gone |= _floating(drive, scene, surfels, ground.street)
-    gone |= _remains(drive, scene, surfels, gone)
-    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
-    keep = torch.from_numpy(~gone)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
     # No label or instance image tells where these are: they are drawn apart.
-    kinds = (~keep).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
-    told = Surfels(surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, kinds)
-    empty = empty_street(surfels, gone, ground, on_ground)
+    kinds = torch.from_numpy(gone).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
+    told = replace(surfels, labels=kinds)
     moving = read_moving(workspace.root)
+    exposures = read_exposures(workspace.exposure_json)
     views = []
     for done, frame in enumerate(drive.frames):
-        planes = ("alpha", "depth", "semantics")
+        planes = ("rgb", "alpha", "depth", "semantics")
         with torch.no_grad():
             full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
-        assert full.alpha is not None and full.depth is not None and full.semantics is not None
+        assert full.rgb is not None and full.alpha is not None and full.depth is not None and full.semantics is not None
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, share[..., 2])
+        own |= missed_pixels(exposures.read(frame), full.rgb.numpy(), share[..., 1], own)
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
         views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
+    border = border_px(drive.frames[0].camera.width)
+    gone |= remains(surfels, gone, [v.camera for v in views], (grow(v.hidden, border) for v in views))
+    save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
+    empty = empty_street(surfels, gone, ground, on_ground)
     for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
         unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
         removed = grow(view.hidden, border_px(frame.camera.width))
@@ -152,6 +148,7 @@ STAGE = Stage(
         "selection.json",
         "objects.json",
         "surfels/full.ply",
+        "surfels/exposure.json",
         "surfels/instances.npy",
         "ground",
     ),
