@@ -158,7 +158,9 @@ def _shade(chart: StreetChart, footprint: Mask, light: Light | None, drift: Drif
     seen = chart.source == OBSERVED
     if light is None:
         window, hop = int(WINDOW_M * per_m), max(1, int(HOP_M * per_m))
-        return prevailing_shade(chart.color, seen, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m)
+        return prevailing_shade(
+            chart.color, seen, footprint, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m
+        )
     profile = _profile(drift, per_m)
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)

@@ -29,6 +29,8 @@ inside."""
 TOUCH_M = 0.4
 """Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
 metres. Chosen on the two sample streets."""
+CLEAR_M = 0.8
+"""Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
 MOST_OF_AGE = 1.5
 """Gain beyond which a dark patch is a shadow that some sun made: asphalt of two ages differs by a third at the most."""
 OBJECT_M = 1.5
@@ -38,16 +40,20 @@ SMOOTH_M, SPECK_M = 0.06, 0.12
 a few centimetres from their offset."""
 
 
-def prevailing_shade(color: Float32, seen: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float) -> Shade:
+def prevailing_shade(
+    color: Float32, seen: Mask, footprint: Mask, *, shadow_ratio: float, window: int, hop: int, per_m: float
+) -> Shade:
     """Shade without a known sun: dark is what is darker than its lateral offset mostly is, and its ratio is 1, because nothing says
     which shadows stay.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
+        footprint: (A, B) texels under removed objects: under a lorry all of an offset is dark for longer than the window.
         shadow_ratio: a texel darker than this share of its offset's lit level is dark.
         window, hop: of the lateral profile, texels; per_m: texels per metre.
     """
-    median, level = lateral_profile(color, seen, window=window, hop=hop)
+    clear = seen & ~grow(footprint, CLEAR_M * per_m)
+    median, level = lateral_profile(color, clear, window=window, hop=hop)
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
     dark = seen & (smooth < shadow_ratio * level)
     # Paint that strays a few centimetres from its offset leaves thin dark lines, which are no shadows.
