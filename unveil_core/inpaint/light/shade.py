@@ -25,9 +25,9 @@ __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_
 Profile = Callable[[Float32, Mask], Float32]
 """From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
 
-DARKEST, BRIGHTEST = 0.15, 0.9
-"""Least and greatest share of a colour that remains in shadow: skylight is a seventh of sunlight and more, and above the second a
-shadow is not seen."""
+DARKEST, BRIGHTEST = 0.41, 0.9
+"""Least and greatest share of a colour, in sRGB, that remains in shadow: of the light on the ground a clear sky gives a seventh
+and more, (1/7)^(1/2.2) = 0.41, and above the second a shadow is not seen."""
 ROUNDS = 3
 """Times that ratio, colours in the sun and shadows are found in turn. Chosen on the two sample streets."""
 SMOOTH_M = 0.06
@@ -133,7 +133,10 @@ def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: 
     order = np.argsort(quotients, axis=0)
     passed = np.cumsum(weight[order], axis=0) >= 0.5 * weight.sum()
     middle = order[passed.argmax(axis=0), np.arange(3)]
-    return np.clip(quotients[middle, np.arange(3)], DARKEST, BRIGHTEST).astype(np.float32)
+    ratio = quotients[middle, np.arange(3)].astype(np.float32)
+    # What is darker lies right beside an object, which hides the sky as well; its colour is that of the shade all the same.
+    least = DARKEST / max(float(luminance(ratio)), 1e-3)
+    return np.clip(ratio * max(1.0, least), 0, BRIGHTEST).astype(np.float32)
 
 
 def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
