@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from unveil_core.geometry.images import luminance, masked_blur
 from unveil_core.inpaint.chart.rectify import Drift
-from unveil_core.inpaint.light.shade import DARKEST, Shade
+from unveil_core.inpaint.light.shade import Shade
 
 __all__ = ["shade_of_kerbs"]
 
@@ -22,6 +22,8 @@ for, metres. Chosen on the two sample streets."""
 MIN_RATIO_DIFFERENCE = 0.12
 """Difference of luma between the shade ratio of an offset and the road's from which on the offset keeps its own, unitless. Chosen
 on the two sample streets."""
+DARKEST_FACE = 0.15
+"""Least share of a kerb's colour that remains in shadow: its face may look at the sun, and gets half of the sky."""
 SUNLIT_SHARE, SHADED_SHARE = 0.1, 0.9
 """Shares of dark texels around a place under which it lies in the sun, and over which in shadow."""
 
@@ -57,7 +59,7 @@ def shade_of_kerbs(
         lit, unlit = (
             _medians(p[part], m[part], int(STRETCH_M * texels_per_m)) for p, m in ((picture, sun), (dark_picture, dark))
         )
-        found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST, 1.0)
+        found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST_FACE, 1.0)
         differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # NaN does not
         ratio[start : start + window, differs] = found[differs]
     ratio = drift.unrectify(ratio)
