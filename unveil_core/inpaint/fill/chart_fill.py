@@ -113,7 +113,7 @@ def fill_chart(
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
     if shadow.any():
         relit = shadow & seen & ~hole
-        gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, per_m=per_m)
+        gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
         if light is None:
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0

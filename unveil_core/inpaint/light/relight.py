@@ -145,17 +145,29 @@ def sky_gain(footprint: Mask, per_m: float) -> Float32:
 
 
 def relighting_gain(
-    color: Float32, target: Float32, seen: Mask, shadow: Mask, wide: Mask, relit: Mask, *, per_m: float
+    color: Float32,
+    target: Float32,
+    seen: Mask,
+    shadow: Mask,
+    wide: Mask,
+    relit: Mask,
+    paint: Mask | None = None,
+    *,
+    per_m: float,
 ) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
     Args:
         color, target: (A, B, 3) as seen, and as it should be.
         seen: (A, B); shadow: (A, B) that goes; wide: (A, B) with its penumbra; relit: (A, B) of it, seen and kept.
+        paint: (A, B) shaded texels that are brighter than the ground of their offset, as bars of a crossing are.
         per_m: texels per metre.
     """
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
+    # Paint that is not on the offset's profile says nothing of the light; it gets what the ground beside it gets.
+    unlike = np.zeros_like(relit) if paint is None else relit & grow(paint, SMOOTH_M * per_m)
+    relit = relit & ~unlike
     # The light that remains is measured inside the shadow; its border counts where there is no inside.
     inside = relit & cv2.erode((shadow | ~seen).astype(np.uint8), ring).astype(bool)
     weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
@@ -176,4 +188,6 @@ def relighting_gain(
     border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
+    if unlike.any():
+        gain[unlike] = masked_blur(gain, relit, 0.25 * per_m)[unlike]
     return gain

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import disc, luminance, masked_blur
+from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
 __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
@@ -39,6 +39,19 @@ SPECK_M = 0.12
 lines."""
 LEAST_TEXELS = 20
 """Texels that an offset must show in the sun and in shadow, each, for its ratio to count."""
+LEAST_TINT = 0.25
+"""Logarithm of blue over red by which shade must differ from sun for colour to tell one from the other."""
+SUN_TINT, SHADE_TINT = 0.25, 0.6
+"""Shares of that tint under which a texel lies in the sun, and over which in shade."""
+DEEP, PAINT = 1.5, 0.7
+"""Darkness, in falls from sun to shade, from which on a texel is dark whatever its colour, as under a car, where little light
+comes; and up to which a texel in shade is paint that is brighter than its offset's ground."""
+STRAY_M, LINE = 0.25, 1.25
+"""How far a line may drift from its lateral offset, metres, and by what its offset is brighter than the ground beside it."""
+ASIDE_M = 0.3
+"""Standard deviation of the surroundings across the street whose colour is that of a line's ground, metres."""
+TOUCH_M = 0.6
+"""Distance from dark ground within which such paint must lie, metres: a bar of a zebra crossing is half a metre wide."""
 CONTACT_M = 0.5
 """Width of the ground around an object that it darkens wherever the sun stands (contact shadow), metres. Chosen on the two sample
 streets."""
@@ -77,11 +90,13 @@ class Shade:
         dark: (A, B) bool, seen texels in shadow.
         ratio: (3,) or (A, B, 3) colour in shadow by colour in the sun.
         lit: (A, B, 3) median colour of the lateral offset in full sun.
+        paint: (A, B) bool, dark texels that are brighter than their offset's ground in shade; None where that is not known.
     """
 
     dark: Mask
     ratio: Float32
     lit: Float32
+    paint: Mask | None = None
 
 
 def read_shade(
@@ -102,17 +117,42 @@ def read_shade(
     log = np.log(np.maximum(luminance(smooth), 0.01))
     dark = expected & seen
     ratio = np.full(3, 0.5, dtype=np.float32)
-    lit = color
+    lit, paint = color, np.zeros_like(dark)
     for _ in range(ROUNDS):
         ratio = _ratio(smooth, seen, dark, ratio, border=max(1, round(PENUMBRA_M * texels_per_m)))
         lit = profile(np.where(dark[..., None], color / ratio, color).astype(np.float32), seen)
         fall = float(np.log(luminance(ratio)))
         # Half way down is the border, but for what the scene says.
         threshold = np.where(expected, 0.5 - belief, 0.5 + belief) * fall
-        dark = seen & (log - np.log(np.maximum(luminance(lit), 0.01)) < threshold)
+        darker = log - np.log(np.maximum(luminance(lit), 0.01))
+        dark, paint = seen & (darker < threshold), np.zeros_like(dark)
+        tint = float(np.log(ratio[2] / ratio[0]))
+        if tint > LEAST_TINT:
+            line = _lines(lit, texels_per_m)
+            # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
+            ground = masked_blur(_blue(lit), ~line, (1.0, ASIDE_M * texels_per_m))
+            bluer = _blue(smooth) - np.where(line, ground, _blue(lit))
+            dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
+            beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
+            # White bars on asphalt are as bright in shade as their offset is in the sun.
+            paint = beside & (darker > PAINT * fall) & (bluer > SHADE_TINT * tint)
+            dark |= paint
         opened = cv2.morphologyEx((dark | ~seen).astype(np.uint8), cv2.MORPH_OPEN, disc(SPECK_M * texels_per_m))
         dark = opened.astype(bool) & seen
-    return Shade(dark, ratio, lit)
+    return Shade(dark, ratio, lit, paint & dark)
+
+
+def _lines(lit: Float32, texels_per_m: float) -> Mask:
+    """(A, B) places of lines along the street, which may not be there if they drift: beside them ``lit`` (A, B, 3) is much darker."""
+    level = luminance(lit)
+    darkest = cv2.erode(level, np.ones((1, 2 * round(STRAY_M * texels_per_m) + 1), np.uint8))
+    return np.asarray(level > LINE * darkest)
+
+
+def _blue(color: Float32) -> Float32:
+    """Logarithm of blue over red, (…) of colours (…, 3): what only the sky lights is bluer, whatever its brightness (Finlayson et
+    al., *On the removal of shadows from images*, 2006)."""
+    return np.asarray(np.log(np.maximum(color[..., 2], 0.02) / np.maximum(color[..., 0], 0.02)), dtype=np.float32)
 
 
 def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
