@@ -28,6 +28,10 @@ ALONG_LIMIT = 2.4
 ASIDE_LIMIT = 0.08
 """Half windows (0.4 m for one of 5 m): see ``ALONG_LIMIT``. Less than a kerb's distance from anything of another colour."""
 
+BROAD = 0.2
+"""Half windows (1 m for one of 5 m): width of the known street beside offsets that are known nowhere whose middle they get, several
+times that of a line."""
+
 
 def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, hop: int) -> tuple[Float32, Float32]:
     """Median colour and upper luma level per lateral offset, in a window that slides along the street.
@@ -102,11 +106,31 @@ def _completed(
     distant = far & ~close & (along >= 0)
     medians = np.where(distant[..., None], of_offset[0][None], medians[row, offset]).astype(np.float32)
     levels = np.where(distant, of_offset[1][None], levels[row, offset]).astype(np.float32)
-    # Offsets that are known nowhere take the nearest one that is.
-    somewhere = np.flatnonzero(known.any(axis=0))
-    nearest = somewhere[np.abs(np.arange(known.shape[1])[:, None] - somewhere[None]).argmin(axis=1)]
-    take = np.where(np.isfinite(levels), column, nearest[None])
-    return np.take_along_axis(medians, take[..., None], axis=1), np.take_along_axis(levels, take, axis=1)
+    return _to_unknown_offsets(medians, levels, known.any(axis=0), beside=max(1, round(BROAD * window)))
+
+
+def _to_unknown_offsets(
+    medians: Float32, levels: Float32, somewhere: NDArray[np.bool_], *, beside: int
+) -> tuple[Float32, Float32]:
+    """Medians (K, B, 3) and levels (K, B) of offsets that are known nowhere, from the ``beside`` known ones next to them: the
+    middle of these, for the next one of all may be a line."""
+    there = np.flatnonzero(somewhere)
+    medians, levels = medians.copy(), levels.copy()
+    columns = np.flatnonzero(~somewhere)
+    after = np.searchsorted(there, columns)
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, len(there) - 1)
+    nearest = np.where(np.abs(there[before] - columns) <= np.abs(there[after] - columns), before, after)
+    for place in np.unique(nearest):
+        own = columns[nearest == place]
+        # The side that the unknown ones lie on tells which known ones are next to them.
+        for left in (True, False):
+            side = own[(own < there[place]) == left]
+            if len(side):
+                some = there[place : place + beside] if left else there[max(0, place + 1 - beside) : place + 1]
+                medians[:, side] = np.median(medians[:, some], axis=1, keepdims=True)
+                levels[:, side] = np.median(levels[:, some], axis=1, keepdims=True)
+    return medians, levels
 
 
 def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:

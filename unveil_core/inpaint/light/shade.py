@@ -143,7 +143,7 @@ def read_shade(
 
 
 def _lines(lit: Float32, texels_per_m: float) -> Mask:
-    """(A, B) places of lines along the street, which may not be there if they drift: beside them ``lit`` (A, B, 3) is much darker."""
+    """(A, B) places of lines along the street, which may stray: beside them ``lit`` (A, B, 3) is much darker."""
     level = luminance(lit)
     darkest = cv2.erode(level, np.ones((1, 2 * round(STRAY_M * texels_per_m) + 1), np.uint8))
     return np.asarray(level > LINE * darkest)
