@@ -26,6 +26,9 @@ STEADY_M = 0.4
 WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 """Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
 FEWEST_OF_WALLS = 50
+STEP_M, STEP_CELLS = 1.0, 4
+"""Difference of the cross profile over so many cells that is a wall, metres: beyond, the street is at an end, or specks of wrong
+labels tell of crowns and roofs."""
 
 
 def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
@@ -53,7 +56,11 @@ def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | No
     base = gaussian_filter1d(base, 1.5, mode="nearest")
     rest = street[:, 2] - base[a]
     profile = median_filter(_running_median(b, rest, columns), 3, mode="nearest")
-    rest = rest - profile[b]
+    low, high = _up_to_steps(profile, columns // 2)
+    profile = profile[np.clip(np.arange(columns), low, high)]
+    inside = (b >= low) & (b <= high)
+    street, a, b = street[inside], a[inside], b[inside]
+    rest = rest[inside] - profile[b]
     # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
     cells = -(-columns // COARSE)
     steady = np.abs(rest) < STEADY_M
@@ -74,6 +81,14 @@ def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | No
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
     right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)
     return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
+
+
+def _up_to_steps(profile: Float64, middle: int) -> tuple[int, int]:
+    """First and last cell around the ``middle`` one between which the cross profile has no step as high as a wall."""
+    step = np.abs(profile[STEP_CELLS:] - profile[:-STEP_CELLS]) > STEP_M
+    before, after = np.flatnonzero(step[: max(0, middle - STEP_CELLS)]), np.flatnonzero(step[middle:])
+    low = int(before[-1]) + STEP_CELLS if len(before) else 0
+    return low, middle + int(after[0]) if len(after) else len(profile) - 1
 
 
 def _supported(s: Float64, cell: float) -> tuple[float, float]:
