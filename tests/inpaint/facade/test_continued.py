@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import torch
 
 from tests.ground.test_street import drive_on_circle, true_street
 from tests.inpaint.sunny_street import box_surfels
@@ -17,7 +20,7 @@ from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades
 from unveil_core.inpaint.facade.offsets import facade_offsets
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, concatenate
 
 FACADE_T = 6.0
 FAR = 200.0
@@ -138,6 +141,20 @@ def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
     cameras, depths, hidden = scene_views(False)
     for other in (pole(2.3, 3.5), pole(1.0, 3.5, half=0.8), pole(0.0, 3.5), pole(1.2, 3.5).select(np.arange(5))):
         assert feet_of_poles(other, ground, cameras, depths, hidden) is None
+
+
+def test_a_sign_gets_the_foot_of_another_pole() -> None:
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    plate = replace(pole(1.2, 1.8, half=0.25), labels=torch.full((len(pole(1.2, 1.8, half=0.25)),), 7))
+    assert feet_of_poles(plate, ground, cameras, depths, hidden, plates=(7,)) is None
+    feet = feet_of_poles(
+        concatenate([plate, pole(0.0, 2.4, at=(20.0, 5.0), half=0.05)]), ground, cameras, depths, hidden, plates=(7,)
+    )
+    assert feet is not None and (feet.labels == 0).all()
+    means = feet.means.double().numpy()
+    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.1
+    assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
 
 
 def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:

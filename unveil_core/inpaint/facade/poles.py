@@ -25,6 +25,8 @@ HANGS_M = 2.0
 NARROW_M, LINK_M, LEAST = 0.6, 0.2, 25
 """Greatest thickness of a pole or trunk, largest horizontal gap within it, metres, and its fewest surfels. Chosen on the two
 sample streets."""
+SLIM_M = 0.3
+"""Greatest thickness of a pole that another sign may stand on, metres."""
 FRINGE_M, SLICE_M = 0.1, 0.4
 """Length above its lowest surfels that is left out, because its colours are mixed with what hid it, and length above that which
 is repeated downwards, metres. Chosen on the two sample streets."""
@@ -40,11 +42,14 @@ def feet_of_poles(
     cameras: Sequence[Camera],
     depths: Sequence[NDArray[np.float32]],
     removed: Sequence[NDArray[np.bool_]],
+    *,
+    plates: Sequence[int] = (),
 ) -> Surfels | None:
     """Surfels for the hidden lower ends of poles and trunks; None where none is hidden.
 
     Args:
         standing: surfels of plants, poles and signs.
+        plates: labels of signs and lights, which stand on a pole that does not look like them.
         cameras, depths, removed: the views, depth (H, W) of the full scene and what is removed (H, W) bool.
     """
     path = ground.path
@@ -57,7 +62,8 @@ def feet_of_poles(
         return None
     across = (means[low] @ path.axes.T)[:, :2]
     group = connected_points(across, LINK_M)
-    parts = []
+    is_plate = np.isin(standing.labels.numpy()[low], plates)
+    parts, hung, post = [], [], None
     for g in np.unique(group):
         members = np.flatnonzero(group == g)
         if len(members) < LEAST:
@@ -66,8 +72,17 @@ def feet_of_poles(
         # Higher up it may carry a crown.
         members = members[height[low[members]] < begins + (FRINGE_M + SLICE_M)]
         thick = np.ptp(np.percentile(across[members], [10, 90], axis=0), axis=0).max()
-        if thick < NARROW_M and LOW_M < begins < HANGS_M:
+        plate = is_plate[members].mean() > 0.5
+        # Where it stands: the middle of its surfels, on the ground.
+        stands = (means[low[members]] - height[low[members], None] * path.axes[2]).mean(axis=0)
+        if plate and begins > LOW_M:
+            hung.append((stands, begins))
+        elif thick < NARROW_M and LOW_M < begins < HANGS_M and not plate:
             parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
+        elif thick < SLIM_M and begins < LOW_M and not plate and (post is None or len(members) > len(post[0])):
+            post = low[members], height[low[members]], stands
+    if post is not None:
+        parts += [_set_up(standing, *post, place=place, top=top, up=path.axes[2]) for place, top in hung]
     if not parts:
         return None
     feet = concatenate(parts)
@@ -91,6 +106,31 @@ def _repeated(
         copy = part.select(above)
         copies.append(replace(copy, means=copy.means - down * torch.from_numpy(up).to(copy.means)))
     return copies
+
+
+def _set_up(
+    standing: Surfels,
+    index: NDArray[np.int64],
+    height: NDArray[np.float64],
+    stands: NDArray[np.float64],
+    *,
+    place: NDArray[np.float64],
+    top: float,
+    up: NDArray[np.float64],
+) -> Surfels:
+    """A copy of a pole's foot, of surfels ``index`` at ``height`` over the ground, under a sign.
+
+    Args:
+        stands, place: (3,) where on the ground the pole stands and where its copy goes; top: its height, metres; up: (3,).
+    """
+    tall = max(SLICE_M, float(np.ptp(height)))
+    part = standing.select(torch.from_numpy(index))
+    copies = []
+    for k in range(int(np.ceil((top + FRINGE_M) / tall))):
+        copy = part.select(torch.from_numpy(height - height.min() + k * tall < top + FRINGE_M))
+        shift = place - stands + (k * tall - height.min()) * up
+        copies.append(replace(copy, means=copy.means + torch.from_numpy(shift).to(copy.means)))
+    return concatenate(copies)
 
 
 def _hidden(
