@@ -40,6 +40,7 @@ from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
 RESULTS = HERE / "results" / "streets.json"
 HELD_OUT = range(10, 20)
 BASELINES = ("telea", "shift_map")
+FIGURES = ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue")
 CHANGED = 8
 """Levels of 255 by which a pixel outside of what was removed must differ from its photograph to count as changed."""
 BORDER_PX = 4
@@ -120,7 +121,7 @@ def scores(workspace: Path, truth: Path) -> tuple[dict[str, Any], dict[str, str]
 
     def of(region: str, method: str = "ours") -> dict[str, Any] | None:
         row = regions.get(region, {}).get("methods", {}).get(method)
-        return None if row is None else {"psnr": row["psnr"], "ssim": row["ssim"]}
+        return None if row is None else {k: row.get(k) for k in FIGURES}
 
     rivals = {name: of("removed", name) for name in BASELINES}
     there = {name: row for name, row in rivals.items() if row is not None}
@@ -136,6 +137,9 @@ def scores(workspace: Path, truth: Path) -> tuple[dict[str, Any], dict[str, str]
         "best_opencv": None if best is None else {"row": best, **there[best]},
         "flicker": {m: round(flicker[m]["absolute"], 2) for m in ("ours", "truth", *BASELINES) if m in flicker},
         "free_views": (found.get("free_views") or {}).get("regions", {}).get("free_removed"),
+        "certain": {k: found["certainty"].get(k) for k in ("certain", "certain_right")}
+        if found.get("certainty")
+        else None,
         "removed_mask_iou": found["truth"].get("removed_mask_iou"),
         "outside": outside(workspace, truth),
         "untouched_max": found["untouched"]["max"],
@@ -193,7 +197,10 @@ def means(rows: list[dict[str, Any]]) -> dict[str, Any]:
     names = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "cast_shadow_input", "input", "best_opencv")
     for region in names:
         here = [r[region] for r in good if r.get(region)]
-        found[region] = {k: mean([h[k] for h in here]) for k in ("psnr", "ssim")}
+        found[region] = {k: mean([h.get(k) for h in here]) for k in FIGURES}
+    certain = [r["certain"] for r in good if r.get("certain")]
+    found["certain"] = {k: mean([c[k] for c in certain]) for k in ("certain", "certain_right")}
+    found["lowest"] = min((r["removed"]["psnr"] for r in good if r.get("removed")), default=None)
     found["flicker"] = {m: mean([r["flicker"].get(m) for r in good]) for m in ("ours", "truth", *BASELINES)}
     found["changed_share_outside"] = mean([r["outside"]["changed_share"] for r in good])
     for name in ("seconds", "peak_memory_mb"):
