@@ -182,8 +182,8 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
                 curtains += [] if found.open is None else [found.open]
     kinds = torch.tensor(scene.labels.indices(UPRIGHT_CLASSES), dtype=remaining.labels.dtype)
     standing = remaining.select(torch.isin(remaining.labels, kinds))
-    plates = scene.labels.indices(("traffic sign", "traffic light"))
-    feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed, plates=plates)
+    plates, poles = (scene.labels.indices(names) for names in (("traffic sign", "traffic light"), ("pole",)))
+    feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed, plates=plates, poles=poles)
     return Completed(facades, feet, _skies(cameras, curtains))
 
 

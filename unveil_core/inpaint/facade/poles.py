@@ -44,12 +44,13 @@ def feet_of_poles(
     removed: Sequence[NDArray[np.bool_]],
     *,
     plates: Sequence[int] = (),
+    poles: Sequence[int] = (),
 ) -> Surfels | None:
     """Surfels for the hidden lower ends of poles and trunks; None where none is hidden.
 
     Args:
         standing: surfels of plants, poles and signs.
-        plates: labels of signs and lights, which stand on a pole that does not look like them.
+        plates: labels of signs and lights, which stand on a pole that does not look like them; poles: labels of such poles.
         cameras, depths, removed: the views, depth (H, W) of the full scene and what is removed (H, W) bool.
     """
     path = ground.path
@@ -62,7 +63,7 @@ def feet_of_poles(
         return None
     across = (means[low] @ path.axes.T)[:, :2]
     group = connected_points(across, LINK_M)
-    is_plate = np.isin(standing.labels.numpy()[low], plates)
+    is_plate, is_pole = (np.isin(standing.labels.numpy()[low], kinds) for kinds in (plates, poles))
     parts, hung, post = [], [], None
     for g in np.unique(group):
         members = np.flatnonzero(group == g)
@@ -79,7 +80,12 @@ def feet_of_poles(
             hung.append((stands, begins))
         elif thick < NARROW_M and LOW_M < begins < HANGS_M and not plate:
             parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
-        elif thick < SLIM_M and begins < LOW_M and not plate and (post is None or len(members) > len(post[0])):
+        elif (
+            thick < SLIM_M
+            and begins < LOW_M
+            and is_pole[members].mean() > 0.5
+            and (post is None or len(members) > len(post[0]))
+        ):
             post = low[members], height[low[members]], stands
     if post is not None:
         parts += [_set_up(standing, *post, place=place, top=top, up=path.axes[2]) for place, top in hung]
