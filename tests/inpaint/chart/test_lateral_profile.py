@@ -56,3 +56,14 @@ def test_far_beyond_what_was_seen_an_offset_is_what_it_mostly_is() -> None:
     assert (median[280, 3] < 0.1).all()
     assert np.allclose(median[500:], 0.5)
     assert np.allclose(level[500:], 0.5)
+
+
+def test_beyond_the_last_line_that_was_seen_the_street_goes_on_without_it() -> None:
+    """A row of parked cars hides all beyond an edge line: the lane goes on, not the line's white."""
+    color = np.full((600, 90, 3), 0.4, np.float32)
+    color[:, 40:44] = 0.9
+    usable = np.zeros(color.shape[:2], dtype=bool)
+    usable[:, 10:44] = True
+    median, level = lateral_profile(color, usable, window=WINDOW, hop=HOP)
+    assert np.allclose(median[:, 44:], 0.4) and np.allclose(level[:, 44:], 0.4)
+    assert np.allclose(median[:, :10], 0.4) and np.allclose(median[:, 40:44], 0.9)
