@@ -124,13 +124,13 @@ def read_facade(
     offset = facade_offsets(walls, ground, s, left=left)
     if not np.isfinite(offset).any():
         return None
-    stands = np.isfinite(offset)
     factor = max(1, round(COARSE_M / texel_m))
-    coarse = _empty(ground, s[::factor], carried_on(offset, texel_m)[::factor], HIGHEST_M)
-    coarse = _read(coarse, views, reach_m)
-    offset = np.where(
-        stands | np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)], carried_on(offset, texel_m), np.nan
-    )
+    # At first as if facades stood everywhere, to see where something hides them.
+    known = np.flatnonzero(np.isfinite(offset))
+    everywhere = np.interp(np.arange(len(s)), known, offset[known])
+    coarse = _read(_empty(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
+    hidden = np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)]
+    offset = carried_on(offset, hidden, texel_m)
     lacks = (coarse.occluded & ~coarse.known & ~coarse.open)[np.isfinite(offset[::factor])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
     return _read(_empty(ground, s, offset, top), views, reach_m)

@@ -22,6 +22,8 @@ STEP_M, GAP_M = 0.5, 6.0
 and a van's length. Chosen on the two sample streets."""
 LONG_M = 2.5
 """Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
+TOUCH_M = 1.5
+"""Length of what is hidden neither way, metres, over which a facade still runs into the hidden stretch behind it."""
 CARRIED_M = 20.0
 """Distance along s over which a facade goes on behind something that hides it to the eaves, metres: the length of an articulated
 lorry, from either end half of it and as much again for the angle at which it is seen."""
@@ -64,14 +66,24 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     return np.where(stands[below] & stands[above], smooth, np.nan)
 
 
-def carried_on(offset: Float64, texel: float) -> Float64:
-    """(A,) offsets (A,) ``texel`` metres apart, those that are not known like the nearest within :data:`CARRIED_M`."""
-    known = np.flatnonzero(np.isfinite(offset))
-    if not len(known):
-        return offset
-    rows = np.arange(len(offset))
-    after = np.clip(np.searchsorted(known, rows), 0, len(known) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(known[before] - rows) <= np.abs(known[after] - rows), known[before], known[after])
-    close: Mask = np.abs(nearest - rows) * texel <= CARRIED_M
-    return np.where(close, offset[nearest], np.nan)
+def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
+    """Offsets (A,) ``texel`` metres apart, those of ``hidden`` (A,) stretches like that of the facade that runs into them.
+
+    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most :data:`CARRIED_M`
+    away.
+    """
+    result = offset.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden & ~np.isfinite(offset), [0]]).astype(np.int8)))
+    touch, farthest = max(1, round(TOUCH_M / texel)), CARRIED_M / texel
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        rows = np.arange(first, last)
+        distance = np.full((2, last - first), np.inf)
+        value = np.full(2, np.nan)
+        for side, beside in enumerate((offset[max(0, first - touch) : first][::-1], offset[last : last + touch])):
+            known = np.flatnonzero(np.isfinite(beside))
+            if len(known):
+                value[side] = beside[known[0]]
+                distance[side] = rows - first if side == 0 else last - 1 - rows
+        nearest = distance.argmin(axis=0)
+        result[rows] = np.where(distance.min(axis=0) <= farthest, value[nearest], np.nan)
+    return result
