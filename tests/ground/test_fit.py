@@ -85,3 +85,19 @@ def test_a_wall_across_the_street_does_not_narrow_it() -> None:
     ground = fit_street(concatenate(parts), LABELS, cameras, fit_path(cameras))
     assert ground is not None
     assert np.abs(ground.t_min + 6.0).max() < 0.3
+
+
+def test_a_few_strays_behind_a_wall_do_not_lead_the_street_on() -> None:
+    """They lie on the rays to the foot of the wall, so behind it they lie below the ground."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(8.0)]
+    path = fit_path(cameras)
+    generator = np.random.default_rng(0)
+    seen = np.c_[generator.uniform(0, 14, 3000), generator.uniform(-5, 5, 3000), np.zeros(3000)]
+    behind = np.c_[np.full(5, 19.0), np.linspace(-1, 1, 5), np.full(5, -0.9)]
+    clean, mixed = (fit_street(road(p), LABELS, cameras, path) for p in (seen, np.r_[seen, behind]))
+    assert clean is not None and mixed is not None
+    assert mixed.height.shape == clean.height.shape
+    assert np.abs(mixed.height).max() < 0.01
+    beyond = np.c_[generator.uniform(19, 22, 60), generator.uniform(-5, 5, 60), np.zeros(60)]
+    far = fit_street(road(np.r_[seen, beyond]), LABELS, cameras, path)
+    assert far is not None and bool(far.inside(np.array([21.0]), np.array([0.0]))[0])
