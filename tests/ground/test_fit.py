@@ -10,16 +10,20 @@ from unveil_core.ground.fit import fit_street
 from unveil_core.ground.path import fit_path
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.surfels.initialize import surfels_from_points
-from unveil_core.surfels.surfels import Surfels
+from unveil_core.surfels.surfels import Surfels, concatenate
 
 LABELS = LabelSet(("road", "building"), (0, 2))
 
 
 def road(points: np.ndarray) -> Surfels:
+    return surface(points, 0, (0.0, 0.0, 1.0))
+
+
+def surface(points: np.ndarray, label: int, normal: tuple[float, float, float]) -> Surfels:
     count = len(points)
-    up = np.repeat([[0.0, 0.0, 1.0]], count, axis=0)
     grey = np.full((count, 3), 120, np.uint8)
-    return surfels_from_points(points, grey, np.zeros(count, np.int64), up, np.full(count, 0.1), opacity=0.9)
+    normals = np.repeat([normal], count, axis=0)
+    return surfels_from_points(points, grey, np.full(count, label), normals, np.full(count, 0.1), opacity=0.9)
 
 
 def test_strays_before_a_side_camera_s_lens_do_not_lift_the_street() -> None:
@@ -67,3 +71,33 @@ def test_labelled_points_tell_the_sidewalk_that_no_camera_sees() -> None:
     s = np.arange(2.0, 28.0)
     assert np.abs(ground.height_at(s, np.full(len(s), -6.0)) - 0.2).max() < 0.03
     assert np.abs(ground.t_min[2:28] + 7.0).max() < 0.4 < np.abs(bare.t_min[2:28] + 7.0).min()
+
+
+def test_a_wall_across_the_street_does_not_narrow_it() -> None:
+    """At the end of a courtyard: what a car hides beside the wall is ground up to the wall at the side."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(8.0)]
+    generator = np.random.default_rng(0)
+    places = np.c_[generator.uniform(0, 14, 6000), generator.uniform(-6, 6, 6000), np.zeros(6000)]
+    places = places[~((places[:, 0] > 6) & (places[:, 1] < -1))]
+    side = np.c_[generator.uniform(0, 14, 1000), np.full(1000, -6.0), generator.uniform(1.5, 4, 1000)]
+    end = np.c_[np.full(3000, 14.0), generator.uniform(-6, 6, 3000), generator.uniform(0.5, 4, 3000)]
+    parts = [road(places), surface(side, 1, (0.0, 1.0, 0.0)), surface(end, 1, (-1.0, 0.0, 0.0))]
+    ground = fit_street(concatenate(parts), LABELS, cameras, fit_path(cameras))
+    assert ground is not None
+    assert np.abs(ground.t_min + 6.0).max() < 0.3
+
+
+def test_a_few_strays_behind_a_wall_do_not_lead_the_street_on() -> None:
+    """They lie on the rays to the foot of the wall, so behind it they lie below the ground."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(8.0)]
+    path = fit_path(cameras)
+    generator = np.random.default_rng(0)
+    seen = np.c_[generator.uniform(0, 14, 3000), generator.uniform(-5, 5, 3000), np.zeros(3000)]
+    behind = np.c_[np.full(5, 19.0), np.linspace(-1, 1, 5), np.full(5, -0.9)]
+    clean, mixed = (fit_street(road(p), LABELS, cameras, path) for p in (seen, np.r_[seen, behind]))
+    assert clean is not None and mixed is not None
+    assert mixed.height.shape == clean.height.shape
+    assert np.abs(mixed.height).max() < 0.01
+    beyond = np.c_[generator.uniform(19, 22, 60), generator.uniform(-5, 5, 60), np.zeros(60)]
+    far = fit_street(road(np.r_[seen, beyond]), LABELS, cameras, path)
+    assert far is not None and bool(far.inside(np.array([21.0]), np.array([0.0]))[0])

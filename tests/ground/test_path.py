@@ -149,3 +149,15 @@ def test_a_rig_that_stands_looks_along_the_street_where_the_dataset_says() -> No
 def test_a_front_camera_that_saw_a_part_of_the_way_gives_no_path() -> None:
     drive = drive_of(YAWS, front=DRIVE[:15], left=DRIVE + (0, 0.9, 0))
     assert drive.frames[longest_track(drive)[0]].camera_name == "left"
+
+
+@pytest.mark.parametrize("after", [3.0, 5.0])
+def test_after_a_corner_the_street_goes_on_as_the_car_drove_last(after: float) -> None:
+    """A corner of 6 m radius and a few metres of the new street: that one leads on, not the mean of both."""
+    angle = np.linspace(0, np.pi / 2, 10)
+    corner = np.c_[10 + 6 * np.sin(angle), 6 * (1 - np.cos(angle))]
+    way = np.r_[np.c_[np.arange(10.0), np.zeros(10)], corner, np.c_[np.full(6, 16.0), 6 + np.linspace(0.5, after, 6)]]
+    for driven in (way, way[::-1]):
+        path = fit_path(cameras(np.c_[driven, np.full(len(driven), 1.6)]))
+        ahead = np.c_[np.full(20, 16.0), 6 + after + np.arange(1.0, 21.0), np.zeros(20)]
+        assert np.abs(path.to_street(ahead)[:, 1]).max() < 1.5

@@ -39,6 +39,9 @@ UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
 """Without classes the ground is what is level, no farther aside of the path than the first and lower than the cameras by the
 second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
 aside as the fourth."""
+FACING = 0.7
+"""Cosine of the angle by which a wall may be turned from the street, 45 degrees, if it is to tell where the street ends:
+a wall across, as at the end of a courtyard, comes close to the path."""
 STRAY_M, AROUND_WAY_M = 0.5, 3.0
 """With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
 stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
@@ -128,13 +131,21 @@ def fit_street(
     if chosen.sum() < FEWEST:
         return None
     sides = labels.indices(SIDE_CLASSES)
-    walls = means[np.isin(of_surfel, sides) & opaque] if sides else None
+    walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
     ground = means[chosen]
     if points is not None and points.classes is not None:
         ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
         more = measured_points(points, SIDE_CLASSES)
         walls = more if walls is None else np.concatenate([walls, more])
     return fit_street_heights(path, ground, walls=walls)
+
+
+def _facing(path: StreetPath, surfels: Surfels, chosen: Mask) -> Float64:
+    """(W, 3) places of the ``chosen`` surfels (N,) that face the street."""
+    means = surfels.means.double().numpy()[chosen]
+    normals = surfels.normals().double().numpy()[chosen]
+    across = path.along_street(path.to_street(means)[:, 0], normals)[:, 1]
+    return means[np.abs(across) > FACING]
 
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:

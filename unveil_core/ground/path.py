@@ -39,7 +39,9 @@ sample drives, whose streets are known: 40 m ahead of the last camera the path i
 BEND_M, LEAST_BEND_M, SHARPEST_M = 30.0, 10.0, 40.0
 """The curvature with which the path is prolonged is that of the last so many metres: with 15 m weaving passes for a bend (6 m off
 40 m ahead), 30 and 40 m are alike. With less way than the second it goes on straight, never in a sharper bend than of the
-third's radius."""
+third's radius: a way that bends more has turned a corner, and only what it drove after it tells of the street ahead."""
+CORNER_M = 3.0
+"""Shortest end of a way that tells the heading after a corner, metres: a car's length of headings."""
 EXTENSION_M = 60.0
 """How far the path is prolonged at either end: as far as ground is looked at ahead of the last camera (45 m) and more."""
 LOOKUP_CELL_M, LOOKUP_MARGIN_M, LOOKUP_CELLS = 1.0, 30.0, 4_000_000
@@ -213,14 +215,21 @@ def _end(angle: Float64) -> tuple[float, float]:
     Args:
         angle: (N,) headings of its legs of :data:`STEP_M`, N > 0, the last one at the end.
     """
-    count = min(round(BEND_M / STEP_M), len(angle))
-    bend = 0.0
+    count, bend = min(round(BEND_M / STEP_M), len(angle)), 0.0
     if count * STEP_M >= LEAST_BEND_M:
-        slope = np.polyfit(np.arange(count) * STEP_M, angle[-count:], 1)[0]
-        bend = float(np.clip(slope, -1 / SHARPEST_M, 1 / SHARPEST_M))
-    part = angle[-round(END_M / STEP_M) :]
+        bend = _bend(angle[-count:])
+        while abs(bend) > 1 / SHARPEST_M and count > round(CORNER_M / STEP_M):
+            count = max(count // 2, round(CORNER_M / STEP_M))
+            bend = _bend(angle[-count:])
+        bend = bend if count * STEP_M >= LEAST_BEND_M else 0.0
+    part = angle[-min(count, round(END_M / STEP_M)) :]
     away = STEP_M * (np.arange(len(part))[::-1] + 0.5)
     return float(np.mean(part + bend * away)), bend
+
+
+def _bend(angle: Float64) -> float:
+    """Radians a metre by which headings (N,) of legs of :data:`STEP_M` turn."""
+    return float(np.polyfit(np.arange(len(angle)) * STEP_M, angle, 1)[0])
 
 
 def _prolonged(end: Float64, heading: float, bend: float, count: int) -> Float64:

@@ -23,6 +23,9 @@ COARSE = 5
 """Cells across of the remainder, in cells of the cross profile: half a metre."""
 STEADY_M = 0.4
 """What departs from base and profile by more is no ground."""
+APART_CELLS, FEWEST_APART = 3, 12
+"""Ground beyond so many cells along the street without any is taken for ground if it has at least so many points. At the foot of a
+wall across the street a few points lie behind and below it, where no frame looks: they would lead the street on, and down."""
 WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 """Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
 FEWEST_OF_WALLS = 50
@@ -46,6 +49,7 @@ def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | No
     reach = min(WIDEST_M, float(np.percentile(np.abs(street[:, 1]), 99.5)) + T_CELL_M)
     street = street[np.abs(street[:, 1]) <= reach]
     s_low, s_high = _supported(street[:, 0], S_CELL_M)
+    street = street[(street[:, 0] >= s_low) & (street[:, 0] <= s_high)]
     rows = max(2, int(np.ceil((s_high - s_low) / S_CELL_M)) + 1)
     columns = max(3, int(np.ceil(2 * reach / T_CELL_M)) + 1)
     a = np.clip(np.round((street[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)
@@ -92,12 +96,14 @@ def _up_to_steps(profile: Float64, middle: int) -> tuple[int, int]:
 
 
 def _supported(s: Float64, cell: float) -> tuple[float, float]:
-    """First and last arc length with at least three points in a cell."""
+    """First and last arc length with at least three points in a cell, but for few points far from all others."""
     low = float(s.min())
     counts = np.bincount(((s - low) / cell).astype(int))
     full = np.flatnonzero(counts >= 3)
     if not len(full):
         return low, float(s.max())
+    runs = np.split(full, np.flatnonzero(np.diff(full) > APART_CELLS) + 1)
+    full = np.concatenate([run for run in runs if counts[run].sum() >= FEWEST_APART] or runs)
     return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
 
 

@@ -92,11 +92,13 @@ class Completed:
         facades: surfels, one scene per side of the street where something is missing.
         feet: surfels of the feet of poles, None where none is hidden.
         sky: (H, W) bool per frame, where the sky goes on over completed facades; None where none goes on.
+        sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not.
     """
 
     facades: list[Surfels]
     feet: Surfels | None
     sky: list[Mask] | None
+    sides: int
 
 
 def drive_views(
@@ -165,6 +167,7 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
     cameras = [f.camera for f in drive.frames]
     facades: list[Surfels] = []
     curtains: list[Surfels] = []
+    sides = 0
     house = scene.labels.index("building")
     if house is not None:
         walls = remaining.select(remaining.labels == house)
@@ -177,6 +180,7 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
         for left in (False, True):
             chart = read_facade(ground, walls, seen, left=left)
             if chart is not None:
+                sides += 1
                 found = invented_facades(chart, label=house, sh_degree=remaining.sh_degree)
                 facades += [] if found.walls is None else [found.walls]
                 curtains += [] if found.open is None else [found.open]
@@ -184,7 +188,7 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
     standing = remaining.select(torch.isin(remaining.labels, kinds))
     plates, poles = (scene.labels.indices(names) for names in (("traffic sign", "traffic light"), ("pole",)))
     feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed, plates=plates, poles=poles)
-    return Completed(facades, feet, _skies(cameras, curtains))
+    return Completed(facades, feet, _skies(cameras, curtains), sides)
 
 
 def _skies(cameras: Sequence[Camera], curtains: Sequence[Surfels]) -> list[Mask] | None:

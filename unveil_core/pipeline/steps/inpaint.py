@@ -86,7 +86,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         completed = complete_scene(drive, scene, street, remaining, given.views)
         feet, sky = completed.feet, completed.sky
         if scene.labels.index("building") is not None:
-            tested.append(_facades_assumed(len(completed.facades)))
+            tested.append(_facades_assumed(completed.sides, len(completed.facades)))
         parts = [*completed.facades, *([] if feet is None else [feet])]
         layer = GroundLayer(
             chart,
@@ -127,8 +127,8 @@ def _sun_assumed(sun: Sun | None) -> Assumption:
     return Assumption("the sun shines", sun is not None, found, instead)
 
 
-def _facades_assumed(sides: int) -> Assumption:
-    found = f"completed on {sides} of 2 sides"
+def _facades_assumed(sides: int, completed: int) -> Assumption:
+    found = f"on {sides} of 2 sides, completed on {completed}"
     return Assumption(
         "facades stand along the street", sides > 0, found, "what was not seen of them is filled frame by frame"
     )
