@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import area_px, border_px, grow, within
@@ -188,7 +187,7 @@ class _Painter:
         # A deferred pixel is painted, too, until its own keyframe's surfels are put over it.
         origin[empty] = INVENTED
         if invented.any():
-            image = self._invent(image, unpainted, background)
+            image = fill_around(self.single_image, image, unpainted)
             if int(invented.sum()) >= area_px(invented.shape, least_px):
                 depth = missing_depth(background, empty) if depth is None else depth
                 label = _nearest_label(surfels, task.camera, empty, self.scene.label_count)
@@ -197,17 +196,6 @@ class _Painter:
                 if self.references is not None:
                     self.references.add(task.camera, image, depth)
         return Painted(image, origin, invented, shadow), seeds
-
-    def _invent(self, image: NDArray[np.uint8], hole: Mask, background: BackgroundLayers) -> NDArray[np.uint8]:
-        """The image with its hole (H, W) filled: what rises over the horizon not from the ground, as high as it is tall."""
-        upper, kinds = hole & ~background.below_horizon, background.rendered.get("kinds")
-        if kinds is not None and upper.any():
-            on_ground = background.from_chart | (
-                (kinds[..., 1] > kinds[..., 0]) & (background.rendered["alpha"] > SOLID)
-            )
-            image = fill_around(self.single_image, image, upper, on_ground | (hole & ~upper))
-            hole = hole & ~upper
-        return fill_around(self.single_image, image, hole) if hole.any() else image
 
     def _bare_hole(self, task: FrameTask) -> NDArray[np.bool_]:
         """(H, W) the hole as it is before anything is invented."""

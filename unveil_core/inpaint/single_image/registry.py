@@ -72,14 +72,10 @@ def inpainter(name: str) -> SingleImageInpainter:
     return BUILT_IN[name]
 
 
-def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask, unlike: Mask | None = None) -> Picture:
+def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Picture:
     """Fill each hole of an image from its own surroundings: a wall is not to be filled with the houses across the street.
 
     Networks are given the image as it is, and find the surroundings that they were made for.
-
-    Args:
-        image: (H, W, 3); mask: (H, W) to fill.
-        unlike: (H, W) pixels that nothing is to be taken from: the road, where trees and the sky over it are wanted.
     """
     if isinstance(inpaint, OnnxSingleImage):
         return inpaint(image, mask)
@@ -89,10 +85,5 @@ def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask, unlik
         x, y, w, h = (int(v) for v in boxes[k, :4])
         margin = max(20, (w + h) // 3)
         part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
-        asked = mask[part]
-        unknown = asked if unlike is None else asked | unlike[part]
-        if unknown.all():
-            unknown = asked
-        filled = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(unknown))
-        result[part] = np.where(asked[..., None], filled, result[part])
+        result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
     return result
