@@ -176,7 +176,7 @@ def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: 
     ratio = quotients[middle, np.arange(3)].astype(np.float32)
     # What is darker lies right beside an object, which hides the sky as well; its colour is that of the shade all the same.
     least = DARKEST / max(float(luminance(ratio)), 1e-3)
-    return np.clip(ratio * max(1.0, least), 0, BRIGHTEST).astype(np.float32)
+    return np.clip(ratio * max(1.0, least), 0.1 * DARKEST, BRIGHTEST).astype(np.float32)
 
 
 def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
