@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32
 from unveil_core.geometry.images import luminance
 
-__all__ = ["lateral_profile"]
+__all__ = ["lateral_profile", "nearest_known"]
 
 LIT_QUANTILE = 0.7
 """Quantile of luma that stands for an offset's lit level: above the median, so that an offset that lies in shadow for up to 70 %
@@ -95,7 +95,7 @@ def _completed(
     From the same offset farther along, or from a neighbouring one (see ``ALONG_LIMIT``), which is better at the foot of walls.
     """
     index, column = np.indices(known.shape)
-    along, beside = _nearest(known), _nearest(known.T).T
+    along, beside = nearest_known(known), nearest_known(known.T).T
     far = (along < 0) | (np.abs(along - index) * hop > ALONG_LIMIT * window)
     close = (beside >= 0) & (np.abs(beside - column) <= ASIDE_LIMIT * window)
     aside = far & close
@@ -116,24 +116,21 @@ def _to_unknown_offsets(
     middle of these, for the next one of all may be a line."""
     there = np.flatnonzero(somewhere)
     medians, levels = medians.copy(), levels.copy()
-    columns = np.flatnonzero(~somewhere)
-    after = np.searchsorted(there, columns)
-    before = np.maximum(after - 1, 0)
-    after = np.minimum(after, len(there) - 1)
-    nearest = np.where(np.abs(there[before] - columns) <= np.abs(there[after] - columns), before, after)
-    for place in np.unique(nearest):
-        own = columns[nearest == place]
+    unknown = np.flatnonzero(~somewhere)
+    nearest = nearest_known(somewhere[:, None])[unknown, 0]
+    for column in np.unique(nearest):
+        place = int(np.searchsorted(there, column))
         # The side that the unknown ones lie on tells which known ones are next to them.
-        for left in (True, False):
-            side = own[(own < there[place]) == left]
-            if len(side):
-                some = there[place : place + beside] if left else there[max(0, place + 1 - beside) : place + 1]
-                medians[:, side] = np.median(medians[:, some], axis=1, keepdims=True)
-                levels[:, side] = np.median(levels[:, some], axis=1, keepdims=True)
+        left, right = there[place : place + beside], there[max(0, place + 1 - beside) : place + 1]
+        for some, side in ((left, unknown < column), (right, unknown > column)):
+            own = unknown[side & (nearest == column)]
+            if len(own):
+                medians[:, own] = np.median(medians[:, some], axis=1, keepdims=True)
+                levels[:, own] = np.median(levels[:, some], axis=1, keepdims=True)
     return medians, levels
 
 
-def _nearest(known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def nearest_known(known: NDArray[np.bool_]) -> NDArray[np.int64]:
     """(K, B) per column the index of the nearest known row, -1 where the column has none."""
     rows = len(known)
     index = np.arange(rows)[:, None]

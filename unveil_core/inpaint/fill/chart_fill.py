@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import grow, luminance, masked_blur, spread_from
-from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
 from unveil_core.inpaint.chart.rectify import Drift, find_drift
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.quilting import quilt
@@ -236,10 +236,7 @@ def _beside_what_is_known(quilted: Float32, texture: Float32, wanted: Mask) -> F
     columns = np.arange(len(covered))
     if not covered.any() or covered.all():
         return quilted
-    there = columns[covered]
-    after = np.clip(np.searchsorted(there, columns), 0, len(there) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(there[before] - columns) <= np.abs(there[after] - columns), there[before], there[after])
+    nearest = nearest_known(covered[:, None])[:, 0]
     mirrored = np.clip(2 * nearest - columns, 0, len(covered) - 1)
     source = np.where(covered[mirrored], mirrored, nearest)
     bare = wanted & ~covered[None]
