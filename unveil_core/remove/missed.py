@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import area_px, border_px, grow
@@ -35,12 +36,10 @@ def missed_pixels(photograph: NDArray[np.uint8], rendered: Float32, share: Float
     side = 2 * border + 1
     core = cv2.erode(candidate.astype(np.uint8), np.ones((side, side), np.uint8))
     apart = np.abs(photograph.astype(np.float32) / 255 - rendered).mean(axis=2)
-    missed = np.zeros_like(candidate)
     count, component, stats, _ = cv2.connectedComponentsWithStats(core, connectivity=8)
-    for k in range(1, count):
-        if stats[k, cv2.CC_STAT_AREA] >= area_px(share.shape, LEAST_PX):
-            part = component == k
-            if np.median(apart[part]) < ALIKE:
-                missed |= part
+    is_missed = stats[:, cv2.CC_STAT_AREA] >= area_px(share.shape, LEAST_PX)
+    is_missed &= np.asarray(ndimage.median(apart, component, np.arange(count))) < ALIKE
+    is_missed[0] = False
+    missed = is_missed[component]
     found: Mask = grow(missed, border) & candidate
     return found

@@ -125,16 +125,15 @@ def run(context: StageContext) -> None:
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
         views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))
         context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
-    border = border_px(drive.frames[0].camera.width)
-    gone |= remains(surfels, gone, [v.camera for v in views], (grow(v.hidden, border) for v in views))
+    removed = [grow(v.hidden, border_px(v.camera.width)) for v in views]
+    gone |= remains(surfels, gone, [v.camera for v in views], removed)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     empty = empty_street(surfels, gone, ground, on_ground)
-    for done, (frame, view) in enumerate(zip(drive.frames, views, strict=True)):
+    for done, (frame, view, mask) in enumerate(zip(drive.frames, views, removed, strict=True)):
         unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
-        removed = grow(view.hidden, border_px(frame.camera.width))
-        save_mask(removed, frame_file(context.output("masks/removed"), frame))
+        save_mask(mask, frame_file(context.output("masks/removed"), frame))
         save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
-        write_image_atomic(frame_file(context.output("regions"), frame), region_map(removed, view.hidden, unseen))
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(mask, view.hidden, unseen))
         context.progress(len(drive.frames) + done + 1, 2 * len(drive.frames), "finding what nobody saw")
 
 
