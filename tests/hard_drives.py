@@ -10,10 +10,14 @@ import cv2
 import numpy as np
 
 from tests.small_street import CAR, FOCAL, HEIGHT, WIDTH, lidar, picture, pose_at
+from unveil_core.base.files import read_image, read_label_image
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import read_points, write_points
+from unveil_core.pipeline.settings import RunSettings
 
 SHRINK = 2
+DRAFT = RunSettings(quality="draft", iterations=60, splats=6000)
+"""A run of seconds, for drives in thumbnails."""
 
 
 def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500, shrink: int = SHRINK) -> Path:
@@ -99,3 +103,16 @@ def with_blob(labels: np.ndarray, share: float, seed: int) -> np.ndarray:
     spoilt = labels.copy()
     spoilt[row : row + side, column : column + side] = CAR
     return spoilt
+
+
+def unchanged_outside(root: Path, drive: Path) -> bool:
+    """Whether all frames of a workspace are there, and equal the photographs where nothing was removed."""
+    images = drive.parent / "images"
+    for photograph in sorted(images.rglob("*.png")):
+        name = photograph.relative_to(images)
+        name = name if len(name.parts) > 1 else Path("camera") / name
+        changed = [read_label_image(root / "masks" / kind / name) > 0 for kind in ("removed", "shadows")]
+        delivered = read_image(root / "frames" / name)
+        if not (delivered == read_image(photograph))[~(changed[0] | changed[1])].all():
+            return False
+    return True

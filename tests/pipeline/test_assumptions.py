@@ -6,18 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 
-from tests.hard_drives import make_tiny_drive, make_tiny_street
+from tests.hard_drives import DRAFT, make_tiny_drive, make_tiny_street, unchanged_outside
 from tests.small_street import HIGH, LOW
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.assumptions import Assumption, assumed, recorded_assumptions
 from unveil_core.workspace.workspace import Workspace
-
-DRAFT = RunSettings(quality="draft", iterations=60, splats=6000)
 
 
 def around(centre: np.ndarray, radius: float, count: int, height: float = 1.6) -> list[np.ndarray]:
@@ -43,19 +39,6 @@ def outcome(drive: Path, folder: Path) -> tuple[Workspace, dict[str, Assumption]
     return workspace, {a.name: a for _, a in recorded_assumptions(stages)}, events
 
 
-def unchanged_outside(workspace: Workspace, drive: Path) -> bool:
-    """Whether all frames are there, and equal the photographs where nothing was removed."""
-    for photograph in sorted((drive.parent / "images").iterdir()):
-        names = f"camera/{photograph.stem}.png"
-        changed = np.zeros(cv2.imread(str(photograph)).shape[:2], bool)
-        for kind in ("removed", "shadows"):
-            changed |= cv2.imread(str(workspace.root / f"masks/{kind}/{names}"), 0) > 0
-        delivered = cv2.imread(str(workspace.root / f"frames/{names}"))
-        if not (delivered == cv2.imread(str(photograph)))[~changed].all():
-            return False
-    return True
-
-
 def test_an_orbit_is_no_street(tmp_path: Path) -> None:
     centre = np.array([(LOW[0] + HIGH[0]) / 2, 0.0, 0.0])
     drive = make_tiny_drive(tmp_path / "drive", around(centre, 4.5, 12))
@@ -64,7 +47,7 @@ def test_an_orbit_is_no_street(tmp_path: Path) -> None:
     assert "the sun shines" not in found  # without a chart nobody asks
     told = [str(e["message"]) for e in events if e.get("level") == "notice"]
     assert any("one street" in line and "without charts" in line for line in told)
-    assert unchanged_outside(workspace, drive)
+    assert unchanged_outside(workspace.root, drive)
 
 
 def test_a_street_under_an_even_sky_is_one_without_sun(tmp_path: Path) -> None:
@@ -73,7 +56,7 @@ def test_a_street_under_an_even_sky_is_one_without_sun(tmp_path: Path) -> None:
     assert found["the way is one street"].holds
     assert found["the camera drives"].holds
     assert not found["the sun shines"].holds
-    assert unchanged_outside(workspace, drive)
+    assert unchanged_outside(workspace.root, drive)
 
 
 def test_what_a_stage_records_is_read_back() -> None:
@@ -90,4 +73,4 @@ def test_a_stop_with_noise_is_no_way(tmp_path: Path, jitter: float) -> None:
     workspace, found, _ = outcome(drive, tmp_path / "workspace")
     assert found["the way is one street"].holds
     assert found["the camera drives"].found == "5.0 m of way"
-    assert unchanged_outside(workspace, drive)
+    assert unchanged_outside(workspace.root, drive)

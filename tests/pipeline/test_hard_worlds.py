@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.hard_drives import DRAFT, unchanged_outside
 from tests.tiny_worlds import (
     BUILDING,
     CAR,
@@ -29,12 +30,10 @@ from unveil_core.base.files import read_image, read_label_image
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error
 from unveil_core.pipeline.run import run, stage_named
 from unveil_core.pipeline.runner import run_stages
-from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.steps.inpaint import inpaint_with
 from unveil_core.workspace.assumptions import Assumption, recorded_assumptions
 from unveil_core.workspace.workspace import Workspace
 
-DRAFT = RunSettings(quality="draft", iterations=60, splats=6000)
 LEAST_GAIN_DB = -0.5
 """Against frames filled one by one, without charts: so much is chance."""
 BRICK, PLASTER, STONE = (0.62, 0.36, 0.28), (0.72, 0.66, 0.5), (0.5, 0.52, 0.5)
@@ -67,17 +66,6 @@ def removed_psnr(root: Path, drive: Path) -> tuple[float, int]:
         errors.append(squared_error(read_image(root / "inpainted" / name), read_image(true))[gone])
     pooled = np.concatenate(errors)
     return psnr_of_mse(float(pooled.mean())), len(pooled)
-
-
-def unchanged_outside(root: Path, drive: Path) -> bool:
-    """Whether all frames are there, and equal the photographs where nothing was removed."""
-    for photograph in sorted((drive.parent / "images").rglob("*.png")):
-        name = photograph.relative_to(drive.parent / "images")
-        changed = [read_label_image(root / "masks" / kind / name) > 0 for kind in ("removed", "shadows")]
-        delivered = read_image(root / "frames" / name)
-        if not (delivered == read_image(photograph))[~(changed[0] | changed[1])].all():
-            return False
-    return True
 
 
 def outcome(folder: Path, world: World, way: Way) -> Outcome:
