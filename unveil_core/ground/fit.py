@@ -39,9 +39,6 @@ UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
 """Without classes the ground is what is level, no farther aside of the path than the first and lower than the cameras by the
 second: the median of that drop is the camera's height, and what departs from it by no more than the third is ground, as far
 aside as the fourth."""
-FACING = 0.7
-"""Cosine of the angle by which a wall may be turned from the street, 45 degrees, if it is to tell where the street ends:
-a wall across, as at the end of a courtyard, comes close to the path."""
 STRAY_M, AROUND_WAY_M = 0.5, 3.0
 """With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
 stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
@@ -141,11 +138,10 @@ def fit_street(
 
 
 def _facing(path: StreetPath, surfels: Surfels, chosen: Mask) -> Float64:
-    """(W, 3) places of the ``chosen`` surfels (N,) that face the street."""
-    means = surfels.means.double().numpy()[chosen]
-    normals = surfels.normals().double().numpy()[chosen]
-    across = path.along_street(path.to_street(means)[:, 0], normals)[:, 1]
-    return means[np.abs(across) > FACING]
+    """(W, 3) places of the ``chosen`` surfels (N,) that face the street: a wall across it tells nothing
+    of where its sides are."""
+    means, normals = (part.double().numpy()[chosen] for part in (surfels.means, surfels.normals()))
+    return means[path.faced_by(path.to_street(means)[:, 0], normals)]
 
 
 def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[Camera]) -> Mask:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
-from unveil_core.base.types import Float64
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path_kernels import feet_on_path
@@ -42,6 +42,8 @@ BEND_M, LEAST_BEND_M, SHARPEST_M = 30.0, 10.0, 40.0
 third's radius: a way that bends more has turned a corner, and only what it drove after it tells of the street ahead."""
 CORNER_M = 3.0
 """Shortest end of a way that tells the heading after a corner, metres: a car's length of headings."""
+FACING = 0.7
+"""Cosine of the angle by which a wall that faces the street may be turned from it: 45 degrees."""
 EXTENSION_M = 60.0
 """How far the path is prolonged at either end: as far as ground is looked at ahead of the last camera (45 m) and more."""
 LOOKUP_CELL_M, LOOKUP_MARGIN_M, LOOKUP_CELLS = 1.0, 30.0, 4_000_000
@@ -111,6 +113,10 @@ class StreetPath:
         cos, sin = np.cos(angle), np.sin(angle)
         east, north, up = local.T
         return np.stack([east * cos + north * sin, north * cos - east * sin, up], axis=1)
+
+    def faced_by(self, s: Float64, normals: Float64) -> Mask:
+        """(N,) whether surfaces with these normals (N, 3), in the world, at arc lengths (N,) face the street, from either side."""
+        return np.asarray(np.abs(self.along_street(s, normals)[:, 1]) > FACING)
 
     def to_world(self, street: Float64) -> Float64:
         """Inverse of :meth:`to_street`."""

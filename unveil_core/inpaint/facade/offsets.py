@@ -15,8 +15,6 @@ BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 how many there must be. Chosen on the two sample streets."""
 LOW_M, HIGH_M = 0.3, 8.0
 """Heights over the ground between which a wall's surfels give the facade's offset, metres: over kerbs and shrubs, under roofs."""
-FACING = 0.7
-"""Cosine of the angle by which a wall may be turned from the street: 45 degrees."""
 STEP_M, GAP_M = 0.5, 6.0
 """Difference of offset under which two stretches are one facade, over a gap up to the second, metres: the projection of a bay,
 and a van's length. Chosen on the two sample streets."""
@@ -39,11 +37,9 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     means = walls.means.detach().double().numpy()
     street = path.to_street(means)
     height = ground.over(street)
-    heading = path.heading[path.node_of((means @ path.axes.T)[:, :2])]
-    normal = walls.normals().detach().double().numpy() @ path.axes.T
-    across = np.abs(-normal[:, 0] * np.sin(heading) + normal[:, 1] * np.cos(heading))
     facing = (street[:, 1] > 0) == left
-    facing &= (across > FACING) & (height > LOW_M) & (height < HIGH_M)
+    facing &= path.faced_by(street[:, 0], walls.normals().detach().double().numpy())
+    facing &= (height > LOW_M) & (height < HIGH_M)
     along, aside = street[facing, 0], street[facing, 1]
     order = np.argsort(along)
     along, aside = along[order], aside[order]
