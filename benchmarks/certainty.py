@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from unveil_core.base.files import read_image
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.bench.timing import machine
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
@@ -57,7 +59,9 @@ def read_sample(root: Path) -> Sample:
     drive = read_imported(root / "drive")
     surfels = read_surfels(root / "surfels/empty.ply")
     origins, doubts, right = [], [], []
-    for known in provenance_of(root, root, drive.frames, surfels):
+    with tempfile.TemporaryDirectory() as scratch:
+        every = list(provenance_of(root, root, drive.frames, surfels, FrameCache(), Path(scratch)))
+    for known in every:
         path = None if drive.truth_root is None else truth_file(drive.truth_root / "images", known.frame)
         if path is None:
             continue

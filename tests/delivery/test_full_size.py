@@ -13,7 +13,7 @@ from unveil_core.base.files import read_image_as_it_is, write_image_atomic
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure
 from unveil_core.delivery.lens import work_positions
-from unveil_core.delivery.views import EmptyView
+from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Distortion, Footage
 from unveil_core.drives.exposure import IDENTITY, Exposure
 from unveil_core.drives.importing.frames import at_work_size, working_camera
@@ -67,7 +67,7 @@ def delivered(
     photograph = at_work_size((as_color(picture) * 255).round().astype(np.uint8), footage, camera)
     view = EmptyView(camera, np.zeros(removed.shape, np.float32), removed | relit)
     drive = FullSize(
-        views=[view],
+        views=EmptyViews([camera], [view]),
         footage=lambda _: picture,
         lenses=[footage],
         exposures=[Exposure()],

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.ground.test_street import look
-from unveil_core.delivery.views import MOST_ASKED_VIEWS, EmptyView, choose_sources, sees
+from unveil_core.delivery.views import MOST_ASKED_VIEWS, EmptyView, EmptyViews, choose_sources, sees
 from unveil_core.geometry.camera import Camera
 
 SIZE = (768, 512)
@@ -26,6 +26,10 @@ def over_ground(camera: Camera) -> EmptyView:
         depth = np.where(rays[..., 2] < 0, -camera.centre[2] / rays[..., 2], 0.0)
     depth[depth > 200] = 0
     return EmptyView(camera, depth.astype(np.float32), np.zeros(depth.shape, bool))
+
+
+def chosen_of(points: np.ndarray, own: int, views: list[EmptyView], most: int) -> list[int]:
+    return choose_sources(points, own, EmptyViews([v.camera for v in views], views), most)
 
 
 def ground(x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
@@ -52,7 +56,7 @@ def test_the_view_that_shows_more_comes_first() -> None:
     half[:, : SIZE[0] // 2] = True
     own = view(0.0)
     views = [own, view(0.5, half), view(1.0), view(0.5, wall_m=3.0)]
-    chosen = choose_sources(points, 0, views, 3)
+    chosen = chosen_of(points, 0, views, 3)
     assert chosen[0] == 2 and 0 not in chosen and 3 not in chosen
     assert chosen == [2]  # the half adds nothing to the whole
 
@@ -62,16 +66,16 @@ def test_halves_are_taken_together() -> None:
     left, right = np.zeros((2, *SIZE[::-1]), bool)
     left[:, :368] = right[:, 400:] = True
     views = [view(0.0), view(0.5, left), view(0.5, right), view(0.4, right), view(0.4, wall_m=3.0)]
-    chosen = choose_sources(points, 0, views, 6)
+    chosen = chosen_of(points, 0, views, 6)
     assert set(chosen[:2]) in ({1, 2}, {1, 3}) and 4 not in chosen
-    assert choose_sources(points, 0, views, 1) == chosen[:1]
+    assert chosen_of(points, 0, views, 1) == chosen[:1]
 
 
 def test_nothing_to_look_for_and_nothing_that_shows_it() -> None:
     points = ground((8, 12), (-2, 2))
-    assert choose_sources(points[:0], 0, [view(0.0), view(1.0)], 3) == []
-    assert choose_sources(points, 0, [view(0.0)], 3) == []
-    assert choose_sources(points, 0, [view(0.0), view(1.0, wall_m=2.0)], 3) == []
+    assert chosen_of(points[:0], 0, [view(0.0), view(1.0)], 3) == []
+    assert chosen_of(points, 0, [view(0.0)], 3) == []
+    assert chosen_of(points, 0, [view(0.0), view(1.0, wall_m=2.0)], 3) == []
 
 
 def test_the_finer_of_two_alike_comes_first() -> None:
@@ -80,8 +84,8 @@ def test_the_finer_of_two_alike_comes_first() -> None:
     fine = view(0.5)
     wide = replace(fine.camera, fx=fine.camera.fx / 2, fy=fine.camera.fy / 2)
     coarse = over_ground(wide)
-    assert choose_sources(points, 0, [view(0.0), coarse, fine], 1) == [2]
-    assert choose_sources(points, 0, [view(0.0), fine, coarse], 1) == [1]
+    assert chosen_of(points, 0, [view(0.0), coarse, fine], 1) == [2]
+    assert chosen_of(points, 0, [view(0.0), fine, coarse], 1) == [1]
 
 
 def before_wall(x: float, y: float, heading: float) -> EmptyView:
@@ -98,4 +102,4 @@ def test_cameras_that_look_elsewhere_do_not_use_up_the_views_that_are_asked() ->
     places = np.stack([np.full(50, 30.0), np.linspace(-1, 1, 50), np.zeros(50)], axis=1)
     elsewhere = [before_wall(0.01 * k, 0.3, np.pi) for k in range(MOST_ASKED_VIEWS + 20)]
     views = [before_wall(0.0, 0.0, 0.0), *elsewhere, before_wall(5.0, 0.0, 0.0)]
-    assert choose_sources(places, 0, views, 6) == [len(views) - 1]
+    assert chosen_of(places, 0, views, 6) == [len(views) - 1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.remove.observed import depth_behind, never_seen, places_seen, seen_view, sky_seen
+from unveil_core.remove.observed import SeenView, SeenViews, depth_behind, never_seen, places_seen, seen_view, sky_seen
 
 HEIGHT, WIDTH, WALL = 40, 60, 10.0
 
@@ -15,6 +15,18 @@ def camera(x: float) -> Camera:
     pose = np.eye(4)
     pose[0, 3] = -x
     return Camera(WIDTH, HEIGHT, 40.0, 40.0, WIDTH / 2, HEIGHT / 2, pose)
+
+
+Look = tuple[Camera, SeenView]
+HERE = np.zeros(3)
+
+
+def seen_from(x: float, *planes: object) -> Look:
+    return camera(x), seen_view(*planes)  # type: ignore[arg-type]
+
+
+def together(looks: list[Look]) -> SeenViews:
+    return SeenViews([c for c, _ in looks], [v for _, v in looks])
 
 
 def wall_view(x: float, hidden: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -31,45 +43,47 @@ def test_a_wall_is_seen_from_beside_the_object() -> None:
     hidden = np.zeros((HEIGHT, WIDTH), bool)
     hidden[5:35, 25:35] = True
     # From 4 m beside, an object at z = 4 lies 40 px to the side, the wall behind it 16 px.
-    views = [seen_view(camera(0), *wall_view(0, hidden)), seen_view(camera(4), *wall_view(4))]
+    views = [seen_from(0, *wall_view(0, hidden)), seen_from(4, *wall_view(4))]
     alpha_empty = np.zeros((HEIGHT, WIDTH), np.float32)
     alpha_empty[HEIGHT // 2 :] = 1
     none = np.full((HEIGHT, WIDTH), np.inf)
     behind = depth_behind((alpha_empty, alpha_empty * np.float32(WALL)), none)
-    mask = never_seen(camera(0), hidden, behind, views)
+    mask = never_seen(camera(0), hidden, behind, together(views))
     assert not mask.any()
-    alone = never_seen(camera(0), hidden, behind, views[:1])
+    alone = never_seen(camera(0), hidden, behind, together(views[:1]))
     assert np.array_equal(alone, hidden)
 
 
 def test_what_is_in_front_hides_a_place() -> None:
-    view = seen_view(camera(0), *wall_view(0))
+    view = seen_from(0, *wall_view(0))
     places = np.array([[0.0, 2.0, 9.9], [0.0, 2.0, 5.0], [0.0, 2.0, 14.0], [0.0, 2.0, -5.0], [90.0, 2.0, 9.0]])
     # On the wall; in front of it, where nothing hides it; behind it; behind the camera; outside the picture.
-    assert places_seen(places, [view]).tolist() == [True, True, False, False, False]
-    assert not places_seen(places, []).any()
+    assert places_seen(places, together([view]), HERE).tolist() == [True, True, False, False, False]
+    assert not places_seen(places, together([]), HERE).any()
 
 
 def test_sky_is_seen_by_direction() -> None:
     hidden = np.zeros((HEIGHT, WIDTH), bool)
     hidden[:, :30] = True
-    view = seen_view(camera(3), *wall_view(3, hidden))
+    view = seen_from(3, *wall_view(3, hidden))
     directions = np.array([[0.3, -0.2, 1.0], [-0.3, -0.2, 1.0], [0.3, 0.2, 1.0], [0.0, -0.2, -1.0]])
     # Open sky; behind the object; the wall; behind the camera.
-    assert sky_seen(directions, [view]).tolist() == [True, False, False, False]
+    assert sky_seen(directions, together([view]), HERE).tolist() == [True, False, False, False]
 
 
 def test_the_ground_counts_where_nothing_is_left() -> None:
     hidden = np.zeros((HEIGHT, WIDTH), bool)
     hidden[30:35, 25:35] = True
-    views = [seen_view(camera(0), *wall_view(0, hidden)), seen_view(camera(2), *wall_view(2))]
+    views = [seen_from(0, *wall_view(0, hidden)), seen_from(2, *wall_view(2))]
     nothing = np.zeros((HEIGHT, WIDTH), np.float32)
     ground = np.full((HEIGHT, WIDTH), np.inf)
     ground[25:] = 6.0
-    assert not never_seen(camera(0), hidden, depth_behind((nothing, nothing), ground), views).any()
+    assert not never_seen(camera(0), hidden, depth_behind((nothing, nothing), ground), together(views)).any()
     # Without the ground it would be sky, which nobody sees down there.
     no_ground = np.full((HEIGHT, WIDTH), np.inf)
-    assert np.array_equal(never_seen(camera(0), hidden, depth_behind((nothing, nothing), no_ground), views), hidden)
+    assert np.array_equal(
+        never_seen(camera(0), hidden, depth_behind((nothing, nothing), no_ground), together(views)), hidden
+    )
 
 
 def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
@@ -82,25 +96,25 @@ def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
 
 def test_ground_seen_at_a_grazing_angle_does_not_hide_itself() -> None:
     nowhere = np.zeros((HEIGHT, WIDTH), bool)
-    view = seen_view(camera(0), *floor_view(0), nowhere, (~nowhere, nowhere))
+    view = seen_from(0, *floor_view(0), nowhere, (~nowhere, nowhere))
     rng = np.random.default_rng(0)
     # Anywhere in their pixels: up to metres from what the pixels' centres show.
     depth = rng.uniform(4, 40, 3000)
     places = np.stack([rng.uniform(-0.5, 0.5, 3000) * depth, np.full(3000, 1.6), depth], axis=1)
-    assert places_seen(places, [view]).all()
+    assert places_seen(places, together([view]), HERE).all()
     # Below the ground by a tenth of the camera's height and more, nothing is seen.
-    assert not places_seen(places[depth < 8] * (1, 1.4, 1), [view]).any()
+    assert not places_seen(places[depth < 8] * (1, 1.4, 1), together([view]), HERE).any()
 
 
 def test_the_reach_of_a_pixel_stops_at_edges_of_depth() -> None:
     hidden = np.zeros((HEIGHT, WIDTH), bool)
     depth, alpha = np.full((HEIGHT, WIDTH), 20, np.float32), np.ones((HEIGHT, WIDTH), np.float32)
     depth[:, 28:32] = 5
-    view = seen_view(camera(0), depth, alpha, hidden)
+    view = seen_from(0, depth, alpha, hidden)
     column = np.arange(WIDTH)
     places = np.stack([(column + 0.5 - WIDTH / 2) / 40 * 7, np.zeros(WIDTH), np.full(WIDTH, 7.0)], axis=1)
     post = (column >= 28) & (column < 32)
-    assert np.array_equal(places_seen(places, [view]), ~post)
+    assert np.array_equal(places_seen(places, together([view]), HERE), ~post)
 
 
 def test_ground_by_label_hides_only_across_a_crest() -> None:
@@ -109,7 +123,7 @@ def test_ground_by_label_hides_only_across_a_crest() -> None:
     places = np.array([[0.0, 0.0, 10.5], [0.0, 0.0, 14.0], [0.0, 0.0, 25.0]])
 
     def shown(told: tuple[np.ndarray, np.ndarray] | None) -> list[bool]:
-        return list(places_seen(places, [seen_view(camera(0), depth, alpha, hidden, told)]))
+        return list(places_seen(places, together([seen_from(0, depth, alpha, hidden, told)]), HERE))
 
     assert shown((everywhere, everywhere)) == [True, True, False]
     assert shown((everywhere, ~everywhere)) == [True, False, False]

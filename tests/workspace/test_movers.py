@@ -11,6 +11,8 @@ import pytest
 
 from tests.moving_street import FRAMES, MOVER_ID, ONCOMING, PARKED_ID, make_moving_street
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.progress import no_progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.baselines import BASELINES
@@ -107,7 +109,7 @@ def test_keep_leaves_everything_standing(street: Path, tmp_path: Path) -> None:
     found = run(street, tmp_path / "kept", RunSettings(quality="draft", movers="keep"), until="segment")
     drive = read_imported(found.drive_dir)
     moving = read_moving(found.root)
-    assert moving.count == 0 and moving.hidden(drive) is None and moving.static_part(drive) is drive
+    assert moving.count == 0 and moving.hidden(drive, FrameCache()) is None and moving.static_part(drive) is drive
     assert [p.name for p in (found.root / "movers").rglob("*")] == ["movers.json"]
     with pytest.raises(SettingsError, match="unknown movers 'chase'"):
         RunSettings(movers="chase")
@@ -116,7 +118,7 @@ def test_keep_leaves_everything_standing(street: Path, tmp_path: Path) -> None:
 def test_a_workspace_without_the_folder_has_no_movers(street: Path, tmp_path: Path) -> None:
     assert read_moving(tmp_path).count == 0
     drive = open_drive(street)
-    assert write_moving(drive, choose_labels(drive), tmp_path / "movers", "auto", lambda *_, **__: None) == 1
+    assert write_moving(drive, choose_labels(drive), tmp_path / "movers", "auto", no_progress, FrameCache()) == 1
     moving = read_moving(tmp_path)
     ids = np.full((drive.frames[6].camera.height, drive.frames[6].camera.width), PARKED_ID)
     static = moving.ids_of_static(drive.frames[6], ids)

@@ -229,6 +229,11 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--device", choices=("auto", "cpu", "cuda"))
     add("--seed", type=int)
     add(
+        "--memory",
+        metavar="SIZE",
+        help="for the frames that a stage holds, as 512M or 4G (the default); more is faster",
+    )
+    add(
         "--scale",
         type=_scale,
         metavar="UNITS_PER_METRE|auto",

@@ -13,7 +13,7 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
-from unveil_core.delivery.views import FINER, EmptyView, choose_sources, nearest_depth, sees
+from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, nearest_depth, sees
 from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
 from unveil_core.geometry.images import sample_at
@@ -61,7 +61,7 @@ class FullSize:
         ground: the street's, None where there is none; shifts: for its invented parts.
     """
 
-    views: Sequence[EmptyView]
+    views: EmptyViews
     footage: Callable[[int], NDArray[np.uint8] | NDArray[np.uint16]]
     lenses: Sequence[Footage]
     exposures: Sequence[Exposure]
@@ -105,7 +105,7 @@ def full_size_frame(
     Returns:
         the same shape and depth; outside of what was removed or relit the file's own pixels.
     """
-    camera = drive.views[index].camera
+    camera = drive.views.cameras[index]
     at = work_positions(frame.footage, camera)
     scale = frame.footage.camera.width / camera.width
     removed = _sample(frame.removed.astype(np.float32), at, cv2.INTER_LINEAR) > 0
@@ -164,7 +164,7 @@ def _sharpened(
         base: (H, W, 3) enlarged; original: (H, W, 3) of the footage; removed: (H, W) bool.
         at: (H, W, 2) positions in the working picture.
     """
-    camera = drive.views[index].camera
+    camera = drive.views.cameras[index]
     rays = camera.rays_at(at[removed].astype(np.float64))
     depth = nearest_depth(drive.views[index], at)[removed].astype(np.float64)
     street = np.zeros((len(rays), 3))
@@ -215,7 +215,7 @@ def _seen_in(
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
         found[some] = as_color(sample_at(drive.footage(j), pixels, cv2.INTER_CUBIC)[None])[0]
-        finer = size[some] / (depth / drive.views[j].camera.fx)
+        finer = size[some] / (depth / drive.views.cameras[j].fx)
         quality[some] = np.minimum(finer, FINER)
     return found, quality
 

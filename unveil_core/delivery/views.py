@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import centres_of
 
-__all__ = ["EmptyView", "choose_sources", "sees"]
+__all__ = ["EmptyView", "EmptyViews", "choose_sources", "sees"]
 
 SAME_DEPTH = 0.03
 """Share of its depth by which a place may lie before or behind what a view shows there and be it all the same."""
@@ -25,6 +26,9 @@ LEAST_GAIN = 0.01
 """Share of a hole that a further source has to add."""
 FINER = 1.6
 """A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
+
+NEAREST_M = 0.1
+"""Depth in front of which a camera shows nothing, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,16 +51,42 @@ class EmptyView:
         return np.clip(positions[:, 1].astype(np.int64), 0, self.camera.height - 1), column
 
 
+@dataclass(frozen=True, eq=False)
+class EmptyViews:
+    """All frames.
+
+    Attributes:
+        cameras: of the frames; frames: what they show, asked for only where it matters.
+        centres: (V, 3) of the cameras.
+    """
+
+    cameras: Sequence[Camera]
+    frames: Sequence[EmptyView]
+    centres: Float64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", centres_of(self.cameras))
+
+    def __getitem__(self, index: int) -> EmptyView:
+        return self.frames[index]
+
+    def nearest(self, own: int) -> NDArray[np.int64]:
+        """The other frames, those whose cameras are nearest to that of frame ``own`` first."""
+        apart = np.linalg.norm(self.centres - self.centres[own], axis=1)
+        order = np.argsort(apart, kind="stable")
+        return order[order != own]
+
+
 def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:
     """Which world points (P, 3) a view shows, itself and not what is before it, and their depth (P,)."""
     pixels, depth = view.camera.project(points)
-    seen = view.camera.in_picture(pixels, depth, nearest=0.1)
+    seen = view.camera.in_picture(pixels, depth, nearest=NEAREST_M)
     row, column = view.at(np.where(seen[:, None], pixels, 0.0))
     there = view.depth[row, column]
     return seen & ~view.barred[row, column] & (np.abs(there - depth) < SAME_DEPTH * depth), depth
 
 
-def choose_sources(points: Float64, own: int, views: Sequence[EmptyView], most: int) -> list[int]:
+def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> list[int]:
     """Frames that together show most of some places, and finest.
 
     Args:
@@ -68,24 +98,24 @@ def choose_sources(points: Float64, own: int, views: Sequence[EmptyView], most: 
     if not len(points):
         return []
     points = points[:: max(1, len(points) // ASKED)]
-    here = views[own].camera
-    near = np.argsort([float(np.linalg.norm(v.camera.centre - here.centre)) for v in views], kind="stable")
+    here = views.cameras[own]
     own_size = here.project(points)[1] / here.fx
     asked: list[int] = []
     quality = []
-    for j in near[: MOST_LOOKS + 1]:
-        if int(j) == own:
-            continue
+    for j in views.nearest(own)[:MOST_LOOKS].tolist():
         if len(asked) == MOST_ASKED_VIEWS:
             break
+        camera = views.cameras[j]
+        if not camera.in_picture(*camera.project(points), nearest=NEAREST_M).any():
+            continue
         seen, depth = sees(views[j], points)
         if not seen.any():
             continue
-        finer = own_size / np.maximum(depth / views[j].camera.fx, 1e-9)
+        finer = own_size / np.maximum(depth / camera.fx, 1e-9)
         # A view from far aside shows other sides of things.
-        apart = float(np.linalg.norm(views[j].camera.centre - here.centre))
+        apart = float(np.linalg.norm(camera.centre - here.centre))
         aside = 1.0 / (1.0 + apart / np.maximum(depth, 1.0))
-        asked.append(int(j))
+        asked.append(j)
         quality.append(seen * np.minimum(finer, FINER) * aside)
     chosen: list[int] = []
     best = np.zeros(len(points))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -97,7 +99,7 @@ class Completed:
 
     facades: list[Surfels]
     feet: Surfels | None
-    sky: list[Mask] | None
+    sky: Sequence[Mask] | None
     sides: int
 
 
@@ -107,11 +109,21 @@ def drive_views(
     surfels: Surfels,
     images: Sequence[NDArray[np.uint8]],
     removed: Sequence[NDArray[np.bool_]],
+    cache: FrameCache,
+    scratch: Path,
 ) -> Views:
-    """The frames of a drive with what is known of them."""
-    labels = [frame_labels(f, scene) for f in drive.frames]
-    depths = [render_numpy(surfels, f.camera, near=NEAR_M, far=FAR_M)["depth"] for f in drive.frames]
-    return Views(images, labels, depths, removed)
+    """The frames of a drive with what is known of them.
+
+    Args:
+        cache: room for the frames; scratch: folder for rendered depths.
+    """
+    frames = drive.frames
+    small = cache.frames(len(frames), lambda i: frame_labels(frames[i], scene).astype(np.int16))
+    labels = Frames(len(frames), lambda i: small[i].astype(np.int64))
+    depths = cache.stored(
+        scratch, len(frames), lambda i: (render_numpy(surfels, frames[i].camera, near=NEAR_M, far=FAR_M)["depth"],)
+    )
+    return Views(images, labels, Frames(len(frames), lambda i: depths[i][0]), removed)
 
 
 def empty_ground_chart(
@@ -135,10 +147,12 @@ def empty_ground_chart(
         the chart, and the sun, None where none explains the shadows.
     """
     cameras = [f.camera for f in drive.frames]
-    usable = [
-        usable_pixels(ground, camera, label, scene.labels, grow(removed, border_px(camera.width, 1)), depth)
-        for camera, label, removed, depth in zip(cameras, views.labels, views.removed, views.depths, strict=True)
-    ]
+
+    def usable_in(i: int) -> Mask:
+        hidden = grow(views.removed[i], border_px(cameras[i].width, 1))
+        return usable_pixels(ground, cameras[i], views.labels[i], scene.labels, hidden, views.depths[i])
+
+    usable = Frames(len(cameras), usable_in)
     chart = read_chart(ground, cameras, views.images, views.labels, usable, progress=progress)
     footprint = _footprint(chart, removal.objects(), removal.loose())
     keep = torch.from_numpy(~removal.gone)
@@ -157,12 +171,15 @@ def empty_ground_chart(
     return filled, None if light is None else light.sun
 
 
-def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: Surfels, views: Views) -> Completed:
+def complete_scene(
+    drive: Drive, scene: SceneLabels, ground: Ground, remaining: Surfels, views: Views, cache: FrameCache
+) -> Completed:
     """What completes things that were seen in part.
 
     Args:
         ground: the street's.
         remaining: the scene without what is removed.
+        cache: room for the frames.
     """
     cameras = [f.camera for f in drive.frames]
     facades: list[Surfels] = []
@@ -172,11 +189,13 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
     if house is not None:
         walls = remaining.select(remaining.labels == house)
         sky = scene.labels.indices(("sky",))
-        frames = zip(cameras, views.images, views.labels, views.depths, views.removed, strict=True)
-        seen = [
-            FacadeView(camera, image, label == house, np.isin(label, sky), depth, gone)
-            for camera, image, label, depth, gone in frames
-        ]
+
+        def facade_view(i: int) -> FacadeView:
+            label = views.labels[i]
+            on_wall, shows_sky = label == house, np.isin(label, sky)
+            return FacadeView(cameras[i], views.images[i], on_wall, shows_sky, views.depths[i], views.removed[i])
+
+        seen = Frames(len(cameras), facade_view)
         for left in (False, True):
             chart = read_facade(ground, walls, seen, left=left)
             if chart is not None:
@@ -188,15 +207,17 @@ def complete_scene(drive: Drive, scene: SceneLabels, ground: Ground, remaining: 
     standing = remaining.select(torch.isin(remaining.labels, kinds))
     plates, poles = (scene.labels.indices(names) for names in (("traffic sign", "traffic light"), ("pole",)))
     feet = feet_of_poles(standing, ground, cameras, views.depths, views.removed, plates=plates, poles=poles)
-    return Completed(facades, feet, _skies(cameras, curtains), sides)
+    return Completed(facades, feet, _skies(cameras, curtains, cache), sides)
 
 
-def _skies(cameras: Sequence[Camera], curtains: Sequence[Surfels]) -> list[Mask] | None:
+def _skies(cameras: Sequence[Camera], curtains: Sequence[Surfels], cache: FrameCache) -> Sequence[Mask] | None:
     """(H, W) per camera, where it looks through ``curtains``; None where there are none."""
     if not curtains:
         return None
     planes = concatenate(list(curtains))
-    return [render_numpy(planes, camera, near=NEAR_M, far=FAR_M)["alpha"] > COVERED for camera in cameras]
+    return cache.frames(
+        len(cameras), lambda i: render_numpy(planes, cameras[i], near=NEAR_M, far=FAR_M)["alpha"] > COVERED
+    )
 
 
 def _footprint(

@@ -6,6 +6,7 @@ frame shows it on the ground (``seen_through``), or if the ground contacts of on
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, instants
@@ -22,13 +24,25 @@ from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
 from unveil_core.movers.points import points_along_track, points_behind_contacts
-from unveil_core.movers.seen_through import MASKED, SLIM, WIDE, Body, FrameVisibility, frame_visibility, probe_points
+from unveil_core.movers.seen_through import (
+    MASKED,
+    SLIM,
+    WIDE,
+    Body,
+    DriveVisibility,
+    FrameVisibility,
+    frame_visibility,
+    probe_points,
+)
 from unveil_core.movers.shadows import mover_shadow
 from unveil_core.movers.tracks import Patch, find_patches, instance_moves, link_patches
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SLIM_CLASSES, THIN_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 
 __all__ = ["FoundMovers", "Mover", "find_movers"]
+
+MOST_NEAR = 192
+"""Frames that are looked at for a shadow at most, the nearest in time: later the car is elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -62,17 +76,52 @@ class FoundMovers:
     """
 
     movers: tuple[Mover, ...]
-    numbers: tuple[NDArray[np.uint16], ...]
-    shadows: tuple[Mask, ...]
+    numbers: Sequence[NDArray[np.uint16]]
+    shadows: Sequence[Mask]
     on_mover: Mask
+
+
+class MoverPixels:
+    """The dynamic objects that pixels show, by frame; most frames show few, so only their pixels are kept.
+
+    Args:
+        shapes: (H, W) of each frame.
+    """
+
+    def __init__(self, shapes: Sequence[tuple[int, int]]) -> None:
+        self._shapes = shapes
+        self._pixels: dict[int, list[tuple[NDArray[np.int32], int]]] = {}
+
+    def put(self, frame: int, pixels: NDArray[np.integer], number: int) -> None:
+        """Pixels (P,), flat indices in the image, show an object from now on."""
+        if len(pixels):
+            self._pixels.setdefault(frame, []).append((pixels.astype(np.int32), number))
+
+    def image(self, frame: int) -> NDArray[np.uint16]:
+        """(H, W) numbers, 0 = none."""
+        image = np.zeros(self._shapes[frame], np.uint16)
+        for pixels, number in self._pixels.get(frame, ()):
+            image.ravel()[pixels] = number
+        return image
+
+    def frames(self) -> dict[int, list[int]]:
+        """By number, the frames that show an object, rising."""
+        found: dict[int, list[int]] = {}
+        for v in sorted(self._pixels):
+            for number in np.unique(self.image(v)):
+                if number:
+                    found.setdefault(int(number), []).append(v)
+        return found
 
 
 class _Search:
     """State of the search for dynamic objects in a drive."""
 
-    def __init__(self, drive: Drive, scene: SceneLabels) -> None:
-        self.drive, self.names = drive, scene.labels.names
-        self.labels = [frame_labels(f, scene).astype(np.int8) for f in drive.frames]
+    def __init__(self, drive: Drive, scene: SceneLabels, cache: FrameCache) -> None:
+        self.drive, self.names, self.cache = drive, scene.labels.names, cache
+        self.cameras = [f.camera for f in drive.frames]
+        frames = drive.frames
+        self.labels = cache.frames(len(frames), lambda v: frame_labels(frames[v], scene).astype(np.int8))
         known = {*REMOVABLE, "remove"}
         self.removable = tuple(k for k, n in enumerate(self.names) if n in known)
         ground = tuple(k for k, n in enumerate(self.names) if n in GROUND_CLASSES)
@@ -82,7 +131,7 @@ class _Search:
         self.ground: HeightField | None = None
         if any(np.isin(label, self.removable).any() for label in self.labels):
             self.ground = find_ground(drive, self.labels, ground, self.removable)
-        self.numbers = [np.zeros(label.shape, np.uint16) for label in self.labels]
+        self.numbers = MoverPixels([(c.height, c.width) for c in self.cameras])
         self.movers: list[tuple[str, str, int]] = []
         """(class, evidence, source), the first has number 1."""
 
@@ -94,118 +143,125 @@ class _Search:
     def below(self, frame: int) -> Mask:
         return np.isin(self.labels[frame], self.below_labels)
 
-    def visibility(self) -> list[FrameVisibility]:
-        return [
-            frame_visibility(f.camera, np.isin(label, self.behind_labels), np.isin(label, self.removable))
-            for f, label in zip(self.drive.frames, self.labels, strict=True)
-        ]
+    def visibility(self) -> DriveVisibility:
+        def of_frame(v: int) -> FrameVisibility:
+            label = self.labels[v]
+            return frame_visibility(np.isin(label, self.behind_labels), np.isin(label, self.removable))
+
+        return DriveVisibility(self.cameras, self.cache.frames(len(self.cameras), of_frame))
 
     def add(self, class_name: str, evidence: str, source: int) -> int:
         self.movers.append((class_name, evidence, source))
         return len(self.movers)
 
 
-def find_movers(drive: Drive, scene: SceneLabels, progress: Progress = no_progress) -> FoundMovers | None:
+def find_movers(
+    drive: Drive, scene: SceneLabels, progress: Progress = no_progress, cache: FrameCache | None = None
+) -> FoundMovers | None:
     """The dynamic objects of a drive, None where there are none.
 
     Args:
         drive: an imported drive; scene: its labels.
         progress: called per frame.
+        cache: room for the frames.
     Raises:
         DriveError: a box of an unknown class.
     """
-    search = _Search(drive, scene)
+    search = _Search(drive, scene, cache or FrameCache())
     boxed = _by_boxes(search)
     if search.ground is not None:
         visibility = search.visibility()
-        instances = [frame_instances(f) for f in drive.frames]
-        for owner, ids in zip(boxed, instances, strict=True):
-            if ids is not None:
-                ids[owner > 0] = 0
-        _by_instances(search, instances, visibility)
-        _by_patches(search, [i is not None for i in instances], boxed, visibility, progress)
+        _by_instances(search, boxed, visibility)
+        _by_patches(search, boxed, visibility, progress)
     if not search.movers:
         return None
-    numbers = tuple(search.numbers)
-    shown = [np.unique(n) for n in numbers]
+    shown = search.numbers.frames()
     movers = tuple(
         Mover(
             k + 1,
             name,
             evidence,
             source,
-            tuple((f.camera_name, f.name) for f, n in zip(drive.frames, shown, strict=True) if k + 1 in n),
+            tuple((drive.frames[v].camera_name, drive.frames[v].name) for v in shown.get(k + 1, ())),
         )
         for k, (name, evidence, source) in enumerate(search.movers)
     )
-    return FoundMovers(movers, numbers, _shadows(search), _points(search))
+    numbers = Frames(len(drive.frames), search.numbers.image)
+    return FoundMovers(movers, numbers, _shadows(search), _points(search, shown))
 
 
-def _by_boxes(search: _Search) -> list[NDArray[np.int64]]:
+def _by_boxes(search: _Search) -> Sequence[NDArray[np.int64]]:
     """Mark the pixels of moving boxes; returns (H, W) per frame the id of the box that each pixel belongs to, 0 = none."""
     moved, _ = moving_boxes(search.drive)
     number = {source: search.add(name, "boxes", source) for source, name in sorted(moved.items())}
-    owners = []
-    for v, frame in enumerate(search.drive.frames):
-        owner = np.zeros(search.labels[v].shape, np.int64)
-        if frame.boxes:
-            owner = box_pixels(frame, search.labels[v], search.removable, frame_instances(frame))
-        for source, k in number.items():
-            search.numbers[v][owner == source] = k
-        owners.append(owner)
+    frames = search.drive.frames
+
+    def owner_of(v: int) -> NDArray[np.int64]:
+        if not frames[v].boxes:
+            return np.zeros((search.cameras[v].height, search.cameras[v].width), np.int64)
+        return box_pixels(frames[v], search.labels[v], search.removable, frame_instances(frames[v]))
+
+    owners = search.cache.frames(len(frames), owner_of)
+    for v, frame in enumerate(frames):
+        for source in sorted({b.id for b in frame.boxes} & number.keys()):
+            search.numbers.put(v, np.flatnonzero(owners[v] == source), number[source])
     return owners
 
 
-def _by_instances(
-    search: _Search, instances: list[NDArray[np.int64] | None], visibility: list[FrameVisibility]
-) -> None:
+def _by_instances(search: _Search, boxed: Sequence[NDArray[np.int64]], visibility: DriveVisibility) -> None:
+    """Objects with ids in the instance images that no box has."""
     assert search.ground is not None
-    frames: dict[int, list[int]] = {}
-    for v, ids in enumerate(instances):
-        if ids is not None:
-            ids[~np.isin(search.labels[v], search.removable)] = 0
-            for source in np.unique(ids):
+    frames, count = search.drive.frames, len(search.cameras)
+
+    def ids_of(v: int) -> NDArray[np.uint16]:
+        ids = frame_instances(frames[v])
+        if ids is None:
+            return np.zeros((search.cameras[v].height, search.cameras[v].width), np.uint16)
+        return np.where((boxed[v] > 0) | ~np.isin(search.labels[v], search.removable), 0, ids).astype(np.uint16)
+
+    instances = search.cache.frames(count, ids_of)
+    shown: dict[int, list[int]] = {}
+    for v, frame in enumerate(frames):
+        if frame.instance_path is not None:
+            for source in np.unique(instances[v]):
                 if source:
-                    frames.setdefault(int(source), []).append(v)
-    below = [search.below(v) for v in range(len(visibility))]
-    nothing = [np.zeros_like(b) for b in below]
-    for source in sorted(frames):
-        masks: list[Mask | None] = [None] * len(visibility)
+                    shown.setdefault(int(source), []).append(v)
+    for source in sorted(shown):
+        masks = {v: instances[v] == source for v in shown[source]}
         counts = np.zeros(len(search.names), np.int64)
-        for v in frames[source]:
-            image = instances[v]
-            assert image is not None
-            mask = image == source
-            masks[v] = mask
+        for v, mask in masks.items():
             counts += np.bincount(search.labels[v][mask], minlength=len(search.names))
-        own_visibility = [
-            FrameVisibility(s.camera, s.open, n if m is None else m)
-            for s, m, n in zip(visibility, masks, nothing, strict=True)
-        ]
         label = int(counts.argmax())
-        evidence = instance_moves(masks, below, own_visibility, search.body(label), search.ground)
+        alone = DriveVisibility(search.cameras, _without_others(visibility.frames, masks))
+        evidence = instance_moves(masks, Frames(count, search.below), alone, search.body(label), search.ground)
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
-            for v in frames[source]:
-                search.numbers[v][instances[v] == source] = number
+            for v, mask in masks.items():
+                search.numbers.put(v, np.flatnonzero(mask), number)
+
+
+def _without_others(frames: Sequence[FrameVisibility], masks: Mapping[int, Mask]) -> Sequence[FrameVisibility]:
+    """The visibility with the pixels (H, W) of one object alone as occupied, by the frames that show it."""
+
+    def of_frame(v: int) -> FrameVisibility:
+        view = frames[v]
+        return FrameVisibility(view.open, masks[v] if v in masks else np.zeros_like(view.open))
+
+    return Frames(len(frames), of_frame)
 
 
 def _by_patches(
-    search: _Search,
-    with_ids: list[bool],
-    boxed: list[NDArray[np.int64]],
-    visibility: list[FrameVisibility],
-    progress: Progress,
+    search: _Search, boxed: Sequence[NDArray[np.int64]], visibility: DriveVisibility, progress: Progress
 ) -> None:
-    """Objects without ids, frame by frame; ``with_ids``: which frames have instance images."""
+    """Objects without ids, frame by frame."""
     assert search.ground is not None
     wanted = {k: search.body(k) for k in search.removable}
     patches: dict[int, list[Patch]] = {}
     for v, frame in enumerate(search.drive.frames):
-        if not with_ids[v]:
+        if frame.instance_path is None:
             label = np.where(boxed[v] > 0, -1, search.labels[v]).astype(np.int8)
             patches[v] = find_patches(v, label, wanted, search.below(v), visibility, search.ground)
-        progress(v + 1, len(with_ids), f"looking for what moves, {frame.name}")
+        progress(v + 1, len(search.cameras), f"looking for what moves, {frame.name}")
     cameras = list(dict.fromkeys(f.camera_name for f in search.drive.frames))
     tracks = [[v for v, f in enumerate(search.drive.frames) if f.camera_name == c] for c in cameras]
     link_patches(tracks, patches)
@@ -213,41 +269,42 @@ def _by_patches(
     name_of = {p.number: search.names[p.label] for p in reversed(moving)}
     number = {n: search.add(name_of[n], "seen through", 0) for n in dict.fromkeys(p.number for p in moving)}
     for patch in moving:
-        search.numbers[patch.frame][patch.mask] = number[patch.number]
+        search.numbers.put(patch.frame, patch.pixels, number[patch.number])
 
 
-def _shadows(search: _Search) -> tuple[Mask, ...]:
-    frames = search.drive.frames
-    if search.ground is None:
-        return tuple(np.zeros(n.shape, dtype=bool) for n in search.numbers)
-    grays: dict[int, NDArray[np.float32]] = {}
-    plains: dict[int, Mask] = {}
+def _shadows(search: _Search) -> Sequence[Mask]:
+    frames, ground = search.drive.frames, search.ground
+    if ground is None:
+        return Frames(len(frames), lambda v: np.zeros((search.cameras[v].height, search.cameras[v].width), dtype=bool))
 
-    def gray(v: int) -> NDArray[np.float32]:
-        if v not in grays:
-            flat = cv2.cvtColor(read_image(frames[v].image_path), cv2.COLOR_RGB2GRAY)
-            grays[v] = cv2.GaussianBlur(flat, (0, 0), 0.8).astype(np.float32)
-        return grays[v]
+    def gray(v: int) -> NDArray[np.uint8]:
+        flat = cv2.cvtColor(read_image(frames[v].image_path), cv2.COLOR_RGB2GRAY)
+        return cv2.GaussianBlur(flat, (0, 0), 0.8).astype(np.uint8)
 
     def plain(v: int) -> Mask:
-        if v not in plains:
-            side = 2 * border_px(frames[v].camera.width) + 1
-            shown = cv2.dilate((search.numbers[v] > 0).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
-            plains[v] = search.below(v) & ~shown
-        return plains[v]
+        side = 2 * border_px(search.cameras[v].width) + 1
+        shown = cv2.dilate((search.numbers.image(v) > 0).astype(np.uint8), np.ones((side, side), np.uint8))
+        below: Mask = search.below(v) & ~shown.astype(bool)
+        return below
 
-    cameras = [f.camera for f in frames]
+    grays = search.cache.frames(len(frames), gray)
+    plains = search.cache.frames(len(frames), plain)
     times = instants(frames)
-    found = []
-    for v, numbers in enumerate(search.numbers):
-        by_time = [int(k) for k in np.argsort(np.abs(times - times[v]), kind="stable") if k != v]
+
+    def shadow(v: int) -> Mask:
+        by_time = [int(k) for k in np.argsort(np.abs(times - times[v]), kind="stable") if k != v][:MOST_NEAR]
         own = [k for k in by_time if frames[k].camera_name == frames[v].camera_name]
         foreign = [k for k in by_time if frames[k].camera_name != frames[v].camera_name]
-        found.append(mover_shadow(v, numbers > 0, cameras, own, foreign, gray, plain, search.ground))
-    return tuple(found)
+        shown = search.numbers.image(v) > 0
+        return mover_shadow(
+            v, shown, search.cameras, own, foreign, lambda k: grays[k].astype(np.float32), plains.__getitem__, ground
+        )
+
+    return search.cache.frames(len(frames), shadow)
 
 
-def _points(search: _Search) -> Mask:
+def _points(search: _Search, shown: Mapping[int, Sequence[int]]) -> Mask:
+    """(P,) the drive's points on dynamic objects; ``shown``: the frames that show each."""
     points = search.drive.points.positions
     boxes = [source for _, evidence, source in search.movers if evidence == "boxes"]
     found = points_in_boxes(search.drive.points, search.drive, boxes)
@@ -256,26 +313,27 @@ def _points(search: _Search) -> Mask:
         return found
     thin = tuple(k for k, n in enumerate(search.names) if n in THIN_CLASSES)
     upright = (*search.removable, *thin)
-    visibility = [
-        frame_visibility(f.camera, np.isin(label, search.behind_labels) & (n == 0), np.isin(label, upright) & (n == 0))
-        for f, label, n in zip(search.drive.frames, search.labels, search.numbers, strict=True)
-    ]
-    in_time = np.argsort(instants(search.drive.frames), kind="stable")
+
+    def static(v: int) -> FrameVisibility:
+        label, still = search.labels[v], search.numbers.image(v) == 0
+        return frame_visibility(np.isin(label, search.behind_labels) & still, np.isin(label, upright) & still)
+
+    visibility = DriveVisibility(search.cameras, search.cache.frames(len(search.cameras), static))
+    turn = np.argsort(np.argsort(instants(search.drive.frames), kind="stable"))
     for k, (name, evidence, _) in enumerate(search.movers):
         if evidence == "boxes":
             continue
         body = search.body(search.names.index(name))
         track, heights = [], []
-        for v in in_time:
-            frame, mask = search.drive.frames[v], search.numbers[v] == k + 1
-            if mask.any():
-                contacts = find_contacts(mask, search.below(v), frame.camera, ground)
-                found |= points_behind_contacts(points, mask, contacts, frame.camera, body, ground)
-                if len(contacts) and np.median(contacts.error) < 2 * body.error_m:
-                    # Of its places the second lies about in its middle.
-                    middle = probe_points(contacts, frame.camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
-                    track.append(np.median(middle, axis=0))
-                    heights.append(float(np.median(contacts.height)))
+        for v in sorted(shown.get(k + 1, ()), key=lambda v: int(turn[v])):
+            camera, mask = search.cameras[v], search.numbers.image(v) == k + 1
+            contacts = find_contacts(mask, search.below(v), camera, ground)
+            found |= points_behind_contacts(points, mask, contacts, camera, body, ground)
+            if len(contacts) and np.median(contacts.error) < 2 * body.error_m:
+                # Of its places the second lies about in its middle.
+                middle = probe_points(contacts, camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
+                track.append(np.median(middle, axis=0))
+                heights.append(float(np.median(contacts.height)))
         if len(track) > 1:
             found |= points_along_track(points, np.array(track), max(heights), visibility, body, ground)
     return found

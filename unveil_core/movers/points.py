@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import cameras_near
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
-from unveil_core.movers.seen_through import Body, FrameVisibility
+from unveil_core.movers.seen_through import Body, DriveVisibility
 
 __all__ = ["points_along_track", "points_behind_contacts"]
 
@@ -62,7 +62,7 @@ def points_along_track(
     points: NDArray[np.float64],
     track: NDArray[np.float64],
     height: float,
-    visibility: Sequence[FrameVisibility],
+    visibility: DriveVisibility,
     body: Body,
     ground: HeightField,
 ) -> NDArray[np.bool_]:
@@ -98,10 +98,13 @@ def points_along_track(
     above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, occupied, seen = (np.zeros(len(index), np.int64) for _ in range(3))
-    for view in visibility:
-        camera = view.camera
+    for v in cameras_near(visibility.centres, points[index], FAR_M):
+        camera = visibility.cameras[v]
         pixel, depth = camera.project(points[index])
         inside = np.flatnonzero(camera.in_picture(pixel, depth))
+        if not len(inside):
+            continue
+        view = visibility.frames[v]
         row, column = pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)
         through[inside] += view.open[row, column]
         occupied[inside] += view.occupied[row, column]

@@ -7,7 +7,7 @@ in that frame, whatever other objects occlude; an object that another frame show
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
+from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
@@ -24,12 +25,16 @@ __all__ = [
     "SLIM",
     "WIDE",
     "Body",
+    "DriveVisibility",
     "FrameVisibility",
     "VisibilityEvidence",
     "count_evidence",
     "frame_visibility",
     "probe_points",
 ]
+
+LONGEST_RAY = 2.5
+"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +81,29 @@ class FrameVisibility:
     """Where a frame shows the street without objects, and where it shows objects.
 
     Attributes:
-        camera: of the frame.
         open: (H, W) pixels surrounded by ground or sky.
         occupied: (H, W) pixels at or beside an object.
     """
 
-    camera: Camera
     open: Mask
     occupied: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class DriveVisibility:
+    """The visibility of all frames of a drive.
+
+    Attributes:
+        cameras: of the frames; frames: what they show.
+        centres: (V, 3) of the cameras.
+    """
+
+    cameras: Sequence[Camera]
+    frames: Sequence[FrameVisibility]
+    centres: Float64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", centres_of(self.cameras))
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +114,15 @@ class VisibilityEvidence:
     covered: NDArray[np.int64]
 
 
-def frame_visibility(camera: Camera, behind: Mask, removable: Mask) -> FrameVisibility:
+def frame_visibility(behind: Mask, removable: Mask) -> FrameVisibility:
     """From the pixels (H, W) that show ground or sky, and those that show objects.
 
     A pixel counts as ground or sky where the whole square around it, as wide as a border, agrees.
     """
-    side = 2 * border_px(camera.width, 1) + 1
+    side = 2 * border_px(behind.shape[1], 1) + 1
     kernel = np.ones((side, side), np.uint8)
     clear = cv2.erode(behind.astype(np.uint8), kernel).astype(bool)
-    return FrameVisibility(camera, clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
+    return FrameVisibility(clear, cv2.dilate(removable.astype(np.uint8), kernel).astype(bool))
 
 
 def probe_points(contacts: Contacts, camera: Camera, body: Body, ground: HeightField) -> Float64:
@@ -116,9 +136,7 @@ def probe_points(contacts: Contacts, camera: Camera, body: Body, ground: HeightF
     return np.stack(places, axis=1)
 
 
-def count_evidence(
-    places: Float64, visibility: Sequence[FrameVisibility], frame: int, *, farther: float
-) -> VisibilityEvidence:
+def count_evidence(places: Float64, visibility: DriveVisibility, frame: int, *, farther: float) -> VisibilityEvidence:
     """Evidence of the other frames about the probe points (M, S, 3) of ``frame``; a frame sees through at all S or not at all.
 
     Args:
@@ -127,13 +145,16 @@ def count_evidence(
     count, samples = places.shape[:2]
     through, covered = np.zeros(count, np.int64), np.zeros(count, np.int64)
     flat = places.reshape(-1, 3)
-    most = farther * visibility[frame].camera.project(flat)[1]
-    for other, view in enumerate(visibility):
-        if other == frame or not count:
+    most = farther * visibility.cameras[frame].project(flat)[1]
+    for other in cameras_near(visibility.centres, flat, LONGEST_RAY * float(most.max(initial=0.0))):
+        if other == frame:
             continue
-        camera = view.camera
+        camera = visibility.cameras[other]
         pixel, depth = camera.project(flat)
         inside = camera.in_picture(pixel, depth) & (depth < most)
+        if not inside.any():
+            continue
+        view = visibility.frames[other]
         row, column = (np.where(inside, pixel[:, k], 0).astype(np.int64) for k in (1, 0))
         clear = (inside & view.open[row, column]).reshape(count, samples)
         occupied = (inside & view.occupied[row, column]).reshape(count, samples)

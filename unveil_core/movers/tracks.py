@@ -5,8 +5,8 @@ Only what other frames prove to have moved counts as dynamic; objects seen too s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts, find_contacts
-from unveil_core.movers.seen_through import Body, FrameVisibility, count_evidence, probe_points
+from unveil_core.movers.seen_through import Body, DriveVisibility, count_evidence, probe_points
 
 __all__ = ["Patch", "find_patches", "instance_moves", "link_patches"]
 
@@ -38,21 +38,26 @@ class Patch:
 
     Attributes:
         frame, label: which.
-        mask: (H, W) pixels.
+        pixels: (P,) flat indices of its pixels in the image (H, W), rising.
+        box: (4,) left, upper, right and lower end, pixels.
         state: MOVING, STATIC or UNKNOWN.
         number: of the dynamic object that it belongs to, 0 = none.
     """
 
     frame: int
     label: int
-    mask: Mask
+    pixels: NDArray[np.int32]
+    box: NDArray[np.float64]
     state: int
     number: int = 0
-    box: NDArray[np.float64] = field(init=False)
 
-    def __post_init__(self) -> None:
-        rows, columns = np.nonzero(self.mask)
-        self.box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], dtype=np.float64)
+
+def _patch(frame: int, label: int, mask: Mask, state: int) -> Patch:
+    """The patch of the pixels of a mask (H, W)."""
+    pixels = np.flatnonzero(mask).astype(np.int32)
+    rows, columns = np.divmod(pixels, mask.shape[1])
+    box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], dtype=np.float64)
+    return Patch(frame, label, pixels, box, state)
 
 
 def _certain(contacts: Contacts, body: Body) -> Contacts:
@@ -60,34 +65,34 @@ def _certain(contacts: Contacts, body: Body) -> Contacts:
 
 
 def _seen_through(
-    contacts: Contacts, frame: int, visibility: Sequence[FrameVisibility], body: Body, ground: HeightField
+    contacts: Contacts, frame: int, visibility: DriveVisibility, body: Body, ground: HeightField
 ) -> tuple[Mask, Mask]:
     """(M,) contacts that other frames see through, and (M,) those about which they say anything."""
     evidence = count_evidence(
-        probe_points(contacts, visibility[frame].camera, body, ground), visibility, frame, farther=body.farther
+        probe_points(contacts, visibility.cameras[frame], body, ground), visibility, frame, farther=body.farther
     )
     through = body.seen_through(evidence)
     return through, through | (evidence.covered > 0)
 
 
 def instance_moves(
-    masks: Sequence[Mask | None],
+    masks: Mapping[int, Mask],
     below: Sequence[Mask],
-    visibility: Sequence[FrameVisibility],
+    visibility: DriveVisibility,
     body: Body,
     ground: HeightField,
 ) -> str | None:
     """How it is known that an object moves: "seen through", "drift", or None where nothing proves it.
 
     Args:
-        masks: (H, W) of the object per frame, None where a frame does not show it; below: (H, W) per frame, ground.
+        masks: (H, W) of the object, by the frames that show it; below: (H, W) per frame, ground.
         visibility: of all frames, with only this object's pixels as ``occupied``.
     """
     verdicts, places, doubts, widths = [], [], [], [0.0]
-    for frame, mask in enumerate(masks):
-        if mask is None or mask.sum() < SMALLEST_PX:
+    for frame, mask in sorted(masks.items()):
+        if mask.sum() < SMALLEST_PX:
             continue
-        contacts = _certain(find_contacts(mask, below[frame], visibility[frame].camera, ground), body)
+        contacts = _certain(find_contacts(mask, below[frame], visibility.cameras[frame], ground), body)
         if len(contacts) < COLUMNS:
             continue
         through, known = _seen_through(contacts, frame, visibility, body, ground)
@@ -111,7 +116,7 @@ def find_patches(
     label: NDArray[np.int8],
     wanted: dict[int, Body],
     below: Mask,
-    visibility: Sequence[FrameVisibility],
+    visibility: DriveVisibility,
     ground: HeightField,
 ) -> list[Patch]:
     """The connected pixels of each wanted label in a frame, with what the other frames say about them.
@@ -129,15 +134,15 @@ def find_patches(
             if stats[i, cv2.CC_STAT_AREA] < SMALLEST_PX:
                 continue
             mask = component == i
-            contacts = _certain(find_contacts(mask, below, visibility[frame].camera, ground), body)
+            contacts = _certain(find_contacts(mask, below, visibility.cameras[frame], ground), body)
             through, known = _seen_through(contacts, frame, visibility, body, ground)
             share = float(through[known].mean()) if known.sum() >= COLUMNS else -1.0
             if share < 0:
-                patches.append(Patch(frame, k, mask, UNKNOWN))
+                patches.append(_patch(frame, k, mask, UNKNOWN))
             elif share >= MOST or share <= FEW:
-                patches.append(Patch(frame, k, mask, MOVING if share >= MOST else STATIC))
+                patches.append(_patch(frame, k, mask, MOVING if share >= MOST else STATIC))
             else:
-                patches += _cut(frame, k, mask, contacts.where(known), through[known], visibility[frame].camera)
+                patches += _cut(frame, k, mask, contacts.where(known), through[known], visibility.cameras[frame])
     return patches
 
 
@@ -151,13 +156,13 @@ def _cut(frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, 
     for state, columns in ((MOVING, moving), (STATIC, ~moving)):
         part = mask & columns[None]
         if part.sum() >= SMALLEST_PX:
-            parts.append(Patch(frame, label, part, state))
+            parts.append(_patch(frame, label, part, state))
     return parts
 
 
 def _alike(a: Patch, b: Patch) -> float:
     """Similarity of two patches of neighbouring frames, 0 to 1."""
-    area = float(min(a.mask.sum(), b.mask.sum()) / max(a.mask.sum(), b.mask.sum()))
+    area = min(len(a.pixels), len(b.pixels)) / max(len(a.pixels), len(b.pixels))
     size = max(float(np.hypot(*(p.box[2:] - p.box[:2]))) for p in (a, b))
     gap = float(np.hypot(*((a.box[:2] + a.box[2:]) / 2 - (b.box[:2] + b.box[2:]) / 2)))
     return area * max(0.0, 1 - gap / size) if a.label == b.label and area > 0.3 else 0.0

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -125,6 +126,7 @@ def reconstruct(
     exposures: Exposures | None = None,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
     seed: int = 0,
+    cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> Reconstruction:
     """Fit the full scene, with everything that is to be removed still in it.
@@ -136,23 +138,24 @@ def reconstruct(
         exposures: of the photographs, see ``optimize.exposure``; the scene gets their canonical colours.
         hidden: (H, W) per frame, pixels that show what does not stand and count for nothing; None = no such pixels.
         seed: order of the views.
+        cache: room for the frames.
         progress: called per step with loss and the number of surfels.
     """
     settings = settings.scaled(len(drive.frames))
     exposures = exposures or Exposures()
-    images = [exposures.read(f) for f in drive.frames]
-    labels = [frame_labels(f, scene) for f in drive.frames]
-    if hidden is not None:
-        labels = [np.where(mask, -1, label) for mask, label in zip(hidden, labels, strict=True)]
+    cache = cache or FrameCache()
+    images, labels = _pictures(drive, scene, exposures, hidden, cache)
     if settings.random_start:
         surfels = random_scene(drive, scene, labels, settings.start.budget, seed=seed)
     else:
-        surfels = start_scene(drive, scene, images, labels, settings.start, hidden=hidden, progress=progress)
+        surfels = start_scene(
+            drive, scene, images, labels, settings.start, hidden=hidden, cache=cache, progress=progress
+        )
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
     rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
-    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden)
-    fine, coarse = (_views(drive, images, labels, hidden, sky, factor) for factor in (1.0, 0.5))
+    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
+    fine, coarse = (_views(drive, images, labels, hidden, sky, factor, cache) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
@@ -176,6 +179,27 @@ def reconstruct(
     return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
 
 
+def _pictures(
+    drive: Drive,
+    scene: SceneLabels,
+    exposures: Exposures,
+    hidden: Sequence[NDArray[np.bool_]] | None,
+    cache: FrameCache,
+) -> tuple[Sequence[NDArray[np.uint8]], Sequence[NDArray[np.int64]]]:
+    """Images (H, W, 3) in canonical colours and labels (H, W) of the frames, -1 where ``hidden``."""
+    frames = drive.frames
+
+    def label_image(i: int) -> NDArray[np.int16]:
+        label = frame_labels(frames[i], scene).astype(np.int16)
+        return label if hidden is None else np.where(hidden[i], np.int16(-1), label)
+
+    small = cache.frames(len(frames), label_image)
+    return (
+        cache.frames(len(frames), lambda i: exposures.read(frames[i])),
+        Frames(len(frames), lambda i: small[i].astype(np.int64)),
+    )
+
+
 def _views(
     drive: Drive,
     images: Sequence[NDArray[np.uint8]],
@@ -183,14 +207,13 @@ def _views(
     hidden: Sequence[NDArray[np.bool_]] | None,
     sky: Sky,
     factor: float,
-) -> list[TrainingView]:
-    weights = [
-        None if hidden is None or not hidden[i].any() else (~hidden[i]).astype(np.float32) for i in range(len(images))
-    ]
-    return [
-        training_view(f.camera, images[i], labels[i], weights[i], sky, factor=factor)
-        for i, f in enumerate(drive.frames)
-    ]
+    cache: FrameCache,
+) -> Sequence[TrainingView]:
+    def view(i: int) -> TrainingView:
+        weight = None if hidden is None or not hidden[i].any() else (~hidden[i]).astype(np.float32)
+        return training_view(drive.frames[i].camera, images[i], labels[i], weight, sky, factor=factor)
+
+    return cache.frames(len(images), view)
 
 
 class _Course:
@@ -203,8 +226,8 @@ class _Course:
     def __init__(
         self,
         state: Optimization,
-        fine: list[TrainingView],
-        coarse: list[TrainingView],
+        fine: Sequence[TrainingView],
+        coarse: Sequence[TrainingView],
         settings: ReconstructSettings,
         progress: Progress,
     ) -> None:
@@ -281,8 +304,8 @@ class _Course:
         self.taken += taken
         return taken
 
-    def _of_probed(self, views: list[TrainingView]) -> list[TrainingView]:
-        return [views[i] for i in self.probed]
+    def _of_probed(self, views: Sequence[TrainingView]) -> Sequence[TrainingView]:
+        return Frames(len(self.probed), lambda k: views[self.probed[k]])
 
-    def _shown(self, views: list[TrainingView]) -> list[TrainingView]:
-        return [hide(v) if i in self.probed else v for i, v in enumerate(views)]
+    def _shown(self, views: Sequence[TrainingView]) -> Sequence[TrainingView]:
+        return Frames(len(views), lambda i: hide(views[i]) if i in self.probed else views[i])

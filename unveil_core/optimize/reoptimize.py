@@ -13,22 +13,26 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates
 from unveil_core.optimize.training.trainer import Optimization, TrainSettings
-from unveil_core.optimize.training.views import training_view
+from unveil_core.optimize.training.views import TrainingView, training_view
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["REOPTIMIZE_PRESETS", "ReoptimizeSettings", "reoptimize"]
 
+MANY_FRAMES = 100
+"""Frames up to which a drive has the same number of steps."""
+
 
 @dataclass(frozen=True)
 class ReoptimizeSettings:
     """Attributes:
-    iterations: steps.
+    iterations: steps, of drives of up to ``MANY_FRAMES`` frames; of longer ones they are more in proportion.
     near_m: surfels nearer than this to a removed one may change, metres.
     ground_spacing_m: distance between new surfels on invented ground, metres.
     weights: L1 with D-SSIM, L_d and L_n, as the paper; labels are given, not fitted.
@@ -38,6 +42,12 @@ class ReoptimizeSettings:
     near_m: float = 0.5
     ground_spacing_m: float = 0.08
     weights: LossWeights = field(default_factory=lambda: LossWeights(semantic=0.0, label_distortion=0.0, opacity=0.0))
+
+    def scaled(self, frames: int) -> ReoptimizeSettings:
+        """These settings for a number of frames; each frame of a long drive has its turn."""
+        if frames <= MANY_FRAMES or not self.iterations:
+            return self
+        return replace(self, iterations=max(frames, round(self.iterations * frames / MANY_FRAMES)))
 
 
 REOPTIMIZE_PRESETS: dict[str, ReoptimizeSettings] = {
@@ -59,6 +69,7 @@ def reoptimize(
     label_count: int,
     depths: Sequence[NDArray[np.float64]] | None = None,
     seed: int = 0,
+    cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
     """Fit the movable surfels of the empty scene to inpainted frames.
@@ -70,14 +81,18 @@ def reoptimize(
         targets: (camera, cleaned frame (H, W, 3) uint8).
         near, far: metres.
         depths: (H, W) per target, the depth that is expected, 0 = none; it counts by ``weights.depth``.
+        cache: room for the targets.
     Returns:
         the scene, in the same order.
     """
     if not movable.any() or settings.iterations == 0:
         return surfels
-    views = [training_view(camera, image, None, None, sky) for camera, image in targets]
-    if depths is not None:
-        views = [replace(v, depth=torch.from_numpy(d.astype(np.float32))) for v, d in zip(views, depths, strict=True)]
+
+    def view(i: int) -> TrainingView:
+        made = training_view(*targets[i], None, None, sky)
+        return made if depths is None else replace(made, depth=torch.from_numpy(depths[i].astype(np.float32)))
+
+    views = (cache or FrameCache()).frames(len(targets), view)
     training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far)
     rates = LearningRates(
         means=0.001, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
@@ -67,22 +68,27 @@ def _survey(
     cameras: Sequence[Camera],
     images: Sequence[NDArray[np.uint8]],
     near: float,
-) -> tuple[list[NDArray[np.bool_]], NDArray[np.float64]]:
+) -> tuple[Sequence[NDArray[np.bool_]], NDArray[np.float64]]:
     """What is measured in each view, (H, W) each, and the detail (P,) that the views show around each point.
 
     Detail is the contrast of the nearby pixels, levels of 255, the mean over the views that see the point, nan without any.
     """
-    measured = []
+    measured = []  # a bit a pixel: they are of all frames
     total, weight = np.zeros(len(points)), np.zeros(len(points))
     for camera, image in zip(cameras, images, strict=True):
         seen = points_in_view(points, spacing, camera, near=near)
-        measured.append(_measured(seen, camera))
+        measured.append(np.packbits(_measured(seen, camera)))
         gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         mean, square = cv2.blur(gray, DETAIL_WINDOW), cv2.blur(gray * gray, DETAIL_WINDOW)
         contrast = np.sqrt(np.maximum(square - mean * mean, 0))[seen.rows, seen.columns]
         total[seen.index] += contrast / seen.depth
         weight[seen.index] += 1 / seen.depth
-    return measured, np.where(weight > 0, total / np.maximum(weight, 1e-12), np.nan)
+
+    def unpacked(i: int) -> NDArray[np.bool_]:
+        shape = (cameras[i].height, cameras[i].width)
+        return np.unpackbits(measured[i], count=shape[0] * shape[1]).reshape(shape).astype(bool)
+
+    return Frames(len(cameras), unpacked), np.where(weight > 0, total / np.maximum(weight, 1e-12), np.nan)
 
 
 def _cell_share(detail: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -114,6 +120,7 @@ def start_scene(
     settings: StartSettings,
     *,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
+    cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
     """Surfels from the drive's points and from swept ones, labelled by the views.
@@ -121,11 +128,20 @@ def start_scene(
     Args:
         hidden: (H, W) per frame, pixels that show what does not stand: they give no points, no colours and, by ``labels``,
             no labels; None = no such pixels.
+        cache: room for the frames.
     Raises:
         DriveError: no point is seen by any frame.
     """
     cameras = [f.camera for f in drive.frames]
+    cache = cache or FrameCache()
     sky = scene.labels.index("sky")
+
+    def unmeasured(i: int) -> NDArray[np.bool_]:
+        usable: NDArray[np.bool_] = ~measured[i]
+        if sky is not None:
+            usable &= labels[i] != sky
+        return usable if hidden is None else usable & ~hidden[i]
+
     centres = np.stack([c.centre for c in cameras])
     spacing, lonely = lonely_points(drive.points.positions, centres)
     positions, spacing = [drive.points.positions[~lonely]], spacing[~lonely]
@@ -134,15 +150,10 @@ def start_scene(
     measured, detail = _survey(positions[0], sizes[0], cameras, images, NEAR_M)
     for track in tracks(drive):
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
-        usable = [~measured[i] for i in track]
-        if sky is not None:
-            usable = [u & (labels[i] != sky) for u, i in zip(usable, track, strict=True)]
-        if hidden is not None:
-            usable = [u & ~hidden[i] for u, i in zip(usable, track, strict=True)]
         found, footprint = sweep_points(
             [cameras[i] for i in track],
-            [images[i] for i in track],
-            usable,
+            _of_track(images, track),
+            _of_track(Frames(len(cameras), unmeasured), track),
             SweepSettings(),
             near=10 * NEAR_M,
             far=FAR_M,
@@ -170,11 +181,12 @@ def start_scene(
     normal, spacing = estimate_normals(points, centres)
     # What hides others is as large as the thinning left it; lonely strays must not blot out what lies behind them.
     cover = np.minimum(spacing, 0.7 * cell)
-    views = [points_in_view(points, cover, c, near=NEAR_M, normals=normal) for c in cameras]
+    views: Sequence[PointsInView] = cache.frames(
+        len(cameras), lambda v: points_in_view(points, cover, cameras[v], near=NEAR_M, normals=normal)
+    )
     label, agreement = vote_labels(len(points), views, lambda v: labels[v], len(scene.labels))
-    if hidden is not None:
-        views = [view.outside(mask) for view, mask in zip(views, hidden, strict=True)]
-    color, seen = sample_colors(len(points), views, lambda v: images[v])
+    static = views if hidden is None else Frames(len(cameras), lambda v: views[v].outside(hidden[v]))
+    color, seen = sample_colors(len(points), static, lambda v: images[v])
     good = seen & (label >= 0) & (label != (-2 if sky is None else sky)) & (agreement > 0.4)
     if not good.any():
         raise DriveError("no point of the drive is seen by any frame", path=drive.root, mend="check poses and points")
@@ -185,6 +197,11 @@ def start_scene(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
     return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP)
+
+
+def _of_track(frames: Sequence[NDArray[Any]], track: Sequence[int]) -> Sequence[NDArray[Any]]:
+    """The frames of one camera."""
+    return Frames(len(track), lambda k: frames[track[k]])
 
 
 def random_scene(
@@ -201,7 +218,9 @@ def random_scene(
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     spacing = estimate_normals(points, points[:1])[1]
     sky = scene.labels.index("sky")
-    views = [points_in_view(points, 1e-6 * spacing, f.camera, near=NEAR_M) for f in drive.frames]
+    views = Frames(
+        len(drive.frames), lambda v: points_in_view(points, 1e-6 * spacing, drive.frames[v].camera, near=NEAR_M)
+    )
     label, _ = vote_labels(count, views, lambda v: labels[v], len(scene.labels))
     good = (label >= 0) & (label != (-2 if sky is None else sky))
     colors = generator.integers(0, 256, (count, 3)).astype(np.uint8)
@@ -216,32 +235,34 @@ def start_sky(
     surfels: Surfels,
     rows: Sequence[int] = SKY_ROWS,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
+    cache: FrameCache | None = None,
 ) -> tuple[Sky, dict[str, Any]]:
     """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers.
 
     Args:
         rows: heights of the panorama to choose from, rising.
         hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
+        cache: room for the frames.
     Returns:
         the sky, and what its size was chosen by: a panorama fitted to every second frame is held against the others, and a
         larger one must explain them better by ``SKY_GAIN`` dB.
     """
     sky = scene.labels.index("sky")
-    samples: list[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]] = []
-    for i, frame in enumerate(drive.frames):
+    cameras = [f.camera for f in drive.frames]
+
+    def sky_pixels(i: int) -> NDArray[np.bool_]:
         if sky is not None:
-            mask = labels[i] == sky
-        else:
-            with torch.no_grad():
-                alpha = render(surfels, frame.camera, ("alpha",), near=NEAR_M, far=FAR_M).alpha
-            assert alpha is not None
-            above = frame.camera.rays() @ UP > 0
-            mask = (alpha.numpy() < 0.05) & above
-            if hidden is not None:
-                mask &= ~hidden[i]
-        samples.append((frame.camera, images[i], mask))
+            return labels[i] == sky
+        with torch.no_grad():
+            alpha = render(surfels, cameras[i], ("alpha",), near=NEAR_M, far=FAR_M).alpha
+        assert alpha is not None
+        mask: NDArray[np.bool_] = (alpha.numpy() < 0.05) & (cameras[i].rays() @ UP > 0)
+        return mask if hidden is None else mask & ~hidden[i]
+
+    masks = (cache or FrameCache()).frames(len(cameras), sky_pixels)
+    samples = Frames(len(cameras), lambda i: (cameras[i], images[i], masks[i]))
     chosen, best, tried = rows[0], -np.inf, {}
-    for height in rows if len(rows) > 1 and any(m.any() for _, _, m in samples[1::2]) else ():
+    for height in rows if len(rows) > 1 and any(m.any() for m in masks[1::2]) else ():
         trial = fit_sky(samples[::2], UP, height=height)
         errors = [
             np.square(trial.render(camera).numpy()[mask] - image[mask] / 255.0).ravel()

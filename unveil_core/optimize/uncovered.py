@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
@@ -42,7 +43,7 @@ def _confirmed(
     positions = surfels.means.double().numpy()
     spacing = surfels.log_scales.exp().amax(1).double().numpy()
     facing = surfels.normals().double().numpy()
-    views = [points_in_view(positions, spacing, camera, near=NEAR_M, normals=facing) for camera in cameras]
+    views = Frames(len(cameras), lambda v: points_in_view(positions, spacing, cameras[v], near=NEAR_M, normals=facing))
     label, agreement = vote_labels(len(positions), views, lambda v: labels[v], label_count)
     return torch.from_numpy((label == surfels.labels.numpy()) & (agreement > AGREEMENT))
 

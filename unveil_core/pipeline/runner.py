@@ -21,6 +21,7 @@ from typing import Any
 
 from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
@@ -153,7 +154,8 @@ class _Attempt:
         workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
         self.reporter(workspace.log(stage.name, "started"))
         try:
-            facts = stage.run(StageContext(workspace, self.settings, self.progress, self.drive, partial))
+            cache = FrameCache(self.settings.memory_bytes)
+            facts = stage.run(StageContext(workspace, self.settings, self.progress, self.drive, partial, cache))
             if self.stop.is_set():
                 raise Cancelled(stage.name)
         except BaseException as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,22 @@ from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
-__all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings"]
+__all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
 
 QUALITIES = ("draft", "standard", "high")
 MOVERS = ("auto", "keep")
 ORDERS = ("reverse", "forward", "independent")
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
+LEAST_MEMORY = 64 << 20
+"""Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
+UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
+
+def bytes_of(size: str) -> int | None:
+    """Bytes of a size as people write it, as 4G, 512M or 1.5g; None where it is none."""
+    found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,6})?)\s*([KMGT]?)(?:i?B)?\s*", size, re.IGNORECASE)
+    return None if found is None else int(float(found[1]) * UNITS.get(found[2].upper(), 1))
 
 
 @dataclass(frozen=True)
@@ -37,6 +47,8 @@ class RunSettings:
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
         scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
+        memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
+            on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
             that the drive has, or what follows from its boxes and labelled points.
         shadows: "auto" removes the shadows of removed objects too, "off" keeps them; "AZIMUTH,ELEVATION" in degrees gives the
@@ -79,6 +91,7 @@ class RunSettings:
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
     segmenter: str | None = None
+    memory: str = "4G"
 
     def __post_init__(self) -> None:
         if self.reference_inpainter is not None and not is_file(self.reference_inpainter):
@@ -114,6 +127,10 @@ class RunSettings:
             raise SettingsError(
                 f"scale {self.scale:g} is out of range", mend="give the units in a metre, 0.000001 to 1,000,000"
             )
+        if (bytes_of(self.memory) or 0) < LEAST_MEMORY:
+            raise SettingsError(
+                f"memory {self.memory!r} is too little, or no size", mend="use 64M or more, as 512M or 4G"
+            )
         if self.work_side is not None and self.work_side < 32:
             raise SettingsError(f"work_side {self.work_side} is too small", mend="at least 32 pixels")
         for name, given, low, high in (
@@ -136,6 +153,11 @@ class RunSettings:
         except ValueError:
             return None
         return (azimuth, elevation) if math.isfinite(azimuth) and 0 < elevation <= 90 else None
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes of ``memory``."""
+        return bytes_of(self.memory) or LEAST_MEMORY
 
     @property
     def drive_options(self) -> DriveOptions:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
@@ -16,6 +17,8 @@ Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
 Facts = dict[str, object]
 """What workspace.json records of a finished stage beside its files, JSON-able: counts, choices."""
+SCRATCH = ".scratch"
+"""Folder beside a stage's outputs that none of them is in."""
 
 
 def silent(event: dict[str, object]) -> None:
@@ -48,6 +51,7 @@ class StageContext:
         progress: to call after each unit of work.
         drive: path of the drive as the user gave it.
         partial: where outputs are written, see :meth:`output`.
+        cache: room for frames, see ``base.frame_cache``.
     """
 
     workspace: Workspace
@@ -55,6 +59,11 @@ class StageContext:
     progress: Progress
     drive: Path
     partial: Path
+    cache: FrameCache = field(default_factory=FrameCache)
+
+    def scratch(self, name: str) -> Path:
+        """A folder for what the stage computes and reads again; it is gone when the stage has finished."""
+        return self.partial / SCRATCH / name
 
     def output(self, relative: str) -> Path:
         """The path to write an output to; it moves to the same place in the workspace when the stage has finished."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.types import Float32, Mask
-from unveil_core.delivery.views import EmptyView
+from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.geometry.images import border_px, grow, smoothed
@@ -20,7 +22,7 @@ from unveil_core.inpaint.frames.compose import optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL, RELIT
 from unveil_core.provenance.doubts import find_doubts
 from unveil_core.provenance.origins import frame_origins, rendered_origins, scene_origins
-from unveil_core.provenance.witnesses import Witness, seen_by
+from unveil_core.provenance.witnesses import Witnesses, seen_by
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
 from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
@@ -43,12 +45,15 @@ class FrameProvenance:
     doubts: Float32
 
 
-def provenance_of(root: Path, made: Path, frames: Sequence[Frame], surfels: Surfels) -> Iterator[FrameProvenance]:
+def provenance_of(
+    root: Path, made: Path, frames: Sequence[Frame], surfels: Surfels, cache: FrameCache, scratch: Path
+) -> Iterator[FrameProvenance]:
     """The provenance of all frames, in their order.
 
     Args:
         root: the workspace; made: folder of ``clean/`` and ``renders/``, which may not be there yet.
         surfels: the empty scene.
+        cache: room for the frames; scratch: folder for what is rendered of them.
     Raises:
         WorkspaceError: its surfels are not those that the workspace says.
     """
@@ -60,15 +65,24 @@ def provenance_of(root: Path, made: Path, frames: Sequence[Frame], surfels: Surf
             mend="run `unveil inpaint` and `unveil reoptimize` again",
         )
     exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
-    found, witnesses = [], []
-    for frame in frames:
-        shown, depth = rendered_origins(surfels, origins, frame.camera)
-        origin, barred = _origin_of(root, frame, shown, moving)
-        picture = np.round(smoothed(exposures.read(frame))).astype(np.uint8)
-        found.append(origin)
-        witnesses.append(Witness(EmptyView(frame.camera, depth, barred), picture))
+
+    def look(i: int) -> tuple[NDArray[Any], ...]:
+        shown, depth = rendered_origins(surfels, origins, frames[i].camera)
+        origin, barred = _origin_of(root, frames[i], shown, moving)
+        return origin, np.packbits(barred), depth
+
+    stored = cache.stored(scratch, len(frames), look)
+    pictures = cache.frames(len(frames), lambda i: np.round(smoothed(exposures.read(frames[i]))).astype(np.uint8))
+
+    def view(i: int) -> EmptyView:
+        origin, barred, depth = stored[i]
+        bits = np.unpackbits(barred, count=origin.size).reshape(origin.shape).astype(bool)
+        return EmptyView(frames[i].camera, depth, bits)
+
+    witnesses = Witnesses(EmptyViews([f.camera for f in frames], Frames(len(frames), view)), pictures)
     for i, frame in enumerate(frames):
-        yield FrameProvenance(frame, found[i], _doubts_of(root, made, frame, found[i], witnesses, i, exposures))
+        origin = stored[i][0]
+        yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures))
 
 
 def _origins(root: Path) -> NDArray[np.uint8]:
@@ -96,7 +110,7 @@ def _doubts_of(
     made: Path,
     frame: Frame,
     origin: NDArray[np.uint8],
-    witnesses: Sequence[Witness],
+    witnesses: Witnesses,
     own: int,
     exposures: Exposures,
 ) -> Float32:
@@ -110,6 +124,6 @@ def _doubts_of(
         (rendered, inpainted),
         changed,
         origin == RELIT,
-        witnesses[own].view.depth,
+        witnesses.views[own].depth,
         seen_by(witnesses, own, changed),
     )

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from unveil_core.base.types import Float32, Float64, Mask, Picture
-from unveil_core.delivery.views import EmptyView, sees
+from unveil_core.delivery.views import EmptyView, EmptyViews, sees
 from unveil_core.geometry.images import sample_at
 
-__all__ = ["Seen", "Witness", "seen_by"]
+__all__ = ["Seen", "Witnesses", "seen_by"]
 
 MOST_WITNESSES, MOST_NEAR = 24, 96
 """Frames that are asked, evenly chosen of the so many nearest: more show nothing else, and would take time."""
@@ -20,11 +20,16 @@ SKY_M = 1e5
 
 
 @dataclass(frozen=True, eq=False)
-class Witness:
-    """A frame that can be asked: its view, and its photograph (H, W, 3) uint8, smoothed, in canonical colours."""
+class Witnesses:
+    """The frames that can be asked.
 
-    view: EmptyView
-    picture: Picture
+    Attributes:
+        views: what they show.
+        pictures: (H, W, 3) uint8, their photographs, smoothed, in canonical colours.
+    """
+
+    views: EmptyViews
+    pictures: Sequence[Picture]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,24 +47,24 @@ class Seen:
     spread: Float32
 
 
-def seen_by(witnesses: Sequence[Witness], own: int, pixels: Mask) -> Seen:
+def seen_by(witnesses: Witnesses, own: int, pixels: Mask) -> Seen:
     """What the other frames show of pixels (H, W) of frame ``own``."""
-    here = witnesses[own].view
+    here = witnesses.views[own]
     depth, rays = here.depth[pixels].astype(np.float64), here.camera.rays()[pixels]
     sky = depth == 0
     points: Float64 = here.camera.centre + np.where(sky, SKY_M, depth)[:, None] * rays
     count, total = np.zeros(len(points)), np.zeros(len(points))
     color, square = np.zeros((len(points), 3)), np.zeros(len(points))
     for j in _asked(witnesses, own):
-        other = witnesses[j]
-        shown, far = sees(other.view, points)
-        at, _ = other.view.camera.project(points)
+        other = witnesses.views[j]
+        shown, far = sees(other, points)
+        at, _ = other.camera.project(points)
         if sky.any():
-            shown[sky] = _shows_sky(other.view, points[sky])
+            shown[sky] = _shows_sky(other, points[sky])
         index = np.flatnonzero(shown)
         if not len(index):
             continue
-        found = sample_at(other.picture, at[index]).astype(np.float64)
+        found = sample_at(witnesses.pictures[j], at[index]).astype(np.float64)
         weight = 1.0 / far[index]
         count[index] += 1
         total[index] += weight
@@ -71,11 +76,9 @@ def seen_by(witnesses: Sequence[Witness], own: int, pixels: Mask) -> Seen:
     return Seen(count.astype(np.float32), color.astype(np.float32), spread.astype(np.float32))
 
 
-def _asked(witnesses: Sequence[Witness], own: int) -> list[int]:
+def _asked(witnesses: Witnesses, own: int) -> list[int]:
     """The frames that are asked about frame ``own``."""
-    here = witnesses[own].view.camera.centre
-    apart = [float(np.linalg.norm(w.view.camera.centre - here)) for w in witnesses]
-    near = [int(j) for j in np.argsort(apart, kind="stable") if j != own][:MOST_NEAR]
+    near: list[int] = witnesses.views.nearest(own)[:MOST_NEAR].tolist()
     return near[:: max(1, -(-len(near) // MOST_WITNESSES))]
 
 

@@ -8,15 +8,17 @@ ground, or the sky, and whether some frame shows it without a removed object in 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import cameras_near, centres_of
 
-__all__ = ["SeenView", "depth_behind", "never_seen", "places_seen", "seen_view", "sky_seen"]
+__all__ = ["SeenView", "SeenViews", "depth_behind", "never_seen", "places_seen", "seen_view", "sky_seen"]
 
 AGREEMENT, GROUND_AGREEMENT, UNLABELLED_AGREEMENT = 0.1, 0.5, 0.25
 """Share of a point's depth by which the surface that a frame shows may be nearer and still not count as in front of the point:
@@ -25,26 +27,50 @@ at a grazing angle its rendered depth is far less accurate. Unlabelled pixels ge
 SKY_ALPHA, SURFACE = 0.3, 0.5
 """Alpha: a pixel of the full scene below the first shows sky, one of the empty scene above the second a surface."""
 
+REACH_M = 2 * FAR_M
+"""Distance from which on a frame is not asked for a place or for sky, metres: no surface is rendered beyond half of it, and the
+time of a long drive must not grow with the square of its length."""
+
 
 @dataclass(frozen=True, eq=False)
 class SeenView:
     """What a frame shows: how far it sees in each pixel.
 
     Attributes:
-        camera: of the frame.
-        max_visible_depth: (H, W) float32, depth along the optical axis beyond which points in a pixel are occluded, inf for none.
+        max_visible_depth: (H, W) float16, depth along the optical axis beyond which points in a pixel are occluded, inf for none:
+            its error is a hundredth of what the tests allow.
         sky: (H, W) bool, pixels that show sky.
         hidden: (H, W) bool, pixels that show a removed object.
     """
 
-    camera: Camera
-    max_visible_depth: NDArray[np.float32]
+    max_visible_depth: NDArray[np.float16]
     sky: Mask
     hidden: Mask
 
 
+@dataclass(frozen=True, eq=False)
+class SeenViews:
+    """What all frames of a drive show.
+
+    Attributes:
+        cameras: of the frames; frames: what they show, asked for only where it matters.
+        centres: (V, 3) of the cameras.
+    """
+
+    cameras: Sequence[Camera]
+    frames: Sequence[SeenView]
+    centres: Float64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", centres_of(self.cameras))
+
+    def nearest(self, candidates: NDArray[np.int64], place: Float64) -> NDArray[np.int64]:
+        """Indices of frames, those whose cameras are nearest to a place (3,) first: they most likely show what lies there."""
+        apart = np.linalg.norm(self.centres[candidates] - place, axis=1)
+        return candidates[np.argsort(apart, kind="stable")]
+
+
 def seen_view(
-    camera: Camera,
     depth: NDArray[np.float32],
     alpha: NDArray[np.float32],
     hidden: Mask,
@@ -61,7 +87,8 @@ def seen_view(
     if known_and_ground is not None:
         known, ground = known_and_ground
         agreement[known] = np.where(ground, GROUND_AGREEMENT, AGREEMENT)[known]
-    return SeenView(camera, (reach / (1 - agreement)).astype(np.float32), sky, hidden)
+    with np.errstate(over="ignore"):  # beyond 65 km is as far as can be
+        return SeenView((reach / (1 - agreement)).astype(np.float16), sky, hidden)
 
 
 def _pixel_reach(depth: NDArray[np.floating]) -> Float64:
@@ -90,26 +117,41 @@ def _pixels(camera: Camera, points: Float64) -> tuple[NDArray[np.int64], NDArray
     return pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index], index
 
 
-def places_seen(points: Float64, views: Sequence[SeenView]) -> Mask:
-    """(P,) bool, whether some view shows the point (P, 3), world, and no surface in front of it."""
+def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
+    """(P,) bool, whether some view shows the point (P, 3), world, and no surface in front of it.
+
+    Args:
+        place: (3,) near which frames are asked first.
+    """
     seen = np.zeros(len(points), dtype=bool)
-    for view in views:
+    for v in views.nearest(cameras_near(views.centres, points, REACH_M), place):
         open_ = np.flatnonzero(~seen)
         if not len(open_):
             break
-        row, column, depth, index = _pixels(view.camera, points[open_])
-        shows = ~view.hidden[row, column] & (view.max_visible_depth[row, column] > depth)
-        seen[open_[index[shows]]] = True
+        row, column, depth, index = _pixels(views.cameras[v], points[open_])
+        if len(index):
+            view = views.frames[v]
+            shows = ~view.hidden[row, column] & (view.max_visible_depth[row, column] > depth)
+            seen[open_[index[shows]]] = True
     return seen
 
 
-def sky_seen(directions: Float64, views: Sequence[SeenView]) -> Mask:
-    """(P,) bool, whether some view shows sky in the direction (P, 3), world."""
+def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
+    """(P,) bool, whether some view shows sky in the direction (P, 3), world.
+
+    Args:
+        place: (3,) near which frames are asked.
+    """
     seen = np.zeros(len(directions), dtype=bool)
-    for view in views:
-        row, column, _, index = _pixels(view.camera, view.camera.centre + 1e6 * directions)
-        sky = ~view.hidden[row, column] & view.sky[row, column]
-        seen[index[sky]] = True
+    for v in views.nearest(cameras_near(views.centres, place[None], REACH_M), place):
+        open_ = np.flatnonzero(~seen)
+        if not len(open_):
+            break
+        camera = views.cameras[v]
+        row, column, _, index = _pixels(camera, camera.centre + 1e6 * directions[open_])
+        if len(index):
+            view = views.frames[v]
+            seen[open_[index[~view.hidden[row, column] & view.sky[row, column]]]] = True
     return seen
 
 
@@ -141,7 +183,7 @@ def _surface(alpha: NDArray[np.float32], depth: NDArray[np.float32]) -> Float64:
     return np.where(alpha > SURFACE, depth.astype(np.float64), np.inf)
 
 
-def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: Sequence[SeenView]) -> Mask:
+def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: SeenViews) -> Mask:
     """Pixels (H, W) of removed objects behind which lies a surface that no frame shows.
 
     Args:
@@ -152,8 +194,8 @@ def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: Sequence[See
     behind = depth[hidden]
     place = np.isfinite(behind)
     seen = np.zeros(len(rays), dtype=bool)
-    seen[place] = places_seen(camera.centre + behind[place, None] * rays[place], views)
-    seen[~place] = sky_seen(rays[~place], views)
+    seen[place] = places_seen(camera.centre + behind[place, None] * rays[place], views, camera.centre)
+    seen[~place] = sky_seen(rays[~place], views, camera.centre)
     mask = np.zeros(hidden.shape, dtype=bool)
     mask[hidden] = ~seen
     return mask

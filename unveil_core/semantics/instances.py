@@ -13,9 +13,12 @@ from scipy.spatial import cKDTree
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.clusters import connected_points
 from unveil_core.semantics.visibility import points_in_view
-from unveil_core.semantics.votes import vote_labels
+from unveil_core.semantics.votes import view_weights
 
 __all__ = ["Box", "cluster_points", "fit_box", "vote_instances"]
+
+MANY_VOTES = 1_000_000
+"""Votes that are summed up at once: 24 MB of them."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ def vote_instances(
     positions: NDArray[np.float64],
     spacing: NDArray[np.float64],
     cameras: Sequence[Camera],
-    instance_image: Callable[[int], NDArray[np.int64] | None],
+    instance_image: Callable[[int], NDArray[np.integer] | None],
     *,
     near: float,
 ) -> NDArray[np.int64]:
@@ -64,30 +67,59 @@ def vote_instances(
 
     Args:
         positions, spacing: removable points and their neighbourhood, metres.
-        instance_image: gives (H, W) ids of view v (0 = none), or None where it has none.
+        instance_image: gives (H, W) ids of view v (0 = none), or None where it has none; asked once each.
     """
-    images = [instance_image(v) for v in range(len(cameras))]
-    ids = sorted({int(i) for image in images if image is not None for i in np.unique(image) if i})
-    if not ids or not len(positions):
-        return np.zeros(len(positions), dtype=np.int64)
-    table = np.full(max(ids) + 1, -1, dtype=np.int64)
-    table[ids] = np.arange(len(ids))
-
-    def compact(v: int) -> NDArray[np.int64]:
-        image = images[v]
-        if image is None:
-            return np.full((cameras[v].height, cameras[v].width), -1, dtype=np.int64)
-        return table[image]
-
-    views = [points_in_view(positions, spacing, camera, near=near) for camera in cameras]
-    label, _ = vote_labels(len(positions), views, compact, len(ids))
-    voted = np.where(label >= 0, np.asarray(ids)[np.maximum(label, 0)], 0)
+    votes = _SparseVotes()
+    for v, camera in enumerate(cameras):
+        image = instance_image(v)
+        if image is not None:
+            seen = points_in_view(positions, spacing, camera, near=near)
+            number = image[seen.rows, seen.columns].astype(np.int64)
+            named = number > 0
+            votes.add(seen.index[named], number[named], view_weights(image, seen)[named])
+    voted = votes.winners(len(positions))
     if (voted > 0).any() and (voted == 0).any():
         # A point that no view shows within an instance belongs to the nearest one that has one.
         known = voted > 0
         nearest = cKDTree(positions[known]).query(positions[~known])[1]
         voted[~known] = voted[known][nearest]
     return voted
+
+
+class _SparseVotes:
+    """Votes of points for ids: a drive has hundreds of objects, and each point votes for a few."""
+
+    def __init__(self) -> None:
+        self.point, self.id = (np.zeros(0, np.int64) for _ in range(2))
+        self.weight = np.zeros(0)
+        self.new: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
+
+    def add(self, point: NDArray[np.int64], number: NDArray[np.int64], weight: NDArray[np.float64]) -> None:
+        """Votes (M,) of points for ids."""
+        self.new.append((point, number, weight))
+        if sum(len(p) for p, _, _ in self.new) > max(MANY_VOTES, len(self.point)):
+            self._merge()
+
+    def winners(self, count: int) -> NDArray[np.int64]:
+        """(count,) the id with most votes of each point, the smallest of equals; 0 where nobody voted."""
+        self._merge()
+        found = np.zeros(count, dtype=np.int64)
+        order = np.lexsort((-self.id, self.weight, self.point))
+        last = np.flatnonzero(np.diff(self.point[order], append=-1))
+        found[self.point[order[last]]] = self.id[order[last]]
+        return found
+
+    def _merge(self) -> None:
+        point, number, weight = (
+            np.concatenate([kept, *(n[k] for n in self.new)])
+            for k, kept in enumerate((self.point, self.id, self.weight))
+        )
+        self.new = []
+        order = np.lexsort((number, point))
+        point, number = point[order], number[order]
+        first = np.flatnonzero(np.diff(point, prepend=-1) | np.diff(number, prepend=-1))
+        self.point, self.id = point[first], number[first]
+        self.weight = np.add.reduceat(weight[order], first) if len(first) else np.zeros(0)
 
 
 def cluster_points(positions: NDArray[np.float64], radius: float, *, minimum: int = 20) -> NDArray[np.int64]:

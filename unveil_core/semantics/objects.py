@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import SelectionError
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox, has_moved
 from unveil_core.drives.depth_range import NEAR_M
@@ -87,7 +88,11 @@ def _box(tracked: TrackedBox) -> Box:
 
 
 def find_objects(
-    drive: Drive, scene: SceneLabels, marked: Sequence[MarkedObject] = (), progress: Progress = no_progress
+    drive: Drive,
+    scene: SceneLabels,
+    marked: Sequence[MarkedObject] = (),
+    progress: Progress = no_progress,
+    cache: FrameCache | None = None,
 ) -> FoundObjects:
     """Name the objects of a drive.
 
@@ -95,6 +100,7 @@ def find_objects(
         drive: an imported drive; scene: its labels.
         marked: objects by hand.
         progress: called per step.
+        cache: room for the frames.
     Raises:
         SelectionError: a marked object has the id of another one.
         DriveError: a picture that cannot be read.
@@ -108,10 +114,13 @@ def find_objects(
         some = thin_points(positions, cell)
     cameras = [f.camera for f in drive.frames]
     normals, spacing = estimate_normals(positions[some], np.stack([c.centre for c in cameras]))
-    views: list[PointsInView] = []
-    for done, camera in enumerate(cameras):
-        views.append(points_in_view(positions[some], spacing, camera, near=NEAR_M, normals=normals))
-        progress(done + 1, len(cameras), "seeing points")
+    thinned = positions[some]
+
+    def seen_points(v: int) -> PointsInView:
+        progress(v + 1, len(cameras), "seeing points")
+        return points_in_view(thinned, spacing, cameras[v], near=NEAR_M, normals=normals)
+
+    views: Sequence[PointsInView] = (cache or FrameCache()).frames(len(cameras), seen_points)
     sky = scene.labels.index("sky")
 
     def label_image(v: int) -> NDArray[np.int64]:
@@ -120,9 +129,9 @@ def find_objects(
 
     labels, _ = vote_labels(len(some), views, label_image, len(scene.labels))
     removable = np.isin(labels, scene.removable_labels)
-    images = [frame_instances(f) for f in drive.frames]
+    images = Frames(len(cameras), lambda v: frame_instances(drive.frames[v]))
     ids = np.zeros(len(some), dtype=np.int64)
-    by_image = any(image is not None for image in images)
+    by_image = any(f.instance_path is not None for f in drive.frames)
     if by_image:
         found_ids = vote_instances(
             positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=NEAR_M
@@ -261,9 +270,11 @@ def _marked(
         sightings = sightings_of_points(ids, views).get(mark.id) or _outlines(drive, box, axes)
         return SceneObject(mark.id, mark.class_name, "box", box, int(inside.sum()), tuple(sightings))
     assert mark.mattes is not None
-    mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
+    folder = mark.mattes
+    mattes = Frames(len(drive.frames), lambda v: matte(folder, drive, drive.frames[v]))
     inside = vote_mattes(len(some), views, mattes)
-    seen = sightings_in_images([None if m is None else m.astype(np.int64) for m in mattes]).get(1, [])
+    numbers = Frames(len(mattes), lambda v: None if (m := mattes[v]) is None else m.astype(np.int64))
+    seen = sightings_in_images(numbers).get(1, [])
     members = positions[some][inside]
     fitted = fit_box(members, axes, gap=1.0) if len(members) >= 5 else None
     return SceneObject(mark.id, mark.class_name, "mattes", fitted, int(inside.sum()), tuple(seen))

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from unveil_core.semantics.visibility import PointsInView
 
-__all__ = ["label_share", "sample_colors", "vote_labels"]
+__all__ = ["label_share", "sample_colors", "view_weights", "vote_labels"]
 
 
 BORDER_PX, LEAST_SHARE = 2, 0.3
 """A pixel counts in full where this share of the square of so wide a border around it has its own label."""
 
 
-def label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+def label_share(image: NDArray[np.integer], rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
     """How much of the square of ``2 * BORDER_PX + 1`` pixels around each of some pixels (M,) has its own label, 0 to 1.
 
     Args:
@@ -33,6 +33,13 @@ def label_share(image: NDArray[np.int64], rows: NDArray[np.int64], columns: NDAr
         for j in range(2 * BORDER_PX + 1):
             same += padded[rows + i, columns + j] == label
     return same / (2 * BORDER_PX + 1) ** 2
+
+
+def view_weights(image: NDArray[np.integer], seen: PointsInView) -> NDArray[np.float64]:
+    """(M,) what the votes of a view count: nearer ones more, those of lonely pixels of its labels (H, W) less."""
+    share = label_share(image, seen.rows, seen.columns)
+    weight: NDArray[np.float64] = np.minimum(share / LEAST_SHARE, 1.0) / seen.depth
+    return weight
 
 
 def vote_labels(
@@ -53,8 +60,7 @@ def vote_labels(
     for v, seen in enumerate(views):
         image = label_image(v)
         label = image[seen.rows, seen.columns]
-        share = label_share(image, seen.rows, seen.columns)
-        weight = np.minimum(share / LEAST_SHARE, 1.0) / seen.depth
+        weight = view_weights(image, seen)
         counts = label >= 0
         votes[seen.index[counts], label[counts]] += weight[counts]
     total = votes.sum(axis=1)

@@ -7,6 +7,7 @@ pixels first and may be trained with the surfels; no surfel carries the label sk
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,7 +60,7 @@ class Sky:
 
 
 def fit_sky(
-    samples: list[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]],
+    samples: Sequence[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]],
     up: NDArray[np.float64],
     *,
     height: int = 64,

@@ -7,7 +7,7 @@ of the street, and fills the gaps of a drive that brings only sparse points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -131,51 +131,84 @@ def sweep_points(
     Returns:
         points (P, 3) and the world size of their pixel footprint (P,).
     """
-    count = len(cameras)
-    small, gray, masks = [], [], []
-    for i, camera in enumerate(cameras):
-        factor = min(1.0, settings.side / max(camera.width, camera.height))
-        size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
-        small.append(camera.resized(*size))
-        plain = cv2.cvtColor(images[i], cv2.COLOR_RGB2GRAY)
-        gray.append(cv2.resize(plain, size, interpolation=cv2.INTER_AREA).astype(np.float32))
-        masks.append(cv2.resize(usable[i].astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool))
+    count, reach = len(cameras), settings.neighbours
     ladder = 1.0 / np.linspace(1.0 / near, 1.0 / far, settings.depths)
-    depth, score = [], []
-    for i in range(count):
-        around = [j for j in range(max(0, i - settings.neighbours), min(count, i + settings.neighbours + 1)) if j != i]
-        # A neighbour at the same place tells nothing of depth.
-        around = [j for j in around if np.linalg.norm(cameras[j].centre - cameras[i].centre) > 0.02 * near]
-        around = [j for j in around if gray[j].shape == gray[i].shape]
-        if around:
-            d, s = sweep_depth(
-                small[i], gray[i], [(small[j], gray[j]) for j in around], ladder, settings, usable=masks[i]
-            )
-        else:
-            d, s = np.zeros_like(gray[i]), np.full_like(gray[i], -1.0)
-        depth.append(d)
-        score.append(s)
-        progress(i + 1, count, "sweeping depths")
+    ready: dict[int, _Small] = {}
+    swept: dict[int, tuple[Float32, Float32]] = {}
     positions, sizes = [], []
-    for i in range(count):
-        grid = np.zeros(gray[i].shape, bool)
-        grid[stride // 2 :: stride, stride // 2 :: stride] = True
-        rows, columns = np.nonzero(grid & (score[i] > settings.correlation))
-        if not len(rows):
-            continue
-        d = depth[i][rows, columns].astype(np.float64)
-        points = small[i].centre + d[:, None] * small[i].rays()[rows, columns]
-        confirmed = np.zeros(len(points), bool)
-        for j in range(max(0, i - settings.neighbours), min(count, i + settings.neighbours + 1)):
-            if j == i:
-                continue
-            pixel, z = small[j].project(points)
-            inside = small[j].in_picture(pixel, z, nearest=near)
-            column, row = pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
-            same = np.abs(depth[j][row, column] - z[inside]) < settings.agreement * z[inside]
-            confirmed[np.flatnonzero(inside)[same & (score[j][row, column] > settings.correlation - 0.15)]] = True
-        positions.append(points[confirmed])
-        sizes.append(d[confirmed] * stride / small[i].fx)
+    # Only a frame and its neighbours are held at a time; what they confirm lags behind what is swept.
+    for i in range(count + reach):
+        for j in range(i, min(i + reach + 1, count)):
+            if j not in ready:
+                ready[j] = _smaller(cameras[j], images[j], usable[j], settings)
+        if i < count:
+            swept[i] = _swept(i, ready, ladder, settings, 0.02 * near)
+            progress(i + 1, count, "sweeping depths")
+        done = i - reach
+        if done >= 0:
+            found, size = _confirmed(done, ready, swept, settings, near, stride)
+            positions.append(found)
+            sizes.append(size)
+        ready.pop(done - reach, None)
+        swept.pop(done - reach, None)
     if not positions:
         return np.zeros((0, 3)), np.zeros(0)
     return np.concatenate(positions), np.concatenate(sizes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Small:
+    """A frame at the size of the sweep: camera, grey (H, W) and the pixels (H, W) that are asked for."""
+
+    camera: Camera
+    gray: Float32
+    usable: NDArray[np.bool_]
+
+
+def _smaller(camera: Camera, image: NDArray[np.uint8], usable: NDArray[np.bool_], settings: SweepSettings) -> _Small:
+    factor = min(1.0, settings.side / max(camera.width, camera.height))
+    size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
+    gray = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
+    mask = cv2.resize(usable.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
+    return _Small(camera.resized(*size), gray.astype(np.float32), mask)
+
+
+def _swept(
+    i: int, ready: Mapping[int, _Small], ladder: NDArray[np.float64], settings: SweepSettings, least_m: float
+) -> tuple[Float32, Float32]:
+    """Depth and correlation of frame i against its neighbours; one within ``least_m`` of its place tells nothing of depth."""
+    own = ready[i]
+    around = [ready[j] for j in range(i - settings.neighbours, i + settings.neighbours + 1) if j != i and j in ready]
+    around = [other for other in around if np.linalg.norm(other.camera.centre - own.camera.centre) > least_m]
+    others = [(other.camera, other.gray) for other in around if other.gray.shape == own.gray.shape]
+    if not others:
+        return np.zeros_like(own.gray), np.full_like(own.gray, -1.0)
+    return sweep_depth(own.camera, own.gray, others, ladder, settings, usable=own.usable)
+
+
+def _confirmed(
+    i: int,
+    ready: Mapping[int, _Small],
+    swept: Mapping[int, tuple[Float32, Float32]],
+    settings: SweepSettings,
+    near: float,
+    stride: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (P, 3) of frame i that the sweep of a neighbour confirms, and the world size of their footprints (P,)."""
+    camera, (depth, score) = ready[i].camera, swept[i]
+    grid = np.zeros(score.shape, bool)
+    grid[stride // 2 :: stride, stride // 2 :: stride] = True
+    rows, columns = np.nonzero(grid & (score > settings.correlation))
+    d = depth[rows, columns].astype(np.float64)
+    points = camera.centre + d[:, None] * camera.rays()[rows, columns]
+    confirmed = np.zeros(len(points), bool)
+    for j in range(i - settings.neighbours, i + settings.neighbours + 1):
+        if j == i or j not in swept:
+            continue
+        pixel, z = ready[j].camera.project(points)
+        inside = ready[j].camera.in_picture(pixel, z, nearest=near)
+        column, row = pixel[inside, 0].astype(int), pixel[inside, 1].astype(int)
+        there, sure = swept[j]
+        same = np.abs(there[row, column] - z[inside]) < settings.agreement * z[inside]
+        confirmed[np.flatnonzero(inside)[same & (sure[row, column] > settings.correlation - 0.15)]] = True
+    return points[confirmed], d[confirmed] * stride / camera.fx

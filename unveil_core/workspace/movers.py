@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame
@@ -61,18 +62,28 @@ class Moving:
             return np.zeros((frame.camera.height, frame.camera.width), dtype=bool)
         return load_mask(path)
 
-    def shadows(self, drive: Drive, removed: Sequence[Mask], mode: str) -> list[Mask]:
+    def shadows(self, drive: Drive, removed: Sequence[Mask], mode: str) -> Sequence[Mask]:
         """(H, W) per frame, shadows of dynamic objects outside the ``removed`` pixels (H, W); none where ``mode``, the
         setting ``shadows`` of the run, is "off"."""
-        shadows = [self.shadow(f) & ~r for f, r in zip(drive.frames, removed, strict=True)]
-        return [np.zeros_like(s) for s in shadows] if mode == "off" else shadows
+        frames = drive.frames
+        if mode == "off":
+            return Frames(len(frames), lambda i: np.zeros_like(removed[i]))
+        return Frames(len(frames), lambda i: self.shadow(frames[i]) & ~removed[i])
 
-    def hidden(self, drive: Drive) -> list[Mask] | None:
+    def hidden(self, drive: Drive, cache: FrameCache) -> Sequence[Mask] | None:
         """(H, W) per frame, pixels that do not show the static scene: dynamic objects with their borders, their shadows, and the
-        ego vehicle. None where there are no such."""
+        ego vehicle. None where there are no such; ``cache``: room for them."""
         if not self.count and all(f.ego_path is None for f in drive.frames):
             return None
-        return [grow(self.pixels(f), border_px(f.camera.width)) | self.shadow(f) | ego_pixels(f) for f in drive.frames]
+        frames = drive.frames
+        return cache.frames(
+            len(frames),
+            lambda i: (
+                grow(self.pixels(frames[i]), border_px(frames[i].camera.width))
+                | self.shadow(frames[i])
+                | ego_pixels(frames[i])
+            ),
+        )
 
     def static_part(self, drive: Drive) -> Drive:
         """The drive without the points that lie on dynamic objects."""
@@ -91,16 +102,19 @@ class Moving:
         return np.where(self.pixels(frame), 0, instances)
 
 
-def write_moving(drive: Drive, scene: SceneLabels, folder: Path, mode: str, progress: Progress) -> int:
+def write_moving(
+    drive: Drive, scene: SceneLabels, folder: Path, mode: str, progress: Progress, cache: FrameCache
+) -> int:
     """Find the dynamic objects and write ``folder``; returns how many there are.
 
     Args:
         mode: "auto", or "keep" to treat everything as static.
+        cache: room for the frames.
     Raises:
         DriveError: a tracked box of an unknown class.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    found = find_movers(drive, scene, progress) if mode == "auto" else None
+    found = find_movers(drive, scene, progress, cache) if mode == "auto" else None
     entries: list[dict[str, object]] = []
     if found is not None:
         for frame, numbers, shadow in zip(drive.frames, found.numbers, found.shadows, strict=True):

@@ -65,8 +65,10 @@ def paint(order: str, reference) -> tuple[list[Painted], list[int]]:
     sky, wall, tasks = Sky(torch.zeros(3, 8, 16), np.eye(3)), wall_with_a_gap(), frames()
     holes = [open_hole(task, wall, None) for task in tasks]
     plan = None if order == "independent" else plan_keyframes(holes, range(FRAMES), order=order)
-    done, _ = propagate_inpainting(tasks, RemainingScene(wall, sky, None, 1), invent, plan=plan, reference=reference)
-    return done, asked
+    done: dict[int, Painted] = {}
+    scene = RemainingScene(wall, sky, None, 1)
+    propagate_inpainting(tasks, scene, invent, done.setdefault, plan=plan, reference=reference)  # type: ignore[arg-type]
+    return [done[i] for i in range(FRAMES)], asked
 
 
 class Recolours:

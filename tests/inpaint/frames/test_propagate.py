@@ -35,9 +35,11 @@ def paint(cameras, times, order: str, given=None) -> tuple[list[Painted], list[H
     holes = [open_hole(task, WALL, None) for task in tasks]
     plan = None if order == "independent" else plan_keyframes(holes, times, order=order, given=given)
     painter = Painter()
-    painted, seeds = propagate_inpainting(tasks, RemainingScene(WALL, SKY, None, 1), painter, plan=plan)
-    assert seeds is not None
-    return painted, holes, painter
+    painted: dict[int, Painted] = {}
+    scene = RemainingScene(WALL, SKY, None, 1)
+    seeds = propagate_inpainting(tasks, scene, painter, painted.setdefault, plan=plan)  # type: ignore[arg-type]
+    assert seeds is not None and len(painted) == len(tasks)
+    return [painted[i] for i in range(len(tasks))], holes, painter
 
 
 def inner_colors(painted: list[Painted], holes: list[Hole]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import INVENTED
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.new_ground import seed_ground
-from unveil_core.inpaint.frames.propagate import RemainingScene, propagate_inpainting
+from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.inpaint.light.relight import OBJECT_M, sky_gain
 from unveil_core.surfels.sky import Sky
 
@@ -34,8 +34,9 @@ def test_no_light_is_thrown_on_what_stays() -> None:
         task = FrameTask(camera, picture, nothing, nothing, kept)
         sky = Sky(torch.zeros(3, 8, 16), np.eye(3))
         scene = RemainingScene(street, sky, layer, 1)
-        (painted,), _ = propagate_inpainting([task], scene, lambda image, _: image, plan=None)
-        cleaned.append((painted.image != 100).any(axis=2))
+        done: dict[int, Painted] = {}
+        propagate_inpainting([task], scene, lambda image, _: image, done.setdefault, plan=None)  # type: ignore[arg-type]
+        cleaned.append((done[0].image != 100).any(axis=2))
     assert (cleaned[0] & car).sum() > 50
     assert not (cleaned[1] & car).any()
     assert (cleaned[1][:, 54:] == cleaned[0][:, 54:]).all()

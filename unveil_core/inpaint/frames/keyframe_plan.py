@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Frame, instants
+from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.frames.holes import FrameTask, open_hole
+from unveil_core.inpaint.frames.holes import FrameTask, Hole, open_hole
 from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
 from unveil_core.surfels.surfels import Surfels
 
@@ -53,6 +60,8 @@ def plan_drive(
     *,
     order: str,
     names: Sequence[str] = (),
+    cache: FrameCache,
+    scratch: Path,
     progress: Progress = no_progress,
 ) -> Plan | None:
     """The keyframes of a drive, see :func:`unveil_core.inpaint.frames.keyframes.plan_keyframes`.
@@ -62,17 +71,30 @@ def plan_drive(
         remaining: the scene without the removed; layer: its ground, or None.
         order: "reverse", "forward", or "independent", which has no plan.
         names: the user's keyframes; none = chosen here.
+        cache: room for the frames; scratch: folder for their holes.
     Raises:
         SettingsError: there is no frame of that name.
     """
     if order == "independent":
         return None
     given = named_frames(frames, names) if names else None
-    holes = []
-    for done, task in enumerate(tasks):
-        holes.append(open_hole(task, remaining, layer))
+
+    def find(i: int) -> tuple[NDArray[Any], ...]:
+        hole = open_hole(tasks[i], remaining, layer)
+        return np.packbits(hole.mask), hole.depth
+
+    stored = cache.stored(scratch, len(tasks), find)
+    for done in range(len(tasks)):
+        _ = stored[done]  # in order, so that the time left can be said
         progress(done + 1, len(tasks), "choosing keyframes")
+    holes = Frames(len(tasks), lambda i: _hole(frames[i].camera, *stored[i]))
     return plan_keyframes(holes, instants(frames), order=order, given=given)
+
+
+def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -> Hole:
+    """A hole as it was stored: its pixels as bits, and their depth."""
+    shape = (camera.height, camera.width)
+    return Hole(camera, np.unpackbits(mask, count=shape[0] * shape[1]).reshape(shape).astype(bool), depth)
 
 
 def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: bool) -> dict[str, object]:

@@ -9,7 +9,7 @@ show too little are no keyframes. All cameras of a rig are planned together.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.images import area_px
+from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.inpaint.frames.holes import Hole
 
 __all__ = ["Keyframe", "Plan", "carried", "plan_keyframes", "sharper_elsewhere"]
@@ -37,6 +39,9 @@ LARGEST_SEED_PX = 12
 """Radius at which a carried surfel is drawn at most, pixels: it bounds the time, and what is so close hides a frame anyway."""
 ASKED_PX = 3000
 """Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
+
+REACH_M = 2 * FAR_M
+"""Distance from which on a frame is not asked for a place, metres: no surface is rendered beyond half of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,42 +91,57 @@ def plan_keyframes(
         given: indices that are keyframes, and no others.
     """
     late = np.asarray(times, dtype=np.float64) * (1.0 if order == "reverse" else -1.0)
-    areas = [hole.area() for hole in holes]
-    counts = [np.ones(len(a), dtype=bool) for a in areas]
-    least = np.array([area_px(hole.mask.shape, LEAST_PX) for hole in holes])
+    every = _Holes(holes)
+    counts = [np.ones(size, dtype=bool) for size in every.sizes]
+    least = np.array([area_px((c.height, c.width), LEAST_PX) for c in every.cameras])
     if given is None:
         if order == "reverse":
-            counts = [~sharper_elsewhere(hole, [h for h in holes if h is not hole]) for hole in holes]
-        chosen = _greedy(holes, areas, counts, late, least)
+            counts = [~sharper_elsewhere(hole, every.near(hole, range(len(holes)), i)) for i, hole in enumerate(holes)]
+        chosen = _greedy(every, counts, late, least)
     else:
         chosen = list(given)
     visit_order = sorted(range(len(holes)), key=lambda i: (-late[i], i))
-    chosen = [i for i in visit_order if i in chosen]
-    free = [np.ones(len(a), dtype=bool) for a in areas]
+    wanted = set(chosen)
+    chosen = [i for i in visit_order if i in wanted]
+    free = [np.ones(size, dtype=bool) for size in every.sizes]
     keyframes = []
     for turn, i in enumerate(chosen):
-        invents = free[i]
+        hole, invents = holes[i], free[i]
         if order == "reverse":
-            invents = invents & ~sharper_elsewhere(holes[i], [holes[j] for j in chosen[turn + 1 :]])
+            invents = invents & ~sharper_elsewhere(hole, every.near(hole, chosen[turn + 1 :], i))
         if given is None and invents.sum() < least[i]:
             continue  # frames that were chosen later and come earlier show together what it was chosen for
-        deferred = np.zeros_like(holes[i].mask)
-        deferred[holes[i].mask] = free[i] & ~invents
-        keyframes.append(Keyframe(i, float(areas[i][invents].sum()), int(invents.sum()), deferred))
-        _take(holes, i, invents, free)
+        deferred = np.zeros_like(hole.mask)
+        deferred[hole.mask] = free[i] & ~invents
+        keyframes.append(Keyframe(i, float(hole.area()[invents].sum()), int(invents.sum()), deferred))
+        _take(every, i, invents, free)
     return Plan(tuple(keyframes), tuple(visit_order), np.array([int(f.sum()) for f in free], dtype=np.int64))
 
 
+class _Holes:
+    """The holes of all frames, of which each is asked for only where another may show the same place."""
+
+    def __init__(self, holes: Sequence[Hole]) -> None:
+        self.holes = holes
+        first = [(hole.camera, len(hole.depth)) for hole in holes]
+        self.cameras, self.sizes = [camera for camera, _ in first], [size for _, size in first]
+        self.centres = centres_of(self.cameras)
+
+    def near(self, hole: Hole, candidates: Iterable[int], own: int) -> Iterator[Hole]:
+        """Those of the candidates, but for ``own``, whose cameras come near what a hole shows."""
+        close = set(cameras_near(self.centres, hole.points(), REACH_M).tolist())
+        return (self.holes[j] for j in candidates if j in close and j != own and self.sizes[j])
+
+
 def _greedy(
-    holes: Sequence[Hole],
-    areas: Sequence[NDArray[np.float64]],
+    every: _Holes,
     counts: Sequence[Mask],
     late: NDArray[np.float64],
     least: NDArray[np.int64],
 ) -> list[int]:
     """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
-    free = [np.ones(len(a), dtype=bool) for a in areas]
-    newly = np.array([float(a[c].sum()) for a, c in zip(areas, counts, strict=True)])
+    free = [np.ones(size, dtype=bool) for size in every.sizes]
+    newly = np.array([float(hole.area()[c].sum()) for hole, c in zip(every.holes, counts, strict=True)])
     pixels = np.array([int(c.sum()) for c in counts])
     chosen: list[int] = []
     taken = 0.0
@@ -134,33 +154,24 @@ def _greedy(
         i = int(best[np.lexsort((best, -newly[best], -late[best]))[0]])
         chosen.append(i)
         taken += newly[i]
-        for j in _take(holes, i, free[i] & counts[i], free):
+        for j in _take(every, i, free[i] & counts[i], free):
             new = free[j] & counts[j]
-            newly[j], pixels[j] = float(areas[j][new].sum()), int(new.sum())
+            newly[j], pixels[j] = float(every.holes[j].area()[new].sum()), int(new.sum())
 
 
-def _take(holes: Sequence[Hole], i: int, invents: Mask, free: list[Mask]) -> list[int]:
+def _take(every: _Holes, i: int, invents: Mask, free: list[Mask]) -> list[int]:
     """Mark in ``free`` what frame ``i`` carries to each frame when it invents these of its pixels; returns the frames changed."""
-    changed = []
+    changed = [i]
     free[i] = free[i] & ~invents
-    points, size = holes[i].points()[invents], holes[i].depth[invents] / holes[i].camera.fx
-    for j, hole in enumerate(holes):
-        if j == i:
-            changed.append(j)
-        elif len(points) and free[j].any() and _near(holes[i], hole):
-            shown = carried(points, size, hole)
+    hole = every.holes[i]
+    points, size = hole.points()[invents], hole.depth[invents] / hole.camera.fx
+    for j in cameras_near(every.centres, points, REACH_M).tolist():
+        if j != i and free[j].any():
+            shown = carried(points, size, every.holes[j])
             if (shown & free[j]).any():
                 free[j] = free[j] & ~shown
                 changed.append(j)
     return changed
-
-
-def _near(one: Hole, other: Hole) -> bool:
-    """Whether two holes can show the same place at all."""
-    if not len(one.depth) or not len(other.depth):
-        return False
-    apart = float(np.linalg.norm(one.camera.centre - other.camera.centre))
-    return apart < 2.0 * float(one.depth.max() + other.depth.max())
 
 
 def _in_view(
@@ -190,7 +201,7 @@ def carried(points: NDArray[np.float64], size: NDArray[np.float64], other: Hole)
     return shown[other.mask].astype(bool)
 
 
-def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_SHARPER) -> Mask:
+def sharper_elsewhere(hole: Hole, others: Iterable[Hole], factor: float = MUCH_SHARPER) -> Mask:
     """(P,) which of a hole's pixels show a place that lies in another frame's hole, too, and is ``factor`` times finer there."""
     step = max(1, math.ceil(math.sqrt(len(hole.depth) / ASKED_PX)))
     row, column = np.nonzero(hole.mask)
@@ -203,8 +214,8 @@ def sharper_elsewhere(hole: Hole, others: Sequence[Hole], factor: float = MUCH_S
     found = np.zeros(len(size), dtype=bool)
     for other in others:
         open_ = np.flatnonzero(~found)
-        if not len(open_) or not _near(hole, other):
-            continue
+        if not len(open_):
+            break
         row, column, inside, depth = _in_view(other, points[open_])
         finer = inside & other.mask[row, column] & (depth / other.camera.fx * factor < size[open_])
         found[open_[finer]] = True

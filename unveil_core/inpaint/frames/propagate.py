@@ -7,7 +7,7 @@ empty. The ground is not invented here: it comes from the chart, the same for al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -97,52 +97,59 @@ def propagate_inpainting(
     tasks: Sequence[FrameTask],
     scene: RemainingScene,
     single_image: SingleImageInpainter,
+    write: Callable[[int, Painted], None],
     *,
     plan: Plan | None,
     reference: ReferenceInpainter | None = None,
     progress: Progress = no_progress,
-) -> tuple[list[Painted], Surfels | None]:
+) -> Surfels | None:
     """Clean all frames: keyframes invent, in the order of their plan, and all others take that over.
 
     Args:
         tasks: frames.
         scene: without the removed objects.
         single_image: invents what nobody saw and is not ground.
+        write: gets each frame's index and result, once, when it is done.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
         reference: inpaints what another frame has invented, with that frame as its reference; by default only surfels carry it.
     Returns:
-        one :class:`Painted` per task, in their order, and the surfels of what was invented beside the ground.
+        the surfels of what was invented beside the ground, None where nothing was.
     """
     references = ReferencePropagator(reference) if reference is not None and plan is not None else None
     painter = _Painter(scene, single_image, references)
-    painted: list[Painted | None] = [None] * len(tasks)
     seeds: list[Surfels] = []
     if plan is None:
         for done, index in enumerate(reversed(range(len(tasks)))):
-            painted[index], new = painter.paint(tasks[index], scene.surfels, least_px=LEAST_SEEDS_PX)
+            painted, new = painter.paint(tasks[index], scene.surfels, least_px=LEAST_SEEDS_PX)
+            write(index, painted)
             seeds += new
             progress(done + 1, len(tasks), "inpainting")
-        return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+        return concatenate(seeds) if seeds else None
+    deferring: dict[int, Painted] = {}
+    finished: set[int] = set()
     surfels = scene.surfels
     total = len(plan.keyframes) + len(tasks)
     for done, key in enumerate(plan.keyframes):
-        painted[key.frame], new = painter.paint(tasks[key.frame], surfels, key.deferred, least_px=1)
+        painted, new = painter.paint(tasks[key.frame], surfels, key.deferred, least_px=1)
+        if key.deferred.any():
+            deferring[key.frame] = painted
+        else:
+            write(key.frame, painted)
+            finished.add(key.frame)
         if new:
             seeds += new
             surfels = concatenate([scene.surfels, *seeds])
         progress(done + 1, total, "inpainting keyframes")
-    complete = {k.frame for k in plan.keyframes if not k.deferred.any()}
     for done, index in enumerate(plan.visit_order):
-        first = painted[index]
-        if index not in complete or first is None:
+        if index not in finished:
             # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
             again, new = painter.paint(tasks[index], surfels, least_px=LEAST_SEEDS_PX)
-            painted[index] = again if first is None else _over(first, again)
+            write(index, _over(deferring.pop(index), again) if index in deferring else again)
             if new:
                 seeds += new
                 surfels = concatenate([scene.surfels, *seeds])
         progress(len(plan.keyframes) + done + 1, total, "inpainting")
-    return [p for p in painted if p is not None], concatenate(seeds) if seeds else None
+    return concatenate(seeds) if seeds else None
 
 
 def _over(first: Painted, again: Painted) -> Painted:

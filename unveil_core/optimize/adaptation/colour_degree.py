@@ -35,7 +35,7 @@ def lowered(surfels: Surfels, degree: int, cameras: Sequence[Camera]) -> Surfels
         low = surfels.sh[:, :width].double()
         normal = PRIOR * torch.eye(width, dtype=torch.float64).expand(len(surfels), -1, -1).clone()
         wanted = PRIOR * low
-        for camera in cameras[:: max(1, len(cameras) // DIRECTIONS)]:
+        for camera in cameras:
             directions, weight = _seen_from(surfels.means.double(), camera)
             full = basis(directions, surfels.sh_degree)
             own = full[:, :width] * weight[:, None]
@@ -64,7 +64,7 @@ def choose_sh_degree(
         the state of the degree that was chosen, and the numbers that chose it.
     """
     highest = state.trainable.surfels.sh_degree
-    cameras = [view.camera for view in phase.views]
+    cameras = [view.camera for view in phase.views[:: max(1, len(phase.views) // DIRECTIONS)]]
     trials, psnr = [], []
     for degree in range(highest + 1):
         trial = state.copy()

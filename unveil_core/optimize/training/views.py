@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -27,7 +28,6 @@ class TrainingView:
         labels: (H, W) int64 compact labels, negative = ignore; None = no semantics.
         weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
         sky_grid: (1, H, W, 2) where the sky panorama is sampled.
-        rays: (H, W, 3) camera-frame rays with unit z.
         depth: (H, W) depth that is expected here, metres along the optical axis, 0 where there is no expectation; None =
             nowhere.
     """
@@ -37,8 +37,18 @@ class TrainingView:
     labels: Tensor | None
     weight: Tensor | None
     sky_grid: Tensor
-    rays: Tensor
     depth: Tensor | None = None
+
+    @property
+    def rays(self) -> Tensor:
+        """(H, W, 3) camera-frame rays with unit z."""
+        return _rays(self.camera.intrinsics)
+
+
+@lru_cache(maxsize=12)
+def _rays(intrinsics: tuple[int, int, float, float, float, float]) -> Tensor:
+    """The rays of all frames of a camera: a rig of six has so many at its two sizes."""
+    return camera_rays(Camera(*intrinsics, np.eye(4)))
 
 
 def training_view(
@@ -62,8 +72,7 @@ def training_view(
     return TrainingView(
         camera=camera,
         image=torch.from_numpy(image.astype(np.float32) / 255),
-        labels=None if labels is None else torch.from_numpy(np.ascontiguousarray(labels)),
-        weight=None if weight is None else torch.from_numpy(np.ascontiguousarray(weight, dtype=np.float32)),
+        labels=None if labels is None else torch.from_numpy(labels.astype(np.int64)),
+        weight=None if weight is None else torch.from_numpy(weight.astype(np.float32)),
         sky_grid=sky.grid(camera),
-        rays=camera_rays(camera),
     )

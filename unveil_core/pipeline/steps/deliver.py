@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import link_or_copy, read_image, write_image_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
 from unveil_core.delivery.lens import write_st_maps
 from unveil_core.delivery.shifts import GroundShifts, find_shifts
-from unveil_core.delivery.views import EmptyView
+from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Footage, Frame, tracks
 from unveil_core.drives.exposure import read_exposures
@@ -34,8 +34,6 @@ from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["STAGE"]
 
-CACHE_BYTES = 256 * 2**20
-"""Of footage that is held decoded: about forty frames of 1920x1080; more are decoded again."""
 SOLID = 0.5
 """Alpha of the empty scene above which a pixel shows a surface."""
 
@@ -68,32 +66,50 @@ def run(context: StageContext) -> None:
 def _full_size(context: StageContext, drive: Drive) -> FullSize:
     workspace = context.workspace
     surfels = read_surfels(workspace.root / "surfels/empty.ply")
-    views = []
-    for done, frame in enumerate(drive.frames):
-        views.append(_view(workspace, surfels, frame))
-        context.progress(done + 1, 2 * len(drive.frames), "looking at the empty street")
+    frames = drive.frames
+
+    def look(i: int) -> tuple[NDArray[Any], ...]:
+        depth, barred = _seen(workspace, surfels, frames[i])
+        return depth, np.packbits(barred)
+
+    def view(i: int) -> EmptyView:
+        depth, bits = stored[i]
+        barred = np.unpackbits(bits, count=depth.size).reshape(depth.shape).astype(bool)
+        return EmptyView(frames[i].camera, depth, barred)
+
+    stored = context.cache.stored(context.scratch("views"), len(frames), look)
+    for done in range(len(frames)):
+        _ = stored[done]  # in order, so that the time left can be said
+        context.progress(done + 1, 2 * len(frames), "looking at the empty street")
     ground = read_ground(workspace.ground_npz).street
-    footage = [f.footage or Footage(f.image_path, f.camera) for f in drive.frames]
-    pictures = _kept(lambda i: read_footage(footage[i]), CACHE_BYTES)
-    grain = _kept(lambda key: grain_of(as_color(pictures(key[0])), key[1]), CACHE_BYTES)
+    footage = [f.footage or Footage(f.image_path, f.camera) for f in frames]
+    pictures = context.cache.frames(len(frames), lambda i: read_footage(footage[i]))
+    grains: dict[float, Sequence[NDArray[np.float32]]] = {}
+
+    def grain(i: int, sigma: float) -> NDArray[np.float32]:
+        if sigma not in grains:
+            grains[sigma] = context.cache.frames(len(frames), lambda k: grain_of(as_color(pictures[k]), sigma))
+        return grains[sigma][i]
+
     exposures = read_exposures(workspace.exposure_json)
     return FullSize(
-        views,
-        pictures,
+        EmptyViews([f.camera for f in frames], Frames(len(frames), view)),
+        pictures.__getitem__,
         footage,
-        [exposures.of(f) for f in drive.frames],
-        lambda i, sigma: grain((i, sigma)),
+        [exposures.of(f) for f in frames],
+        grain,
         ground,
         _shifts(workspace),
     )
 
 
-def _view(workspace: Workspace, surfels: Surfels, frame: Frame) -> EmptyView:
+def _seen(workspace: Workspace, surfels: Surfels, frame: Frame) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """(H, W) depth of the empty scene in a frame, 0 for none, and the pixels (H, W) that show no street."""
     rendered = render_numpy(surfels, frame.camera, near=NEAR_M, far=FAR_M)
     goes = load_mask(frame_file(workspace.root / "masks/removed", frame))
     goes |= load_mask(frame_file(workspace.root / "masks/shadows", frame)) | ego_pixels(frame)
     depth = np.where(rendered["alpha"] > SOLID, rendered["depth"], 0).astype(np.float32)
-    return EmptyView(frame.camera, depth, grow(goes, border_px(frame.camera.width)))
+    return depth, grow(goes, border_px(frame.camera.width))
 
 
 def _shifts(workspace: Workspace) -> GroundShifts | None:
@@ -103,21 +119,6 @@ def _shifts(workspace: Workspace) -> GroundShifts | None:
     made = (chart.source == INVENTED) | (chart.source == RELIT)
     observed = chart.source == OBSERVED
     return find_shifts(observed, made, chart.label, s_start=chart.s_start, t_start=chart.t_start, texel=chart.texel)
-
-
-def _kept(read: Callable[[Any], NDArray[Any]], most: int) -> Callable[[Any], NDArray[Any]]:
-    """Pictures by key; those that were used last stay, up to ``most`` bytes."""
-    held: OrderedDict[Any, NDArray[Any]] = OrderedDict()
-
-    def get(key: Any) -> NDArray[Any]:
-        if key not in held:
-            held[key] = read(key)
-        held.move_to_end(key)
-        while len(held) > 1 and sum(p.nbytes for p in held.values()) > most:
-            held.popitem(last=False)
-        return held[key]
-
-    return get
 
 
 STAGE = Stage(

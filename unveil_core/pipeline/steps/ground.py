@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_json_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -28,7 +31,7 @@ from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import load_labels
-from unveil_core.workspace.movers import Moving, read_moving
+from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
 
@@ -36,13 +39,18 @@ PLAIN = "frames are filled one by one, without charts"
 
 
 def _usable(
-    drive: Drive, scene: SceneLabels, surfels: Surfels, moving: Moving, ground: Ground, labels: list[NDArray[np.int64]]
-) -> list[Mask]:
+    drive: Drive,
+    scene: SceneLabels,
+    surfels: Surfels,
+    hidden: Sequence[Mask] | None,
+    ground: Ground,
+    labels: Sequence[NDArray[np.int64]],
+) -> Sequence[Mask]:
     """(H, W) per frame, pixels that show ground: what could be removed hides it, whether it is chosen or not."""
-    hidden = moving.hidden(drive)
     by_classes = bool(scene.labels.indices(GROUND_CLASSES))
-    usable = []
-    for i, frame in enumerate(drive.frames):
+
+    def usable(i: int) -> Mask:
+        frame = drive.frames[i]
         barred, depth = np.isin(labels[i], scene.removable_labels), None
         if not by_classes:
             shown = render_numpy(surfels, frame.camera, near=NEAR_M, far=FAR_M, apart=scene.removable_labels)
@@ -54,8 +62,9 @@ def _usable(
         barred = grow(barred, border_px(width) + border_px(width, 1))
         if hidden is not None:
             barred |= hidden[i]
-        usable.append(usable_pixels(ground, frame.camera, labels[i], scene.labels, barred, depth))
-    return usable
+        return usable_pixels(ground, frame.camera, labels[i], scene.labels, barred, depth)
+
+    return Frames(len(drive.frames), usable)
 
 
 def run(context: StageContext) -> Facts:
@@ -73,11 +82,13 @@ def run(context: StageContext) -> Facts:
     context.progress(1, 4, "fitting the ground")
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
-        labels = [frame_labels(f, scene) for f in drive.frames]
-        usable = _usable(drive, scene, surfels, read_moving(workspace.root), street, labels)
+        frames = drive.frames
+        labels = context.cache.frames(len(frames), lambda i: frame_labels(frames[i], scene))
+        hidden = read_moving(workspace.root).hidden(drive, context.cache)
+        usable = _usable(drive, scene, surfels, hidden, street, labels)
         context.progress(2, 4, "following lines and kerbs")
-        images = [exposures.read(f) for f in drive.frames]
-        rectified, moved = rectified_path(street, [f.camera for f in drive.frames], images, labels, usable)
+        images = Frames(len(frames), lambda i: exposures.read(frames[i]))
+        rectified, moved = rectified_path(street, [f.camera for f in frames], images, labels, usable)
         street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")

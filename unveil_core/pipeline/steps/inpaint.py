@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.onnx_files import files_of
 from unveil_core.base.types import Mask
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.files import read_ground
@@ -83,7 +85,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     layer, sky = None, None
     tested = [] if chart is None or context.settings.shadows == "off" else [_sun_assumed(sun)]
     if street is not None and chart is not None:
-        completed = complete_scene(drive, scene, street, remaining, given.views)
+        completed = complete_scene(drive, scene, street, remaining, given.views, context.cache)
         feet, sky = completed.feet, completed.sky
         if scene.labels.index("building") is not None:
             tested.append(_facades_assumed(completed.sides, len(completed.facades)))
@@ -95,11 +97,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         )
     # What follows from the seen part of a house or a pole is known before anything is invented.
     known = RemainingScene(concatenate([remaining, *parts]), given.sky, layer, len(scene.labels))
-    painted, seeds = _propagate(context, given, known, sky)
-    for frame, result, shadow in zip(drive.frames, painted, given.shaded, strict=True):
-        write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
-        write_image_atomic(frame_file(context.output("inpaint/origins"), frame), result.origin)
-        save_mask(result.shadow | shadow, frame_file(context.output("masks/shadows"), frame))
+    seeds = _propagate(context, given, known, sky)
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
     if chart is not None:
@@ -159,36 +157,55 @@ def _read(context: StageContext) -> _Given:
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
     removal = Removal(surfels, gone, load_array(workspace.root / "surfels/instances.npy"))
     exposures = read_exposures(workspace.exposure_json)
-    images = [exposures.read(f) for f in drive.frames]
-    removed = [load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames]
-    unobserved = [load_mask(frame_file(workspace.root / "masks/unobserved", f)) for f in drive.frames]
-    shaded = read_moving(workspace.root).shadows(drive, removed, context.settings.shadows)
-    removed = [mask | shadow for mask, shadow in zip(removed, shaded, strict=True)]
-    views = drive_views(drive, scene, surfels, images, removed)
+    frames, cache = drive.frames, context.cache
+    images = cache.frames(len(frames), lambda i: exposures.read(frames[i]))
+    objects, unobserved = (
+        cache.frames(len(frames), partial(_mask, frames, workspace.root / f"masks/{name}"))
+        for name in ("removed", "unobserved")
+    )
+    shaded = read_moving(workspace.root).shadows(drive, objects, context.settings.shadows)
+    removed = cache.frames(len(frames), lambda i: objects[i] | shaded[i])
+    views = drive_views(drive, scene, surfels, images, removed, cache, context.scratch("depths"))
     return _Given(drive, scene, removal, load_sky(workspace.root / "surfels/sky.npz"), views, shaded, unobserved)
+
+
+def _mask(frames: Sequence[Frame], folder: Path, i: int) -> Mask:
+    return load_mask(frame_file(folder, frames[i]))
 
 
 def _propagate(
     context: StageContext, given: _Given, known: RemainingScene, sky: Sequence[Mask] | None
-) -> tuple[list[Painted], Surfels | None]:
-    """Choose the keyframes, record them, and clean all frames.
+) -> Surfels | None:
+    """Choose the keyframes, record them, and clean and write all frames; returns the surfels of what was invented.
 
     Args:
         sky: (H, W) bool per frame, where the sky goes on behind removed objects; None where that is not known.
     """
     frames, views, settings = given.drive.frames, given.views, context.settings
-    kept = [
-        np.isin(labels, given.scene.removable_labels) & ~mask
-        for labels, mask in zip(views.labels, views.removed, strict=True)
-    ]
-    tasks = [
-        FrameTask(
-            f.camera, views.images[i], views.removed[i], given.unobserved[i], kept[i], None if sky is None else sky[i]
-        )
-        for i, f in enumerate(frames)
-    ]
+
+    def task(i: int) -> FrameTask:
+        kept = np.isin(views.labels[i], given.scene.removable_labels) & ~views.removed[i]
+        over = None if sky is None else sky[i]
+        return FrameTask(frames[i].camera, views.images[i], views.removed[i], given.unobserved[i], kept, over)
+
+    def write(i: int, result: Painted) -> None:
+        write_image_atomic(frame_file(context.output("inpainted"), frames[i]), result.image)
+        write_image_atomic(frame_file(context.output("inpaint/origins"), frames[i]), result.origin)
+        save_mask(result.shadow | given.shaded[i], frame_file(context.output("masks/shadows"), frames[i]))
+
+    tasks = Frames(len(frames), task)
     order, names = settings.order, settings.keyframes
-    plan = plan_drive(frames, tasks, known.surfels, known.ground, order=order, names=names, progress=context.progress)
+    plan = plan_drive(
+        frames,
+        tasks,
+        known.surfels,
+        known.ground,
+        order=order,
+        names=names,
+        cache=context.cache,
+        scratch=context.scratch("holes"),
+        progress=context.progress,
+    )
     record = plan_json(plan, frames, order=order, given=bool(names))
     write_json_atomic(context.output("inpaint/keyframes.json"), record)
     network = settings.networks.get("reference_inpainter")
@@ -196,6 +213,7 @@ def _propagate(
         tasks,
         known,
         inpainter(settings.inpainter),
+        write,
         plan=plan,
         reference=None if network is None else load_reference(network),
         progress=context.progress,

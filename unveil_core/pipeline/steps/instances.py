@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
@@ -21,7 +24,7 @@ from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
-from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
@@ -41,10 +44,14 @@ def run(context: StageContext) -> None:
     removable = np.isin(labels, scene.removable_labels)
     of_surfel = np.zeros(len(surfels), dtype=np.int64)
     moving = read_moving(workspace.root)
-    images = [moving.ids_of_static(f, frame_instances(f)) for f in drive.frames]
-    if any(image is not None for image in images):
+    frames = drive.frames
+    if any(f.instance_path is not None for f in frames):
         of_surfel[removable] = vote_instances(
-            positions[removable], spacing[removable], [f.camera for f in drive.frames], lambda v: images[v], near=NEAR_M
+            positions[removable],
+            spacing[removable],
+            [f.camera for f in frames],
+            lambda v: moving.ids_of_static(frames[v], frame_instances(frames[v])),
+            near=NEAR_M,
         )
     else:
         of_points = load_array(workspace.root / "objects/point_objects.npy").astype(np.int64)
@@ -107,15 +114,20 @@ def _give_to_marked(
     axes = up_frame(UP)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
-    views = None
+    frames = drive.frames
+    views: Sequence[PointsInView] = context.cache.frames(
+        len(frames), lambda v: points_in_view(positions, spacing, frames[v].camera, near=NEAR_M)
+    )
     for mark in marked_objects(context.settings.marked):
         if mark.box is not None:
             box = marked_box(mark.box, drive)
             of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
         elif mark.mattes is not None:
-            views = views or [points_in_view(positions, spacing, f.camera, near=NEAR_M) for f in drive.frames]
-            mattes = [matte(mark.mattes, drive, f) for f in drive.frames]
-            of_surfel[above & vote_mattes(len(positions), views, mattes)] = mark.id
+            of_surfel[above & vote_mattes(len(positions), views, _mattes(mark.mattes, drive))] = mark.id
+
+
+def _mattes(folder: Path, drive: Drive) -> Sequence[NDArray[np.bool_] | None]:
+    return Frames(len(drive.frames), lambda v: matte(folder, drive, drive.frames[v]))
 
 
 STAGE = Stage(

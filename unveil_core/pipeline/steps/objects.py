@@ -27,7 +27,7 @@ def run(context: StageContext) -> None:
     """objects.json and objects/: what can be chosen, with pictures, and class and object of each of the drive's points."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
-    found = find_objects(drive, scene, marked_objects(context.settings.marked), context.progress)
+    found = find_objects(drive, scene, marked_objects(context.settings.marked), context.progress, context.cache)
     entries = []
     for done, thing in enumerate(found.objects):
         entries.append(_entry(context, drive, thing))

@@ -41,7 +41,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
     """What :func:`run` does, with settings of one's own: for comparison."""
     moving = read_moving(context.workspace.root)
     drive = moving.static_part(read_imported(context.workspace.drive_dir))
-    scene, hidden = load_labels(context.workspace), moving.hidden(drive)
+    scene, hidden = load_labels(context.workspace), moving.hidden(drive, context.cache)
     exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
     done = reconstruct(
@@ -51,6 +51,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
         exposures=exposures,
         hidden=hidden,
         seed=context.settings.seed,
+        cache=context.cache,
         progress=context.progress,
     )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)

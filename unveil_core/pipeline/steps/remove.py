@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
@@ -25,7 +27,7 @@ from unveil_core.raster import render
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.missed import missed_pixels
-from unveil_core.remove.observed import never_seen, seen_view
+from unveil_core.remove.observed import SeenView, SeenViews, never_seen, seen_view
 from unveil_core.remove.regions import region_map
 from unveil_core.remove.remains import remains
 from unveil_core.remove.selection import select_removed
@@ -74,11 +76,9 @@ def marked_pixels(
 def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(N,) surfels that go because no masked frame backs them: masks drawn by hand are missing in some frames and loose in others,
     and where there are no classes, a surfel's label is no more than what most frames say."""
-    labels = [frame_labels(f, scene) for f in drive.frames]
-    cameras = [f.camera for f, label in zip(drive.frames, labels, strict=True) if (label >= 0).any()]
-    masks = [np.isin(label, scene.removed_labels) for label in labels if (label >= 0).any()]
-    reach = LOOSE_M
-    return unsupported(surfels.means.double().numpy(), gone, cameras, masks, reach=reach)
+    masked = [f for f in drive.frames if (frame_labels(f, scene) >= 0).any()]
+    masks = Frames(len(masked), lambda i: np.isin(frame_labels(masked[i], scene), scene.removed_labels))
+    return unsupported(surfels.means.double().numpy(), gone, [f.camera for f in masked], masks, reach=LOOSE_M)
 
 
 def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground) -> NDArray[np.bool_]:
@@ -110,8 +110,10 @@ def run(context: StageContext) -> None:
     told = replace(surfels, labels=kinds)
     moving = read_moving(workspace.root)
     exposures = read_exposures(workspace.exposure_json)
-    views = []
-    for done, frame in enumerate(drive.frames):
+    frames = drive.frames
+
+    def look(i: int) -> tuple[NDArray[Any], ...]:
+        frame = frames[i]
         planes = ("rgb", "alpha", "depth", "semantics")
         with torch.no_grad():
             full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
@@ -123,18 +125,31 @@ def run(context: StageContext) -> None:
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
-        views.append(seen_view(frame.camera, full.depth.numpy(), full.alpha.numpy(), own, by_label))
-        context.progress(done + 1, 2 * len(drive.frames), "finding what nobody saw")
-    removed = [grow(v.hidden, border_px(v.camera.width)) for v in views]
-    gone |= remains(surfels, gone, [v.camera for v in views], removed)
+        seen = seen_view(full.depth.numpy(), full.alpha.numpy(), own, by_label)
+        return seen.max_visible_depth, np.packbits(seen.sky), np.packbits(seen.hidden)
+
+    stored = context.cache.stored(context.scratch("seen"), len(frames), look)
+    views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: _seen(*stored[i])))
+    for done in range(len(frames)):
+        _ = stored[done]  # in order, so that the time left can be said
+        context.progress(done + 1, 2 * len(frames), "finding what nobody saw")
+    removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
+    gone |= remains(surfels, gone, views.cameras, removed)
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     empty = empty_street(surfels, gone, ground, on_ground)
-    for done, (frame, view, mask) in enumerate(zip(drive.frames, views, removed, strict=True)):
-        unseen = never_seen(frame.camera, view.hidden, empty.depth(frame.camera, view.hidden), views)
+    for done, frame in enumerate(frames):
+        hidden, mask = views.frames[done].hidden, removed[done]
+        unseen = never_seen(frame.camera, hidden, empty.depth(frame.camera, hidden), views)
         save_mask(mask, frame_file(context.output("masks/removed"), frame))
         save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
-        write_image_atomic(frame_file(context.output("regions"), frame), region_map(mask, view.hidden, unseen))
-        context.progress(len(drive.frames) + done + 1, 2 * len(drive.frames), "finding what nobody saw")
+        write_image_atomic(frame_file(context.output("regions"), frame), region_map(mask, hidden, unseen))
+        context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
+
+
+def _seen(depth: NDArray[np.float16], *packed: NDArray[np.uint8]) -> SeenView:
+    """A view as it was stored: depth (H, W), and sky and hidden pixels as bits."""
+    sky, hidden = (np.unpackbits(bits, count=depth.size).reshape(depth.shape).astype(bool) for bits in packed)
+    return SeenView(depth, sky, hidden)
 
 
 STAGE = Stage(

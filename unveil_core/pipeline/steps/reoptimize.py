@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
@@ -43,17 +44,19 @@ def run(context: StageContext) -> None:
     surfels = concatenate([full.select(torch.from_numpy(stays)), seeds])
     movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
     exposures = read_exposures(workspace.exposure_json)
-    clean = [read_image(frame_file(workspace.root / "inpainted", f)) for f in drive.frames]
+    frames, cache = drive.frames, context.cache
+    clean = cache.frames(len(frames), lambda i: read_image(frame_file(workspace.root / "inpainted", frames[i])))
     empty = reoptimize(
         surfels,
         movable,
         sky,
-        [(f.camera, clean[i]) for i, f in enumerate(drive.frames)],
-        preset,
+        Frames(len(frames), lambda i: (frames[i].camera, clean[i])),
+        preset.scaled(len(frames)),
         near=NEAR_M,
         far=FAR_M,
         label_count=len(scene.labels),
         seed=context.settings.seed,
+        cache=cache,
         progress=context.progress,
     )
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
@@ -68,7 +71,8 @@ def run(context: StageContext) -> None:
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(frame_file(context.output("clean"), frame), delivered)
-    for known in provenance_of(workspace.root, context.partial, drive.frames, empty):
+    scratch = context.scratch("origins")
+    for known in provenance_of(workspace.root, context.partial, frames, empty, cache, scratch):
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))

@@ -16,7 +16,8 @@ def run(context: StageContext) -> Facts:
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     write_json_atomic(context.output("labels.json"), scene.labels_json())
-    count = write_moving(drive, scene, context.output("movers"), context.settings.movers, context.progress)
+    mode, folder = context.settings.movers, context.output("movers")
+    count = write_moving(drive, scene, folder, mode, context.progress, context.cache)
     return {"movers": count}
 
 

@@ -1,0 +1,25 @@
+"""Which cameras come near some points."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from unveil_core.geometry.reach import cameras_near
+
+PLACES = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats(-50, 50))
+
+
+@given(PLACES, PLACES, st.floats(0, 80))
+def test_no_camera_that_is_near_a_point_is_missing(centres: np.ndarray, points: np.ndarray, reach: float) -> None:
+    near = set(cameras_near(centres, points, reach).tolist())
+    gap = np.linalg.norm(centres[:, None] - points[None], axis=2).min(axis=1)
+    assert set(np.flatnonzero(gap < reach * (1 - 1e-12)).tolist()) <= near
+
+
+def test_a_camera_far_off_is_not_asked() -> None:
+    centres = np.array([[0.0, 0, 0], [500, 0, 0]])
+    assert cameras_near(centres, np.array([[10.0, 3, 0], [30, -3, 0]]), 100.0).tolist() == [0]
+    assert cameras_near(centres, np.zeros((0, 3)), 100.0).tolist() == []
