@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.hard_drives import DRAFT, unchanged_outside
-from tests.tiny_worlds import (
+from sample_scenes.box_worlds import (
     BUILDING,
     CAR,
     PERSON,
@@ -23,9 +22,10 @@ from tests.tiny_worlds import (
     Lens,
     Way,
     World,
-    make_tiny_world,
+    make_box_world,
     straight,
 )
+from tests.hard_drives import DRAFT, unchanged_outside
 from unveil_core.base.files import read_image, read_label_image
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error
 from unveil_core.pipeline.run import run, stage_named
@@ -70,7 +70,7 @@ def removed_psnr(root: Path, drive: Path) -> tuple[float, int]:
 
 def outcome(folder: Path, world: World, way: Way) -> Outcome:
     """A whole run through a world, and its frames filled once more without charts."""
-    drive = make_tiny_world(folder / "drive", world, way)
+    drive = make_box_world(folder / "drive", world, way)
     workspace = run(drive, folder / "workspace", DRAFT, until="deliver")
     stages = json.loads((workspace.root / "workspace.json").read_text())["stages"]
     ours, count = removed_psnr(workspace.root, drive)

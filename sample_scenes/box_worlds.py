@@ -1,14 +1,16 @@
-"""Worlds of boxes on flat ground, ray-cast with numpy: drives in thumbnails through places that are no straight street."""
+"""Worlds of boxes on flat ground, ray-cast with numpy: drives of any length and shape in seconds, with their truth."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numba import njit
 
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
@@ -16,7 +18,8 @@ from unveil_core.drives.points import write_points
 ROAD, SIDEWALK, BUILDING, WALL, SKY, PERSON, CAR, TRUCK = 0, 1, 2, 3, 10, 11, 13, 14
 SIZE = (96, 64)
 FOCAL = 62.0
-FARTHEST_M = 60.0
+FARTHEST_M, DRAWN_M = 60.0, 80.0
+"""Distances to which the ground and the boxes are drawn, metres."""
 SAMPLES = ((0.5, 0.5), (0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75))
 """Places in a pixel: the first tells its class, the mean of the others its colour."""
 NOTHING, GROUND = -2, -1
@@ -45,14 +48,6 @@ class Box:
         """Vectors (N, 3) along the axes of the box."""
         c, s = np.cos(np.radians(self.yaw)), np.sin(np.radians(self.yaw))
         return vectors @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-    def meet(self, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """(N,) distance along rays (N, 3) from outside, inf where they pass by."""
-        o, r, half = self.local(origin - np.array(self.centre)), self.local(rays), np.array(self.size) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (-half - o) / r, (half - o) / r
-        enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
-        return np.where((enter > 0) & (enter < leave), enter, np.inf)
 
     def shade(self, points: np.ndarray) -> np.ndarray:
         """Colours (N, 3) in [0, 1] of points (N, 3) on its surface."""
@@ -87,12 +82,20 @@ class World:
             best = np.where(rays[:, 2] < 0, -origin[2] / rays[:, 2], np.inf)
         best[best * np.linalg.norm(rays, axis=1) > FARTHEST_M] = np.inf
         hit = np.where(np.isfinite(best), GROUND, NOTHING)
-        for k, box in enumerate(self.boxes):
-            if crowded or not box.removed:
-                t = box.meet(origin, rays)
-                hit[t < best] = k
-                best = np.minimum(t, best)
+        there = [k for k, box in enumerate(self.boxes) if crowded or not box.removed]
+        if there:
+            centre, size = (np.array([getattr(self.boxes[k], n) for k in there]) for n in ("centre", "size"))
+            angle = np.radians([self.boxes[k].yaw for k in there])
+            turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            nearest = np.full(len(rays), -1)
+            _meet(np.asarray(origin, float) - centre, rays, size / 2, turn, best, nearest)
+            hit = np.where(nearest >= 0, np.array(there)[nearest], hit)
         return best, hit
+
+    def around(self, place: np.ndarray) -> World:
+        """The part of the world that is seen from a place (3,)."""
+        gap = [np.linalg.norm(np.array(b.centre) - place) - np.linalg.norm(b.size) / 2 for b in self.boxes]
+        return World([b for b, g in zip(self.boxes, gap, strict=True) if g < DRAWN_M], self.ground)
 
     def kinds(self, points: np.ndarray, hit: np.ndarray) -> np.ndarray:
         """(N,) Cityscapes trainIds of what is hit at points (N, 3)."""
@@ -111,6 +114,37 @@ class World:
         for k, box in enumerate(self.boxes):
             color[hit == k] = box.shade(points[hit == k])
         return color
+
+
+@njit(cache=True, nogil=True)
+def _meet(origin, rays, half, turn, best, nearest):  # type: ignore[no-untyped-def]
+    """Lower ``best`` (N,), distances along rays (N, 3), to the nearest box that a ray enters, and set ``nearest`` (N,) to it.
+
+    Args:
+        origin: (B, 3) of the rays as seen from each box; half: (B, 3) sizes; turn: (B, 2) cosine and sine of the yaws.
+    """
+    for n in range(rays.shape[0]):
+        for k in range(half.shape[0]):
+            c, s = turn[k, 0], turn[k, 1]
+            enter, leave = 0.0, best[n]
+            for axis in range(3):
+                if axis == 0:
+                    o, r = origin[k, 0] * c + origin[k, 1] * s, rays[n, 0] * c + rays[n, 1] * s
+                elif axis == 1:
+                    o, r = origin[k, 1] * c - origin[k, 0] * s, rays[n, 1] * c - rays[n, 0] * s
+                else:
+                    o, r = origin[k, 2], rays[n, 2]
+                if r == 0.0:
+                    if abs(o) > half[k, axis]:
+                        enter = np.inf
+                    continue
+                a, b = (-half[k, axis] - o) / r, (half[k, axis] - o) / r
+                enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+                if enter >= leave:
+                    break
+            if 0.0 < enter < leave:
+                best[n] = enter
+                nearest[n] = k
 
 
 @dataclass(frozen=True)
@@ -146,6 +180,7 @@ class Lens:
     def picture(self, world: World, pose: np.ndarray, crowded: bool) -> tuple[np.ndarray, np.ndarray]:
         """Image (H, W, 3) uint8 BGR, antialiased, and classes (H, W) of an OpenGL pose."""
         width, height = self.size
+        world = world.around(pose[:3, 3])
         total, classes = np.zeros((height, width, 3)), np.zeros((height, width), np.uint8)
         for k, (dx, dy) in enumerate(SAMPLES):
             u = (np.arange(width) + dx - width / 2) / self.focal
@@ -184,25 +219,37 @@ def lidar(world: World, place: Sequence[float], rays: int, generator: np.random.
     origin = np.asarray(place) + (0, 0, 0.2)
     directions = generator.normal(size=(rays, 3)) * (1, 1, 0.35)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    t, _ = world.cast(origin, directions, True)
+    t, _ = world.around(origin).cast(origin, directions, True)
     near = t < 40
     points: np.ndarray = origin + t[near, None] * directions[near]
     return points
 
 
-def make_tiny_world(folder: Path, world: World, way: Way, *, rays: int = 2000) -> Path:
-    """Write the drive, and the pictures of the empty world to ``truth/images``; returns the path of transforms.json."""
+FOLDERS = ("images", "semantics", "truth/images")
+
+
+def _write_pictures(of: tuple[Path, World, Lens, np.ndarray, str]) -> None:
+    """Image, labels and truth of one frame: folder, world, lens, OpenGL pose (4, 4), and the files' name."""
+    folder, world, lens, pose, stem = of
+    planes = (*lens.picture(world, pose, True), lens.picture(world, pose, False)[0])
+    for name, plane in zip(FOLDERS, planes, strict=True):
+        cv2.imwrite(str(folder / name / stem), plane)
+
+
+def make_box_world(folder: Path, world: World, way: Way, *, rays: int = 2000, workers: int = 1) -> Path:
+    """Write the drive, and the pictures of the empty world to ``truth/images``; returns the path of transforms.json.
+
+    Args:
+        rays: of the LiDAR at each place; workers: processes that cast the pictures.
+    """
     generator = np.random.default_rng(0)
-    frames, cloud = [], []
+    frames, cloud, pictures = [], [], []
     for lens in way.lenses:
-        for name in ("images", "semantics", "truth/images"):
+        for name in FOLDERS:
             (folder / name / lens.name).mkdir(parents=True)
         for i, (place, heading) in enumerate(zip(way.places, way.headings, strict=True)):
-            pose, stem = lens.pose(place, heading), f"{lens.name}/{i:03d}.png"
-            image, kind = lens.picture(world, pose, True)
-            cv2.imwrite(str(folder / "images" / stem), image)
-            cv2.imwrite(str(folder / "semantics" / stem), kind)
-            cv2.imwrite(str(folder / "truth/images" / stem), lens.picture(world, pose, False)[0])
+            pose, stem = lens.pose(place, heading), f"{lens.name}/{i:04d}.png"
+            pictures.append((folder, world, lens, pose, stem))
             width, height = lens.size
             frames.append(
                 {
@@ -219,6 +266,12 @@ def make_tiny_world(folder: Path, world: World, way: Way, *, rays: int = 2000) -
                     "cy": height / 2,
                 }
             )
+    if workers > 1:
+        with ProcessPoolExecutor(workers) as pool:
+            list(pool.map(_write_pictures, pictures, chunksize=8))
+    else:
+        for one in pictures:
+            _write_pictures(one)
     for place in way.places:
         cloud.append(lidar(world, place, rays, generator))
     write_points(PointCloud(np.concatenate(cloud)), folder / "points.ply")
