@@ -12,6 +12,7 @@ import torch
 
 from tests import small_street
 from tests.hard_drives import make_tiny_street
+from unveil_core.base.checkpoint import Kept
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.importing.whole_drive import localized
@@ -109,3 +110,37 @@ def test_long_drives_may_have_more() -> None:
     assert longer.iterations == 3 * standard.iterations and longer.budget == 3 * standard.budget
     asked = replace(standard, given=frozenset({"iterations"})).scaled(3 * MANY_FRAMES)
     assert asked.iterations == standard.iterations
+
+
+class Killed(Exception):
+    pass
+
+
+def test_an_interrupted_reconstruction_comes_to_the_same_end_bit_for_bit(tmp_path: Path) -> None:
+    drive = localized(open_drive(make_tiny_street(tmp_path / "street", PLACES)))
+    scene = choose_labels(drive)
+    settings = replace(SMALL, iterations=200)
+    whole = reconstruct(drive, scene, settings)
+    kept = Kept(tmp_path / "kept", every_s=0.0)
+    generator = np.random.default_rng(0)
+    killed = 0
+    for _ in range(12):
+        left = int(generator.integers(3, 40))
+
+        def countdown(*_: object, **__: float) -> None:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                raise Killed
+
+        try:
+            again = reconstruct(drive, scene, settings, kept=kept, progress=countdown)
+        except Killed:
+            killed += 1
+            continue
+        break
+    else:
+        again = reconstruct(drive, scene, settings, kept=kept)
+    assert killed >= 4
+    assert all(torch.equal(a, b) for a, b in zip(tensors(whole), tensors(again), strict=True))
+    assert whole.choices == again.choices

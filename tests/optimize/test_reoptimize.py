@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 
+from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.seed import seed_pixels
-from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings, reoptimize
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.sky import Sky
@@ -60,3 +63,30 @@ def test_an_expected_depth_draws_the_surface_to_it() -> None:
     right, left = np.s_[4:-4, 19:-4], np.s_[4:-4, 4:12]
     assert drawn[right].mean() - free[right].mean() > 0.015
     assert abs(drawn[left].mean() - free[left].mean()) < 0.01
+
+
+def test_an_interrupted_re_optimization_comes_to_the_same_end(tmp_path: Path) -> None:
+    start = wall(4.0)
+    everything = np.ones(len(start), bool)
+    whole = again(start, everything, SETTINGS)
+
+    def kill(done: int, *_: object, **__: float) -> None:
+        if done in (7, 23):
+            raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            again(start, everything, SETTINGS, checkpoint=Checkpoint(tmp_path / "c.npz", every_s=0.0), progress=kill)
+    resumed = again(start, everything, SETTINGS, checkpoint=Checkpoint(tmp_path / "c.npz", every_s=0.0))
+    assert all(np.array_equal(a, resumed.arrays()[name]) for name, a in whole.arrays().items())
+    # Not begun anew: of the steps those before the checkpoint are not taken again.
+    steps: list[int] = []
+    last = Checkpoint(tmp_path / "c.npz", every_s=0.0)
+    again(start, everything, SETTINGS, checkpoint=last, progress=lambda done, *_, **__: steps.append(done))
+    assert steps == [] or steps[0] > 23
+
+
+def test_each_frame_of_a_long_drive_has_its_turn() -> None:
+    for preset in REOPTIMIZE_PRESETS.values():
+        assert preset.scaled(28) == preset and preset.scaled(100) == preset
+        assert preset.scaled(1000).iterations >= max(1000, 10 * preset.iterations)

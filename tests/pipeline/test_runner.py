@@ -11,6 +11,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.drives.tiny_drive import make_tiny_drive
@@ -320,3 +321,49 @@ def test_systems_that_do_not_tell_of_memory_run_it_all_the_same(tmp_path: Path) 
     subprocess.run([sys.executable, "-c", program, "import", str(drive), "-o", str(root)], check=True)
     stage = Workspace.open(root).state()["stages"]["import"]
     assert stage["status"] == "done" and stage["peak_memory_mb"] is None
+
+
+def test_what_an_interrupted_attempt_kept_serves_the_next_one_with_the_same_inputs(tmp_path: Path) -> None:
+    made: list[str] = []
+
+    def in_parts(context: StageContext) -> None:
+        for name in ("a", "b", "c"):
+
+            def make(name: str = name) -> dict[str, np.ndarray]:
+                made.append(name)
+                return {"seed": np.array(context.settings.seed)}
+
+            before = len(made)
+            found = context.kept.once(name, make)
+            context.output(f"parts/{name}.txt").write_text(str(found["seed"]))
+            if name == "b" and len(made) > before:
+                raise Cancelled("parts")
+
+    stages = (Stage("parts", in_parts, (), ("parts",), ("seed",)),)
+
+    def again(seed: int) -> list[str]:
+        return run_stages(Workspace.create(tmp_path / "w"), stages, RunSettings(seed=seed), Path("."))
+
+    with pytest.raises(Cancelled):
+        again(0)
+    assert made == ["a", "b"] and (tmp_path / "w/.partial-parts").is_dir()
+    assert again(0) == ["parts"] and made == ["a", "b", "c"]
+    assert sorted(p.name for p in (tmp_path / "w/parts").iterdir()) == ["a.txt", "b.txt", "c.txt"]
+    # Of other inputs nothing is used, and when the old result is good again, nothing stays.
+    with pytest.raises(Cancelled):
+        again(1)
+    assert made == ["a", "b", "c", "a", "b"] and (tmp_path / "w/.partial-parts").is_dir()
+    assert again(0) == [] and not (tmp_path / "w/.partial-parts").exists()
+    assert (tmp_path / "w/parts/c.txt").read_text() == "0"
+
+
+def test_what_a_failed_attempt_kept_is_thrown_away(tmp_path: Path) -> None:
+    def broken(context: StageContext) -> None:
+        context.kept.once("half", lambda: {"x": np.zeros(1)})
+        raise UnveilError("cannot be used", path="x", mend="use another")
+
+    with pytest.raises(UnveilError):
+        run_stages(
+            Workspace.create(tmp_path / "w"), (Stage("parts", broken, (), ("parts",)),), RunSettings(), Path(".")
+        )
+    assert not (tmp_path / "w/.partial-parts").exists()

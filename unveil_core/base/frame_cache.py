@@ -16,8 +16,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
+
+from unveil_core.base.checkpoint import Kept
 
 __all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "nbytes_of"]
 
@@ -107,22 +108,13 @@ class FrameCache:
 
         Args:
             folder: where the files go; made, and the caller's to remove.
-            make: gives the arrays of frame i, always as many.
+            make: gives the arrays of frame i.
         """
-        folder.mkdir(parents=True, exist_ok=True)
+        kept = Kept(folder)
 
         def get(index: int) -> tuple[NDArray[Any], ...]:
-            path = folder / f"{index}.npy"
-            if path.is_file():
-                with path.open("rb") as stream:
-                    return tuple(np.load(stream, allow_pickle=False) for _ in range(int(np.load(stream))))
-            made = make(index)
-            with path.with_suffix(".new").open("wb") as stream:
-                np.save(stream, np.array(len(made)))
-                for array in made:
-                    np.save(stream, array, allow_pickle=False)
-            path.with_suffix(".new").replace(path)
-            return made
+            found = kept.once(str(index), lambda: {str(k): array for k, array in enumerate(make(index))})
+            return tuple(found[str(k)] for k in range(len(found)))
 
         return self.frames(count, get)
 

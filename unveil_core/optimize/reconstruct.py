@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Checkpoint, Kept
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -34,6 +35,9 @@ MANY_FRAMES = 100
 STABLE, FALLEN = 0.5, 1.2
 """How much of the fall of the step sizes is done in the first stage, and at the end of the second: large steps as long as
 they help, then smaller and smaller ones (Hu et al., *MiniCPM*, 2024, section 4). So the first stage may end at any time."""
+
+COARSE, FINE, GEOMETRY = range(3)
+"""The phases in their order."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,7 @@ def reconstruct(
     hidden: Sequence[NDArray[np.bool_]] | None = None,
     seed: int = 0,
     cache: FrameCache | None = None,
+    kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Reconstruction:
     """Fit the full scene, with everything that is to be removed still in it.
@@ -139,18 +144,21 @@ def reconstruct(
         hidden: (H, W) per frame, pixels that show what does not stand and count for nothing; None = no such pixels.
         seed: order of the views.
         cache: room for the frames.
+        kept: where the start and checkpoints are kept, so that an interrupted call is continued by the next.
         progress: called per step with loss and the number of surfels.
     """
     settings = settings.scaled(len(drive.frames))
     exposures = exposures or Exposures()
-    cache = cache or FrameCache()
+    cache, kept = cache or FrameCache(), kept or Kept()
     images, labels = _pictures(drive, scene, exposures, hidden, cache)
-    if settings.random_start:
-        surfels = random_scene(drive, scene, labels, settings.start.budget, seed=seed)
-    else:
-        surfels = start_scene(
-            drive, scene, images, labels, settings.start, hidden=hidden, cache=cache, progress=progress
-        )
+
+    def start() -> dict[str, NDArray[np.generic]]:
+        if settings.random_start:
+            return random_scene(drive, scene, labels, settings.start.budget, seed=seed).arrays()
+        given = settings.start
+        return start_scene(drive, scene, images, labels, given, hidden=hidden, cache=cache, progress=progress).arrays()
+
+    surfels = Surfels.from_arrays(kept.once("start", start))
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
     rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
@@ -175,7 +183,7 @@ def reconstruct(
         spared_labels=spared,
         seed=seed,
     )
-    course = _Course(state, fine, coarse, settings, progress)
+    course = _Course(state, fine, coarse, settings, kept.checkpoint("training"), progress)
     return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
 
 
@@ -229,23 +237,41 @@ class _Course:
         fine: Sequence[TrainingView],
         coarse: Sequence[TrainingView],
         settings: ReconstructSettings,
+        checkpoint: Checkpoint,
         progress: Progress,
     ) -> None:
         self.state, self.settings, self.progress = state, settings, progress
+        self.checkpoint = checkpoint
         self.fine, self.coarse = fine, coarse
         self.free = frozenset(CHOICES) - settings.given
         self.probed = probed_frames(len(fine)) if self.free else []
         self.looks = Looks(settings.adapt, {"coarse": self._of_probed(coarse), "fine": self._of_probed(fine)})
         self.choices: dict[str, Any] = {}
         self.taken, self.most = 0, settings.iterations
+        self.at, self.begun, self.stopped = COARSE, 0, False
 
     def run(self) -> tuple[Surfels, Sky]:
-        """Take all steps."""
+        """Take all steps, from the last checkpoint on where there is one."""
         s = self.settings
         first = round(s.iterations * (1 - s.geometry_share))
-        self.state.trainable.set_sh_degree(s.sh_degree)
-        self._coarse(round(s.iterations * s.coarse_share))
-        self._fine(first - self.taken)
+        if not self._resumed():
+            self.state.trainable.set_sh_degree(s.sh_degree)
+        if self.at == COARSE:
+            self._coarse(round(s.iterations * s.coarse_share))
+            self._next(FINE)
+        if self.at == FINE:
+            self._fine(first - self.taken)
+            self._next(GEOMETRY)
+        second = self._second()
+        phase = Phase("geometry", self.fine, second, True, STABLE, FALLEN, prune_every=max(50, second // 3))
+        self._run(phase, lambda: False)
+        return self.state.result()
+
+    def _second(self) -> int:
+        """Steps of the second stage, and what comes before its first."""
+        s = self.settings
+        if self.begun:
+            return self.most - self.taken
         # The second stage is as long as the first deserved, and sees what was hidden.
         second = round(self.taken * s.geometry_share / (1 - s.geometry_share))
         self.most = self.taken + second
@@ -253,9 +279,31 @@ class _Course:
         self.choices["looks"] = self.looks.record
         # Faint ones go at once: the geometric terms cost per surfel, and what they sharpen should stay.
         self.state.prune()
-        phase = Phase("geometry", self.fine, second, True, STABLE, FALLEN, prune_every=max(50, second // 3))
-        self._run(phase, lambda: False)
-        return self.state.result()
+        return second
+
+    def _next(self, at: int) -> None:
+        self.at, self.begun = at, 0
+
+    def _resumed(self) -> bool:
+        """Go on from the last checkpoint, where there is one."""
+        found = self.checkpoint.load()
+        if found is None:
+            return False
+        arrays, facts = found
+        self.state.restore(arrays, facts["state"])
+        self.at, self.begun, self.stopped = facts["at"], facts["begun"], facts["stopped"]
+        self.taken, self.most, self.choices = facts["taken"], facts["most"], facts["choices"]
+        self.looks.work, self.looks.record = facts["work"], facts["record"]
+        self.looks.seen = [(float(work), float(psnr)) for work, psnr in facts["seen"]]
+        return True
+
+    def _pause(self, turn: int) -> None:
+        """Save a checkpoint where it is time to."""
+        if self.checkpoint.due():
+            arrays, state = self.state.checkpoint()
+            looks = {"work": self.looks.work, "record": self.looks.record, "seen": self.looks.seen}
+            here = {"at": self.at, "begun": turn, "stopped": self.stopped, "taken": self.taken, "most": self.most}
+            self.checkpoint.save(arrays, {"state": state, **looks, **here, "choices": self.choices})
 
     def _coarse(self, steps: int) -> None:
         """The first steps at half size, without growth: what is there suffices for so few pixels. Then colour's degree."""
@@ -272,14 +320,12 @@ class _Course:
         phase = Phase(
             "fine", self._shown(self.fine), steps, False, STABLE, STABLE, grow_every=self.settings.adapt.every
         )
-        stopped = False
 
         def ends() -> bool:
-            nonlocal stopped
             if self.looks.pays():
                 return False
-            if "budget" in self.free and not stopped:
-                stopped, self.state.density = True, None
+            if "budget" in self.free and not self.stopped:
+                self.stopped, self.state.density = True, None
                 self.choices["budget"] = {
                     "chosen": len(self.state),
                     "most": self.settings.budget,
@@ -294,13 +340,14 @@ class _Course:
         self.state.density = None
 
     def _run(self, phase: Phase, ends: Callable[[], bool]) -> int:
-        self.looks.begin()
+        if not self.begun:
+            self.looks.begin()
 
         def watch(state: Optimization, phase: Phase, turn: int) -> bool:
             self.progress(self.taken + turn, self.most, phase.name, loss=state.loss, surfels=float(len(state)))
             return bool(self.probed) and not phase.geometry and self.looks.look(state, phase, turn) and ends()
 
-        taken = run_phase(self.state, phase, watch)
+        taken = run_phase(self.state, phase, watch, begun=self.begun, pause=self._pause)
         self.taken += taken
         return taken
 

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.geometry.camera import Camera
@@ -70,6 +71,7 @@ def reoptimize(
     depths: Sequence[NDArray[np.float64]] | None = None,
     seed: int = 0,
     cache: FrameCache | None = None,
+    checkpoint: Checkpoint | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
     """Fit the movable surfels of the empty scene to inpainted frames.
@@ -81,7 +83,7 @@ def reoptimize(
         targets: (camera, cleaned frame (H, W, 3) uint8).
         near, far: metres.
         depths: (H, W) per target, the depth that is expected, 0 = none; it counts by ``weights.depth``.
-        cache: room for the targets.
+        cache: room for the targets; checkpoint: from which an interrupted call is continued.
     Returns:
         the scene, in the same order.
     """
@@ -107,7 +109,15 @@ def reoptimize(
         moving=torch.from_numpy(movable.copy()),
         seed=seed,
     )
-    for turn in range(settings.iterations):
+    begun = 0
+    checkpoint = checkpoint or Checkpoint()
+    if (found := checkpoint.load()) is not None:
+        state.restore(found[0], found[1]["state"])
+        begun = int(found[1]["begun"])
+    for turn in range(begun, settings.iterations):
         state.step(views, geometry=True, done=turn / settings.iterations)
+        if checkpoint.due():
+            arrays, facts = state.checkpoint()
+            checkpoint.save(arrays, {"state": facts, "begun": turn + 1})
         progress(turn + 1, settings.iterations, loss=state.loss, surfels=float(len(state)))
     return state.result()[0]

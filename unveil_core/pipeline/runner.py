@@ -27,7 +27,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.assumptions import recorded_assumptions
-from unveil_core.workspace.journal import PARTIAL, commit, recover
+from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run_stages"]
@@ -122,6 +122,7 @@ def run_stages(
                     # After a broken-off attempt with other settings, or made from other inputs of the same content.
                     kept = {k: v for k, v in recorded.items() if k != "attempt"}
                     workspace.replace_stage(stage.name, {**kept, "status": "done", "follows": follows})
+                shutil.rmtree(workspace.root / f"{PARTIAL}{stage.name}", ignore_errors=True)
                 reporter(workspace.log(stage.name, "up to date", done=1, total=1))
                 continue
             _Attempt(workspace, stage, settings, drive, stop, reporter).make(wanted, follows)
@@ -145,9 +146,7 @@ class _Attempt:
     def make(self, wanted: str, follows: dict[str, str]) -> None:
         """Run the stage and commit its outputs under the input hash ``wanted``."""
         stage, workspace = self.stage, self.workspace
-        partial = workspace.root / f"{PARTIAL}{stage.name}"
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir()
+        partial = open_partial(workspace, stage.name, wanted)
         values = self.settings.to_json()
         chosen = {k: values[k] for k in stage.settings}
         started = time.monotonic()
@@ -159,7 +158,9 @@ class _Attempt:
             if self.stop.is_set():
                 raise Cancelled(stage.name)
         except BaseException as error:
-            shutil.rmtree(partial, ignore_errors=True)
+            # What was computed so far serves the next attempt, unless it may be what is wrong.
+            if not isinstance(error, Cancelled | KeyboardInterrupt | OSError | MemoryError):
+                shutil.rmtree(partial, ignore_errors=True)
             self._record_end(error)
             if isinstance(error, KeyboardInterrupt):
                 raise Cancelled(stage.name) from error

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress
 from unveil_core.pipeline.settings import RunSettings
@@ -62,8 +63,14 @@ class StageContext:
     cache: FrameCache = field(default_factory=FrameCache)
 
     def scratch(self, name: str) -> Path:
-        """A folder for what the stage computes and reads again; it is gone when the stage has finished."""
+        """A folder for what the stage computes and reads again. It is gone when the stage has finished, and is still there
+        when it was interrupted and is begun again with the same inputs."""
         return self.partial / SCRATCH / name
+
+    @property
+    def kept(self) -> Kept:
+        """Results within the stage that an interrupted attempt leaves to the next."""
+        return Kept(self.scratch("kept"))
 
     def output(self, relative: str) -> Path:
         """The path to write an output to; it moves to the same place in the workspace when the stage has finished."""

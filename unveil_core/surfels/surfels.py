@@ -8,9 +8,12 @@ ellipsoid of *3D Gaussian Splatting* (SIGGRAPH 2023), section 4, for comparison.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import normalize
 
@@ -56,6 +59,15 @@ class Surfels:
 
     def __len__(self) -> int:
         return int(self.means.shape[0])
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The parameters by name."""
+        return {f.name: getattr(self, f.name).detach().numpy() for f in fields(self)}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Surfels:
+        """Inverse of :meth:`arrays`."""
+        return Surfels(**{f.name: torch.from_numpy(arrays[f.name]) for f in fields(Surfels)})
 
     @property
     def sh_degree(self) -> int:

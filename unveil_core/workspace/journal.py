@@ -11,13 +11,15 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.files import read_json, write_atomic, write_json_atomic
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["PARTIAL", "commit", "recover"]
+__all__ = ["PARTIAL", "commit", "open_partial", "recover"]
 
 PARTIAL = ".partial-"
 """How the folders begin in which stages write."""
+INPUTS = ".inputs"
+"""File in such a folder with the digest of what the stage reads: only an attempt with the same may go on from it."""
 
 
 def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[str], record: dict[str, Any]) -> None:
@@ -34,7 +36,7 @@ def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[st
 
 
 def recover(workspace: Workspace) -> None:
-    """Finish an interrupted commit, and throw away what an interrupted stage left.
+    """Finish an interrupted commit, and throw away what no stage can go on from.
 
     Raises:
         WorkspaceError: the journal is damaged, or names something outside the workspace.
@@ -46,10 +48,29 @@ def recover(workspace: Workspace) -> None:
             raise WorkspaceError("is no journal of this program", path=path, mend="delete it; the stage is run again")
         _finish(workspace, entry)
     for folder in workspace.root.glob(f"{PARTIAL}*"):
-        shutil.rmtree(folder, ignore_errors=True)
+        if not (folder / INPUTS).is_file():
+            shutil.rmtree(folder, ignore_errors=True)
     for file in workspace.root.rglob(".*.partial"):
         if file.is_file():
             file.unlink()
+
+
+def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
+    """The folder that a stage writes in: with all that an interrupted attempt with the same inputs left there, else empty."""
+    partial = workspace.root / f"{PARTIAL}{stage}"
+    mark = partial / INPUTS
+    if not partial.is_symlink() and mark.is_file() and mark.read_text() == input_hash:
+        return partial
+    if partial.is_symlink():
+        partial.unlink()
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir()
+    try:
+        write_atomic(mark, lambda stream: stream.write(input_hash.encode()))
+    except OSError:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise
+    return partial
 
 
 def _journal(workspace: Workspace) -> Path:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
@@ -51,6 +52,14 @@ class DensityControl:
         self.gradient = torch.zeros(count)
         self.seen = torch.zeros(count)
         self.width_px = torch.zeros(count)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """What was observed, (N,) each, by name."""
+        return {"gradient": self.gradient, "seen": self.seen, "width_px": self.width_px}
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Go on from what :meth:`tensors` gave."""
+        self.gradient, self.seen, self.width_px = (tensors[name] for name in self.tensors())
 
     def observe(self, screen_gradients: Tensor, visible: Tensor, half_size_px: float, width_px: Tensor) -> None:
         """Note one step.

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.optimize.training.adam import adam_step
@@ -107,6 +110,22 @@ class TrainableSurfels:
         twin.first = {name: moment.clone() for name, moment in self.first.items()}
         twin.second = {name: moment.clone() for name, moment in self.second.items()}
         return twin
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The state but for the rates."""
+        parts = {"leaf": self.leaves, "first": self.first, "second": self.second}
+        found = {f"{part}.{name}": t.detach().numpy() for part, of in parts.items() for name, t in of.items()}
+        return {**found, "labels": self.labels.numpy(), "turn": np.array(self.turn)}
+
+    def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Go on from what :meth:`arrays` gave."""
+        leaf, first, second = (
+            {name.removeprefix(part): torch.from_numpy(a) for name, a in arrays.items() if name.startswith(part)}
+            for part in ("leaf.", "first.", "second.")
+        )
+        self.leaves = {name: t.requires_grad_(True) for name, t in leaf.items()}
+        self.first, self.second = first, second
+        self.labels, self.turn = torch.from_numpy(arrays["labels"]), int(arrays["turn"])
 
     def set_sh_degree(self, degree: int) -> None:
         """Let the colours have coefficients up to a degree; new ones start at zero, higher ones are dropped."""

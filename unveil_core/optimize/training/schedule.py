@@ -38,9 +38,21 @@ Watch = Callable[[Optimization, Phase, int], bool]
 """Called after each step with the steps taken in this phase; True ends the phase."""
 
 
-def run_phase(state: Optimization, phase: Phase, watch: Watch | None = None) -> int:
-    """Take the steps of a phase; returns how many there were."""
-    for turn in range(1, phase.steps + 1):
+def run_phase(
+    state: Optimization,
+    phase: Phase,
+    watch: Watch | None = None,
+    *,
+    begun: int = 0,
+    pause: Callable[[int], None] | None = None,
+) -> int:
+    """Take the steps of a phase; returns how many there were.
+
+    Args:
+        begun: steps of the phase that were taken already, before a checkpoint.
+        pause: called with the steps taken whenever the state is one to go on from.
+    """
+    for turn in range(begun + 1, phase.steps + 1):
         done = phase.first + (phase.last - phase.first) * (turn - 1) / phase.steps
         state.step(phase.views, geometry=phase.geometry, done=done)
         # Before the set of surfels changes: what it costs at first is no news.
@@ -51,4 +63,6 @@ def run_phase(state: Optimization, phase: Phase, watch: Watch | None = None) -> 
                 state.grow()
             if phase.prune_every and turn % phase.prune_every == 0:
                 state.prune()
+        if pause is not None:
+            pause(turn)
     return phase.steps

@@ -6,12 +6,14 @@ Two stages as in *3D StreetUnveiler*: first colour and labels with density contr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.optimize.training.adam import Adam
@@ -107,6 +109,40 @@ class Optimization:
         twin.density, twin._generator = deepcopy(self.density), deepcopy(self._generator)
         twin._order = list(self._order)
         return twin
+
+    def checkpoint(self) -> tuple[dict[str, NDArray[np.generic]], dict[str, Any]]:
+        """The state as arrays and as facts that JSON can hold: with them the same steps come to the same end."""
+        arrays = {**self.trainable.arrays(), "texture": self.texture.detach().numpy()}
+        facts: dict[str, Any] = {
+            "order": self._order,
+            "random": self._generator.bit_generator.state,
+            "loss": None if np.isnan(self.loss) else self.loss,
+            "grows": self.density is not None,
+        }
+        if self._sky_adam is not None:
+            arrays |= {"sky.first": self._sky_adam.first.numpy(), "sky.second": self._sky_adam.second.numpy()}
+            facts["sky_turn"] = self._sky_adam.turn
+        if self.density is not None:
+            arrays |= {f"density.{name}": t.numpy() for name, t in self.density.tensors().items()}
+        return arrays, facts
+
+    def restore(self, arrays: Mapping[str, NDArray[np.generic]], facts: Mapping[str, Any]) -> None:
+        """Go on from what :meth:`checkpoint` gave, in an optimization that was begun alike."""
+        self.trainable.restore(arrays)
+        self.texture = torch.from_numpy(arrays["texture"]).requires_grad_(self.settings.sky_rate > 0)
+        if self._sky_adam is not None:
+            self._sky_adam = Adam(self.texture, self.settings.sky_rate)
+            self._sky_adam.first, self._sky_adam.second = (
+                torch.from_numpy(arrays[f"sky.{name}"]) for name in ("first", "second")
+            )
+            self._sky_adam.turn = int(facts["sky_turn"])
+        if not facts["grows"]:
+            self.density = None
+        if self.density is not None:
+            self.density.restore({name: torch.from_numpy(arrays[f"density.{name}"]) for name in self.density.tensors()})
+        self._generator.bit_generator.state = facts["random"]
+        self._order = [int(i) for i in facts["order"]]
+        self.loss = float("nan") if facts["loss"] is None else float(facts["loss"])
 
     def step(self, views: Sequence[TrainingView], *, geometry: bool, done: float) -> None:
         """One view, one change; all views have their turn before one comes again.

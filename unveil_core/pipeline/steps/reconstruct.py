@@ -52,6 +52,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
         hidden=hidden,
         seed=context.settings.seed,
         cache=context.cache,
+        kept=context.kept,
         progress=context.progress,
     )
     comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)

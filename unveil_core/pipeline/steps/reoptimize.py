@@ -57,6 +57,7 @@ def run(context: StageContext) -> None:
         label_count=len(scene.labels),
         seed=context.settings.seed,
         cache=cache,
+        checkpoint=context.kept.checkpoint("training"),
         progress=context.progress,
     )
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)

@@ -1,0 +1,109 @@
+"""What long work computes, kept on disk so that the same work, begun again, need not compute it again.
+
+Plain NumPy files without pickled objects, written under another name and renamed: a file is there whole or not at all.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["EVERY_S", "Checkpoint", "Kept", "read_arrays", "write_arrays"]
+
+EVERY_S = 120.0
+"""Seconds between two checkpoints: at most so much work is lost."""
+FACTS = "facts"
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays by name; the folder is made if need be."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_name(f".{path.name}.{os.getpid()}.new")
+    try:
+        with new.open("wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
+    """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+            return dict(data)
+    except (OSError, ValueError, EOFError, KeyError):
+        return None
+    except Exception as error:  # zipfile and zlib have errors of their own
+        if type(error).__module__ in ("zipfile", "zlib"):
+            return None
+        raise
+
+
+class Kept:
+    """Results by name, each computed once.
+
+    Args:
+        folder: where they lie; None = nowhere, everything is computed.
+        every_s: seconds between two checkpoints of a computation.
+    """
+
+    def __init__(self, folder: Path | None = None, every_s: float = EVERY_S) -> None:
+        self.folder, self.every_s = folder, every_s
+
+    def once(self, name: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+        """The arrays of ``make``: computed if they are not there yet."""
+        path = None if self.folder is None else self.folder / f"{name}.npz"
+        found = None if path is None else read_arrays(path)
+        if found is None:
+            found = dict(make())
+            if path is not None:
+                write_arrays(path, found)
+        return found
+
+    def within(self, name: str) -> Kept:
+        """Results under a name of their own."""
+        return Kept(None if self.folder is None else self.folder / name, self.every_s)
+
+    def checkpoint(self, name: str) -> Checkpoint:
+        """The state of a computation that takes long."""
+        return Checkpoint(None if self.folder is None else self.folder / f"{name}.npz", self.every_s)
+
+
+class Checkpoint:
+    """The state of a computation, saved now and then.
+
+    Args:
+        path: of the file; None = nowhere.
+        every_s: seconds between two saves.
+    """
+
+    def __init__(self, path: Path | None = None, every_s: float = EVERY_S) -> None:
+        self.path, self.every_s = path, every_s
+        self._last = time.monotonic()
+
+    def due(self) -> bool:
+        """Whether it is time to save."""
+        return self.path is not None and time.monotonic() - self._last >= self.every_s
+
+    def save(self, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> None:
+        """Save arrays, and facts that JSON can hold."""
+        if self.path is not None:
+            text = np.frombuffer(json.dumps(facts).encode(), np.uint8)
+            write_arrays(self.path, {**arrays, FACTS: text})
+        self._last = time.monotonic()
+
+    def load(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
+        """What was saved last, None where nothing was."""
+        arrays = None if self.path is None else read_arrays(self.path)
+        if arrays is None or FACTS not in arrays:
+            return None
+        return arrays, json.loads(arrays.pop(FACTS).tobytes())
