@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["Progress", "no_progress"]
+__all__ = ["Progress", "no_progress", "part_of"]
 
 
 class Progress(Protocol):
@@ -14,6 +14,15 @@ class Progress(Protocol):
     """
 
     def __call__(self, done: int, total: int, message: str = "", **metrics: float) -> None: ...
+
+
+def part_of(progress: Progress, number: int, count: int) -> Progress:
+    """The progress of one of ``count`` alike parts of a work, ``number`` from 0, as progress of the whole."""
+
+    def told(done: int, total: int, message: str = "", **metrics: float) -> None:
+        progress(number * total + done, count * total, f"block {number + 1} of {count}, {message}", **metrics)
+
+    return told
 
 
 def no_progress(done: int, total: int, message: str = "", **metrics: float) -> None:

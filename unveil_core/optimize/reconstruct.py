@@ -29,7 +29,7 @@ from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import FLATNESS, Surfels, as_ellipsoids
 
-__all__ = ["PRESETS", "ReconstructSettings", "Reconstruction", "reconstruct"]
+__all__ = ["PRESETS", "ReconstructSettings", "Reconstruction", "reconstruct", "sky_of_labels"]
 
 MANY_FRAMES = 100
 STABLE, FALLEN = 0.5, 1.2
@@ -129,6 +129,8 @@ def reconstruct(
     *,
     exposures: Exposures | None = None,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
+    sky: Sky | None = None,
+    own_frames: int = 0,
     seed: int = 0,
     cache: FrameCache | None = None,
     kept: Kept | None = None,
@@ -142,12 +144,14 @@ def reconstruct(
         settings: see there.
         exposures: of the photographs, see ``optimize.exposure``; the scene gets their canonical colours.
         hidden: (H, W) per frame, pixels that show what does not stand and count for nothing; None = no such pixels.
+        sky: to begin with; None = from these frames.
+        own_frames: how many of the frames count for the amount of work; 0 = all.
         seed: order of the views.
         cache: room for the frames.
         kept: where the start and checkpoints are kept, so that an interrupted call is continued by the next.
         progress: called per step with loss and the number of surfels.
     """
-    settings = settings.scaled(len(drive.frames))
+    settings = settings.scaled(own_frames or len(drive.frames))
     exposures = exposures or Exposures()
     cache, kept = cache or FrameCache(), kept or Kept()
     images, labels = _pictures(drive, scene, exposures, hidden, cache)
@@ -161,8 +165,10 @@ def reconstruct(
     surfels = Surfels.from_arrays(kept.once("start", start))
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
-    rows = SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
-    sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
+    rows = _sky_rows(settings)
+    sky_choice: dict[str, Any] = {}
+    if sky is None:
+        sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
     fine, coarse = (_views(drive, images, labels, hidden, sky, factor, cache) for factor in (1.0, 0.5))
     training = TrainSettings(
         weights=settings.weights,
@@ -185,6 +191,31 @@ def reconstruct(
     )
     course = _Course(state, fine, coarse, settings, kept.checkpoint("training"), progress)
     return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
+
+
+def sky_of_labels(
+    drive: Drive,
+    scene: SceneLabels,
+    settings: ReconstructSettings,
+    exposures: Exposures,
+    hidden: Sequence[NDArray[np.bool_]] | None,
+    cache: FrameCache,
+) -> tuple[Sky | None, dict[str, Any]]:
+    """The start of the sky from pixels labelled sky, see ``optimize.start.start_sky``; None where nothing labels it.
+
+    Of long drives some frames are enough: a block adds what only it saw.
+    """
+    if scene.labels.index("sky") is None:
+        return None, {}
+    some = range(0, len(drive.frames), max(1, len(drive.frames) // MANY_FRAMES))
+    part = replace(drive, frames=tuple(drive.frames[i] for i in some))
+    without = None if hidden is None else Frames(len(some), lambda k: hidden[some[k]])
+    images, labels = _pictures(part, scene, exposures, without, cache)
+    return start_sky(part, scene, images, labels, None, _sky_rows(settings), without, cache)
+
+
+def _sky_rows(settings: ReconstructSettings) -> tuple[int, ...]:
+    return SKY_ROWS if "sky" not in settings.given else (settings.sky_rows,)
 
 
 def _pictures(

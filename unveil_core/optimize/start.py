@@ -232,7 +232,7 @@ def start_sky(
     scene: SceneLabels,
     images: Sequence[NDArray[np.uint8]],
     labels: Sequence[NDArray[np.int64]],
-    surfels: Surfels,
+    surfels: Surfels | None,
     rows: Sequence[int] = SKY_ROWS,
     hidden: Sequence[NDArray[np.bool_]] | None = None,
     cache: FrameCache | None = None,
@@ -240,6 +240,7 @@ def start_sky(
     """The sky from pixels labelled sky, or, without labels, from the upper pixels that no surfel covers.
 
     Args:
+        surfels: of the start; only asked where nothing labels the sky.
         rows: heights of the panorama to choose from, rising.
         hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
         cache: room for the frames.
@@ -253,6 +254,7 @@ def start_sky(
     def sky_pixels(i: int) -> NDArray[np.bool_]:
         if sky is not None:
             return labels[i] == sky
+        assert surfels is not None
         with torch.no_grad():
             alpha = render(surfels, cameras[i], ("alpha",), near=NEAR_M, far=FAR_M).alpha
         assert alpha is not None

@@ -7,6 +7,8 @@ distance, so a point is compared with its neighbours, and with all points at its
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -17,8 +19,14 @@ NEIGHBOURS, NEAREST = 24, 4
 BESIDE_NEIGHBOURS, AT_ITS_RANGE = 2.5, 2.5
 """How many times the spacing of its neighbours, or of the points at its distance, makes a point lonely."""
 RANGES = 32
+CHUNK = 200_000
+"""Points that are looked at together: their neighbours take 200 MB."""
 LEAST_POINTS = 200
 """Fewer are no cloud that has a spacing."""
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    return (slice(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK))
 
 
 def lonely_points(
@@ -35,15 +43,20 @@ def lonely_points(
     k = min(NEIGHBOURS, count - 1)
     if k < 3:
         return np.full(count, 0.1), np.zeros(count, bool)
-    distance, index = cKDTree(positions).query(positions, k=k + 1, workers=1)
-    spacing = np.sqrt(np.mean(distance[:, 1:4] ** 2, axis=1))
+    tree = cKDTree(positions)
+    spacing, mean_distance, beside = np.empty(count), np.empty(count), np.empty(count)
+    for part in _chunks(count):
+        distance = tree.query(positions[part], k=min(NEAREST, k) + 1, workers=1)[0][:, 1:]
+        spacing[part] = np.sqrt(np.mean(distance[:, :3] ** 2, axis=1))
+        mean_distance[part] = distance.mean(axis=1)
     if count < LEAST_POINTS:
         return spacing, np.zeros(count, bool)
-    mean_distance = distance[:, 1 : NEAREST + 1].mean(axis=1)
-    # The lower quartile: where strays are many, most neighbours of a stray are strays too.
-    beside = np.partition(mean_distance[index[:, 1:]], k // 4, axis=1)[:, k // 4]
+    for part in _chunks(count):
+        index = tree.query(positions[part], k=k + 1, workers=1)[1][:, 1:]
+        # The lower quartile: where strays are many, most neighbours of a stray are strays too.
+        beside[part] = np.partition(mean_distance[index], k // 4, axis=1)[:, k // 4]
     usual = np.empty(count)
     away = cKDTree(viewpoints).query(positions)[0]
-    for part in np.array_split(np.argsort(away, kind="stable"), RANGES):
-        usual[part] = np.median(mean_distance[part])
+    for alike in np.array_split(np.argsort(away, kind="stable"), RANGES):
+        usual[alike] = np.median(mean_distance[alike])
     return spacing, (mean_distance > BESIDE_NEIGHBOURS * beside) | (mean_distance > AT_ITS_RANGE * usual)

@@ -7,9 +7,11 @@ from typing import Any
 
 from unveil_core.drives.exposure import write_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings, reconstruct
+from unveil_core.optimize.in_blocks import reconstruct_in_blocks
+from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.surfels.ply import write_surfels
@@ -44,10 +46,11 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
     scene, hidden = load_labels(context.workspace), moving.hidden(drive, context.cache)
     exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
     write_exposures(exposures, context.output("surfels/exposure.json"))
-    done = reconstruct(
+    done = reconstruct_in_blocks(
         drive,
         scene,
         settings,
+        cut_into_blocks(drive),
         exposures=exposures,
         hidden=hidden,
         seed=context.settings.seed,

@@ -1,0 +1,89 @@
+"""A drive reconstructed in blocks: as good as in one piece, each surfel from its own block, and finished blocks stay finished."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.hard_drives import make_tiny_street
+from unveil_core.base.checkpoint import Kept
+from unveil_core.drives import open_drive
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.exposure import Exposures
+from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.evaluate.held_out import evaluate_views
+from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.optimize.adaptation.choices import CHOICES
+from unveil_core.optimize.in_blocks import block_of_drive, reconstruct_in_blocks
+from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings
+from unveil_core.optimize.start import StartSettings
+from unveil_core.semantics.labels import SceneLabels, choose_labels
+
+SETTINGS = ReconstructSettings(
+    iterations=120, sh_degree=0, start=StartSettings(budget=4000), budget=6000, given=frozenset(CHOICES)
+)
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> tuple[Drive, SceneLabels]:
+    path = make_tiny_street(tmp_path_factory.mktemp("blocks") / "street", [0.8 * i for i in range(12)])
+    drive = localized(open_drive(path))
+    return drive, choose_labels(drive)
+
+
+def psnr(done: Reconstruction, drive: Drive, scene: SceneLabels) -> float:
+    return float(evaluate_views(done.surfels, done.sky, list(drive.frames), scene, near=NEAR_M, far=FAR_M)["psnr"])
+
+
+def test_two_blocks_are_as_good_as_one(street: tuple[Drive, SceneLabels]) -> None:
+    drive, scene = street
+    one, two = cut_into_blocks(drive), cut_into_blocks(drive, 4.5)
+    assert len(one.blocks) == 1 and len(two.blocks) == 2
+    whole = reconstruct_in_blocks(drive, scene, SETTINGS, one, exposures=Exposures())
+    halves = reconstruct_in_blocks(drive, scene, SETTINGS, two, exposures=Exposures())
+    assert psnr(halves, drive, scene) > psnr(whole, drive, scene) - 0.2
+    owner = two.of_places(halves.surfels.means.double().numpy())
+    assert set(np.unique(owner)) == {0, 1} and (np.diff(owner) >= 0).all()
+    assert halves.choices["iterations"]["chosen"] == sum(c["iterations"]["chosen"] for c in halves.choices["blocks"])
+
+
+def test_what_a_frame_of_the_block_sees_is_in_its_points(street: tuple[Drive, SceneLabels]) -> None:
+    drive, _ = street
+    for block in cut_into_blocks(drive, 3.0).blocks:
+        part = block_of_drive(drive, block)
+        kept = {p.tobytes() for p in part.points.positions}
+        for frame in part.frames:
+            pixel, depth = frame.camera.project(drive.points.positions)
+            seen = frame.camera.in_picture(pixel, depth) & (depth < FAR_M)
+            assert all(p.tobytes() in kept for p in drive.points.positions[seen])
+
+
+class Killed(Exception):
+    pass
+
+
+def test_finished_blocks_are_not_made_again(street: tuple[Drive, SceneLabels], tmp_path: Path) -> None:
+    drive, scene = street
+    settings, blocks = replace(SETTINGS, iterations=24), cut_into_blocks(drive, 3.0)
+    whole = reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures())
+    begun: list[str] = []
+
+    def kill(done: int, total: int, message: str = "", **_: float) -> None:
+        if message.startswith("block 3 of 3, fine") and "fine" not in begun:
+            begun.append("fine")
+            raise Killed
+        begun.append(message.split(",")[0])
+
+    kept = Kept(tmp_path / "kept")
+    with pytest.raises(Killed):
+        reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures(), kept=kept, progress=kill)
+    before = len(begun)
+    again = reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures(), kept=kept, progress=kill)
+    assert set(begun[before:]) == {"block 3 of 3"}
+    assert all(torch.equal(torch.from_numpy(a), getattr(again.surfels, n)) for n, a in whole.surfels.arrays().items())
+    assert torch.equal(whole.sky.texture, again.sky.texture)
