@@ -19,6 +19,9 @@ class Progress(Protocol):
 def part_of(progress: Progress, number: int, count: int) -> Progress:
     """The progress of one of ``count`` alike parts of a work, ``number`` from 0, as progress of the whole."""
 
+    if count == 1:
+        return progress
+
     def told(done: int, total: int, message: str = "", **metrics: float) -> None:
         progress(number * total + done, count * total, f"block {number + 1} of {count}, {message}", **metrics)
 

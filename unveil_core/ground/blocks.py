@@ -84,11 +84,12 @@ class Blocks:
         return np.where(earlier < first - 1, earlier, first).astype(np.int64)
 
 
-def cut_into_blocks(drive: Drive, length_m: float = BLOCK_M) -> Blocks:
+def cut_into_blocks(drive: Drive, length_m: float | None = None) -> Blocks:
     """Cut a drive into blocks of about ``length_m`` metres of way; a shorter drive, and one that stands, is one block.
 
     Args:
         drive: an imported drive.
+        length_m: :data:`BLOCK_M` by default.
     """
     track = longest_track(drive)
     frames = drive.frames
@@ -98,7 +99,7 @@ def cut_into_blocks(drive: Drive, length_m: float = BLOCK_M) -> Blocks:
     order = np.argsort(times[track], kind="stable")
     of_frame = np.interp(times, times[track][order], station[order])
     way = float(station.max())
-    count = max(1, round(way / length_m))
+    count = max(1, round(way / (length_m or BLOCK_M)))
     nodes, at = _nodes(places)
     of_node = _number(at, way, count)
     own = _number(of_frame, way, count)

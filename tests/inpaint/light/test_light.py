@@ -95,7 +95,7 @@ def test_asphalt_of_two_ages_that_lies_like_shadows_is_no_sun() -> None:
 
 def test_a_given_sun_is_taken() -> None:
     chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0]))
-    light = light_of_scene(chart, kept, car, given=(123.0, 33.0))
+    light = light_of_scene(chart, kept, car, sun=Sun(sun_towards(123.0, 33.0), 1.0, 123.0, 33.0))
     assert light is not None
     assert (light.sun.azimuth, light.sun.elevation) == (123.0, 33.0)
 

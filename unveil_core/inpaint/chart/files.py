@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_atomic
-from unveil_core.inpaint.chart.street_chart import StreetChart
 
 __all__ = ["ChartSources", "read_chart_sources", "save_chart"]
 
@@ -24,7 +23,7 @@ __all__ = ["ChartSources", "read_chart_sources", "save_chart"]
 @dataclass(frozen=True, eq=False)
 class ChartSources:
     """Attributes:
-    source: (A, B) uint8; label: (A, B) int16, as in :class:`StreetChart`.
+    source: (A, B) uint8; label: (A, B) int16, as in ``street_chart.StreetChart``.
     s_start, t_start: street coordinates of the first texel; texel: its side, metres.
     """
 
@@ -35,7 +34,7 @@ class ChartSources:
     texel: float
 
 
-def save_chart(chart: StreetChart | None, path: Path) -> None:
+def save_chart(chart: ChartSources | None, path: Path) -> None:
     """Write where the chart's texels come from; ``None`` writes an empty one."""
     if chart is None:
         arrays = {"source": np.zeros((0, 0), np.uint8), "label": np.zeros((0, 0), np.int16), "place": np.zeros(3)}

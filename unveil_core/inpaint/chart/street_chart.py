@@ -6,8 +6,9 @@ whole drive; frames then sample it, so that what is invented is the same in all 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,11 +25,14 @@ __all__ = [
     "INVENTED",
     "OBSERVED",
     "OUTSIDE",
+    "READ_M",
     "RELIT",
     "RELIT_GAIN",
+    "TEXEL_M",
     "StreetChart",
     "blur_levels",
     "read_chart",
+    "rows_of",
     "sample_chart",
     "usable_pixels",
 ]
@@ -42,10 +46,17 @@ NEARNESS_POWER = 4
 square of the depth, and the variance of what it shows of a texel with the fourth power."""
 RELIT_GAIN = 1.02
 """Gain above which ground counts as relit: two per cent, five levels of 255 in bright asphalt, are not seen."""
+TEXEL_M = 0.04
+"""Size of a texel, metres: joints of paving are 1 to 2 cm wide, kerbs and paint 10."""
+READ_M = 45.0
+"""How far a view is read, metres: farther off a pixel of 384 across covers metres of street."""
 TAPS = 7
 """Samples along a pixel's footprint, as in anisotropic texture filtering."""
 LONGEST_TEXELS = 100.0
 """Longest footprint that is sampled, texels (4 m): the blur levels bridge the distance between its taps up to there."""
+
+
+PLANES = ("color", "label", "source", "gain", "nearest", "replaced")
 
 
 ALIKE = 0.08
@@ -78,6 +89,22 @@ class StreetChart:
     gain: Float32
     nearest: Float32
     replaced: NDArray[np.bool_]
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The planes by name, and ``place``: arc length and lateral offset of the first texel, and its size."""
+        planes = {name: getattr(self, name) for name in PLANES}
+        return {**planes, "place": np.array([self.s_start, self.t_start, self.texel])}
+
+    @staticmethod
+    def from_arrays(ground: Ground, arrays: Mapping[str, NDArray[Any]]) -> StreetChart:
+        """Inverse of :meth:`arrays`."""
+        s_start, t_start, texel = (float(v) for v in arrays["place"])
+        return StreetChart(ground, texel, s_start, t_start, **{name: arrays[name] for name in PLANES})
+
+    def part(self, first: int, end: int) -> StreetChart:
+        """Rows from ``first`` up to ``end``."""
+        planes = {name: getattr(self, name)[first:end] for name in PLANES}
+        return replace(self, s_start=self.s_start + self.texel * first, **planes)
 
     def coordinates(self) -> tuple[Float64, Float64]:
         """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
@@ -124,6 +151,11 @@ def usable_pixels(
         return usable & (np.abs(depth - met) < ALIKE * met)
 
 
+def rows_of(ground: Ground) -> int:
+    """Number of rows of the chart of a whole street."""
+    return int(ground.s_cell * (len(ground.t_max) - 1) / TEXEL_M) + 1
+
+
 def read_chart(
     ground: Ground,
     cameras: Sequence[Camera],
@@ -131,8 +163,7 @@ def read_chart(
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[NDArray[np.bool_]],
     *,
-    texel_m: float = 0.04,
-    reach_m: float = 45.0,
+    rows: tuple[int, int] | None = None,
     progress: Progress = no_progress,
 ) -> StreetChart:
     """Read the ground from the frames; nearer views count more.
@@ -142,39 +173,38 @@ def read_chart(
         cameras, images: the views, images (H, W, 3) uint8.
         labels: (H, W) compact labels per view.
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
-        texel_m: texel size, metres; reach_m: how far a view looks, metres.
+        rows: first and last but one of the rows that are read; None = all.
     """
     t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
-    s_low = ground.s_start
-    s_high = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
-    rows, columns = int((s_high - s_low) / texel_m) + 1, int((t_high - t_low) / texel_m) + 1
-    s = s_low + texel_m * np.arange(rows)
-    t = t_low + texel_m * np.arange(columns)
-    grid_s, grid_t = np.repeat(s, columns), np.tile(t, rows)
+    first_row, end_row = rows or (0, rows_of(ground))
+    height, width = end_row - first_row, int((t_high - t_low) / TEXEL_M) + 1
+    s = ground.s_start + TEXEL_M * np.arange(first_row, end_row)
+    t = t_low + TEXEL_M * np.arange(width)
+    grid_s, grid_t = np.repeat(s, width), np.tile(t, height)
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
-    texels = _Texels.unseen(rows * columns)
+    texels = _Texels.unseen(height * width)
     for v, camera in enumerate(cameras):
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
-        first = np.searchsorted(s, here - reach_m) * columns
-        last = np.searchsorted(s, here + reach_m) * columns
+        first = np.searchsorted(s, here - READ_M) * width
+        last = np.searchsorted(s, here + READ_M) * width
         index = first + np.flatnonzero(inside[first:last])
         pixel, depth = camera.project(world[index])
-        seen = camera.in_picture(pixel, depth, nearest=NEAREST_M) & (depth < reach_m)
+        seen = camera.in_picture(pixel, depth, nearest=NEAREST_M) & (depth < READ_M)
         texels.add(index[seen], pixel[seen], depth[seen], images[v], labels[v], usable[v])
         progress(v + 1, len(cameras), "reading the street")
     known = texels.weight > 0
     return StreetChart(
         ground=ground,
-        texel=texel_m,
-        s_start=float(s_low),
+        texel=TEXEL_M,
+        s_start=float(s[0]),
         t_start=t_low,
-        color=texels.color().reshape(rows, columns, 3),
-        label=texels.label.reshape(rows, columns),
-        source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(rows, columns),
-        gain=np.ones((rows, columns, 3), dtype=np.float32),
-        nearest=texels.nearest.astype(np.float32).reshape(rows, columns),
-        replaced=np.zeros((rows, columns), dtype=bool),
+        color=texels.color().reshape(height, width, 3),
+        label=texels.label.reshape(height, width),
+        source=np.where(known, OBSERVED, OUTSIDE).astype(np.uint8).reshape(height, width),
+        gain=np.ones((height, width, 3), dtype=np.float32),
+        nearest=texels.nearest.astype(np.float32).reshape(height, width),
+        replaced=np.zeros((height, width), dtype=bool),
     )
 
 

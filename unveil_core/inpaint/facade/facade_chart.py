@@ -109,6 +109,7 @@ def read_facade(
     views: Sequence[FacadeView],
     *,
     left: bool,
+    along: tuple[float, float] = (-np.inf, np.inf),
     texel_m: float = 0.04,
     reach_m: float = 40.0,
 ) -> FacadeChart | None:
@@ -116,11 +117,14 @@ def read_facade(
 
     Args:
         walls: surfels of houses.
-        left: which side of the street.
+        left: which side of the street; along: arc lengths between which it is read.
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
     end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     s = np.arange(ground.s_start, end, texel_m)
+    s = s[(s >= along[0]) & (s < along[1])]
+    if len(s) < 2:
+        return None
     offset = facade_offsets(walls, ground, s, left=left)
     if not np.isfinite(offset).any():
         return None

@@ -59,7 +59,7 @@ def plan_drive(
     layer: GroundLayer | None,
     *,
     order: str,
-    names: Sequence[str] = (),
+    names: Sequence[int] | None = None,
     cache: FrameCache,
     scratch: Path,
     progress: Progress = no_progress,
@@ -70,14 +70,11 @@ def plan_drive(
         frames, tasks: as many, in the same order.
         remaining: the scene without the removed; layer: its ground, or None.
         order: "reverse", "forward", or "independent", which has no plan.
-        names: the user's keyframes; none = chosen here.
+        names: indices of the user's keyframes; None = chosen here.
         cache: room for the frames; scratch: folder for their holes.
-    Raises:
-        SettingsError: there is no frame of that name.
     """
     if order == "independent":
         return None
-    given = named_frames(frames, names) if names else None
 
     def find(i: int) -> tuple[NDArray[Any], ...]:
         hole = open_hole(tasks[i], remaining, layer)
@@ -88,7 +85,7 @@ def plan_drive(
         _ = stored[done]  # in order, so that the time left can be said
         progress(done + 1, len(tasks), "choosing keyframes")
     holes = Frames(len(tasks), lambda i: _hole(frames[i].camera, *stored[i]))
-    return plan_keyframes(holes, instants(frames), order=order, given=given)
+    return plan_keyframes(holes, instants(frames), order=order, given=names)
 
 
 def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -> Hole:
@@ -97,21 +94,28 @@ def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -
     return Hole(camera, np.unpackbits(mask, count=shape[0] * shape[1]).reshape(shape).astype(bool), depth)
 
 
-def plan_json(plan: Plan | None, frames: Sequence[Frame], *, order: str, given: bool) -> dict[str, object]:
-    """The keyframes by name in the order in which they invent, and what each newly showed."""
-    keyframes = () if plan is None else plan.keyframes
+def plan_json(
+    plans: Sequence[tuple[Plan | None, Sequence[int]]], frames: Sequence[Frame], *, order: str, given: bool
+) -> dict[str, object]:
+    """The keyframes by name in the order in which they invent, and what each newly showed.
+
+    Args:
+        plans: of the blocks in the order in which they were cleaned, and which of the ``frames`` each has.
+    """
+    keyframes = [(frames[own[k.frame]], k) for plan, own in plans if plan is not None for k in plan.keyframes]
+    left = [int(plan.remaining.sum()) for plan, _ in plans if plan is not None]
     return {
         "order": order,
         "chosen": "given" if given else "auto",
         "keyframes": [
             {
-                "camera": frames[k.frame].camera_name,
-                "frame": frames[k.frame].name,
+                "camera": frame.camera_name,
+                "frame": frame.name,
                 "newly_shown_m2": round(k.area, 3),
                 "newly_shown_px": k.pixels,
                 "deferred_to_sharper_px": int(k.deferred.sum()),
             }
-            for k in keyframes
+            for frame, k in keyframes
         ],
-        "remaining_px": None if plan is None else int(plan.remaining.sum()),
+        "remaining_px": sum(left) if left else None,
     }

@@ -22,7 +22,7 @@ from unveil_core.inpaint.light.shadow_map import in_shadow
 from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Sun, find_sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["light_of_scene", "lit_at_sunny_walls"]
+__all__ = ["light_of_scene", "lit_at_sunny_walls", "sun_of_scene"]
 
 COARSE_M = 0.2
 """Cells of the grid that the sun is first looked for on, metres: the shadows of roofs and trees, not of posts."""
@@ -140,7 +140,7 @@ def light_of_scene(
     cameras: Sequence[Camera] = (),
     solid: Sequence[int] = (),
     plants: Sequence[int] = (),
-    given: tuple[float, float] | None = None,
+    sun: Sun | None = None,
 ) -> Light | None:
     """Find the sun by its shadows, and cast those of what stays and of what is removed.
 
@@ -151,33 +151,62 @@ def light_of_scene(
         cameras: of the drive.
         solid: labels of what is solid down to the ground, as houses and walls, though their feet may be hidden.
         plants: labels of vegetation.
-        given: azimuth and elevation of the sun, degrees (see ``sun_towards``), instead of looking for it.
+        sun: instead of looking for it.
     Returns:
         None where no sun explains the dark places.
     """
-    kept, gone = (_standing(chart, surfels, STANDS_M) for surfels in (kept, gone))
-    trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
-    observed = concatenate([kept, gone])
-    crowns = complete_crowns(trees, chart.ground)
-    kept = concatenate([kept, crowns])
+    casters = _Casters.of(chart, kept, gone, plants)
     evidence = _Evidence(chart, footprint, cameras)
-    if given is not None:
-        sun: Sun | None = Sun(sun_towards(*given), 1.0, *given)
-    else:
-        sun = _coarse_sun(evidence, concatenate([kept, gone]))
-        if sun is not None:
-            # Only by what was observed: the far side of a crown is a guess, good enough to come near.
-            places, is_dark = evidence.light_seen(CONTACT_M, observed, sun)
-            sun = _refined_sun(places, is_dark, observed, concatenate([trees, crowns]), plants, sun)
-            dark = evidence.dark(CONTACT_M, observed, sun)
-            sun = sun if evidence.light_at_borders(dark) < MOST_LIGHT else None
+    sun = sun or _find_sun(evidence, casters, plants)
     if sun is None:
         return None
     # Between two cars there is little else than what lies beside them.
-    ground = evidence.light_seen(CONTACT_M / 4, observed, sun)
-    kept = _with_solid_houses(evidence, kept, gone, solid, sun, ground)
-    of_kept, of_gone = (_cast_on_chart(chart, surfels, sun) for surfels in (kept, gone))
+    ground = evidence.light_seen(CONTACT_M / 4, casters.observed, sun)
+    solid_ones = _with_solid_houses(evidence, casters.kept, casters.gone, solid, sun, ground)
+    of_kept, of_gone = (_cast_on_chart(chart, surfels, sun) for surfels in (solid_ones, casters.gone))
     return Light(sun, of_kept, of_gone)
+
+
+def sun_of_scene(
+    chart: StreetChart,
+    kept: Surfels,
+    gone: Surfels,
+    *,
+    footprint: NDArray[np.bool_] | None = None,
+    cameras: Sequence[Camera] = (),
+    plants: Sequence[int] = (),
+) -> Sun | None:
+    """The sun by its shadows alone, see :func:`light_of_scene`."""
+    return _find_sun(_Evidence(chart, footprint, cameras), _Casters.of(chart, kept, gone, plants), plants)
+
+
+@dataclass(frozen=True, eq=False)
+class _Casters:
+    """What casts shadows: of what stays, with completed crowns, and of what is removed; the trees and their crowns among them; and
+    all of it that was observed."""
+
+    kept: Surfels
+    gone: Surfels
+    trees: Surfels
+    observed: Surfels
+
+    @staticmethod
+    def of(chart: StreetChart, kept: Surfels, gone: Surfels, plants: Sequence[int]) -> _Casters:
+        kept, gone = (_standing(chart, surfels, STANDS_M) for surfels in (kept, gone))
+        trees = kept.select(torch.from_numpy(np.isin(kept.labels.numpy(), list(plants))))
+        crowns = complete_crowns(trees, chart.ground)
+        return _Casters(concatenate([kept, crowns]), gone, concatenate([trees, crowns]), concatenate([kept, gone]))
+
+
+def _find_sun(evidence: _Evidence, casters: _Casters, plants: Sequence[int]) -> Sun | None:
+    sun = _coarse_sun(evidence, concatenate([casters.kept, casters.gone]))
+    if sun is None:
+        return None
+    # Only by what was observed: the far side of a crown is a guess, good enough to come near.
+    places, is_dark = evidence.light_seen(CONTACT_M, casters.observed, sun)
+    sun = _refined_sun(places, is_dark, casters.observed, casters.trees, plants, sun)
+    dark = evidence.dark(CONTACT_M, casters.observed, sun)
+    return sun if evidence.light_at_borders(dark) < MOST_LIGHT else None
 
 
 def _with_solid_houses(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 
-__all__ = ["ELEVATION_LIMITS", "Sun", "find_sun", "sun_towards"]
+__all__ = ["ELEVATION_LIMITS", "Sun", "find_sun", "given_sun", "sun_towards"]
 
 LEAST_SCORE = 0.25
 """Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight. Chosen on the two sample
@@ -57,6 +57,11 @@ def sun_towards(azimuth: float, elevation: float) -> Float64:
     """
     a, e = np.radians(azimuth), np.radians(elevation)
     return np.array([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), np.sin(e)])
+
+
+def given_sun(azimuth: float, elevation: float) -> Sun:
+    """The sun where its direction is known, degrees, see :func:`sun_towards`."""
+    return Sun(sun_towards(azimuth, elevation), 1.0, azimuth, elevation)
 
 
 def find_sun(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,23 +13,29 @@ import torch
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.onnx_files import files_of
+from unveil_core.base.progress import Progress, part_of
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.ground.blocks import Block, Blocks, cut_into_blocks
 from unveil_core.ground.files import read_ground
+from unveil_core.inpaint.by_stretch import Completed, StreetFill, sky_behind
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
+from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
-from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json
+from unveil_core.inpaint.frames.keyframe_plan import named_frames, plan_drive, plan_json
+from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
-from unveil_core.inpaint.light.sun import Sun
+from unveil_core.inpaint.light.sun import Sun, given_sun
 from unveil_core.inpaint.origin import CONTINUED, INVENTED
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
-from unveil_core.inpaint.street_scene import Removal, Views, complete_scene, drive_views, empty_ground_chart
+from unveil_core.inpaint.street_scene import Removal, Views, drive_views
+from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
@@ -62,59 +68,88 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     """
     given = _read(context)
     drive, scene, surfels, gone = given.drive, given.scene, given.removal.surfels, given.removal.gone
+    cameras = [f.camera for f in drive.frames]
+    blocks = cut_into_blocks(drive)
     street = read_ground(context.workspace.ground_npz).street if charts else None
-    chart, sun = None, None
+    fill, sun = None, None
+    stretches: list[Stretch] = []
+    tested: list[Assumption] = []
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     if street is not None:
-        chart, sun = empty_ground_chart(
+        stretches = cut_street(street, blocks, cameras, surfels.means.double().numpy()[gone])
+        fill = StreetFill(
             drive,
             scene,
             street,
             given.removal,
             given.views,
-            shadows=context.settings.shadows != "off",
-            sun=context.settings.sun,
+            stretches,
+            cache=context.cache,
+            kept=context.kept.within("street"),
             progress=context.progress,
         )
-        cameras = [f.camera for f in drive.frames]
-        anew = new_ground(chart, surfels.means.double().numpy()[gone], cameras, given.views.removed)
-        displaced = ~gone & displaced_by(chart, anew, surfels, scene.labels.indices(GROUND_CLASSES))
-        relit = ground_relit(chart, surfels)
+        shadows = context.settings.shadows != "off"
+        sun = fill.find_sun() if context.settings.sun is None else given_sun(*context.settings.sun)
+        fill.fill(sun, shadows=shadows)
+        tested += [_sun_assumed(sun)] if shadows else []
+        displaced, relit = _changed_surfels(given, fill, stretches)
     remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
-    parts: list[Surfels] = []
-    layer, sky = None, None
-    tested = [] if chart is None or context.settings.shadows == "off" else [_sun_assumed(sun)]
-    if street is not None and chart is not None:
-        completed = complete_scene(drive, scene, street, remaining, given.views, context.cache)
-        feet, sky = completed.feet, completed.sky
-        if scene.labels.index("building") is not None:
-            tested.append(_facades_assumed(completed.sides, len(completed.facades)))
-        parts = [*completed.facades, *([] if feet is None else [feet])]
-        layer = GroundLayer(
-            chart,
-            feet=np.zeros((0, 3)) if feet is None else feet.means.double().numpy(),
-            ground_labels=scene.labels.indices(GROUND_CLASSES),
-        )
+    completed = None if fill is None else fill.complete(remaining)
+    if completed is not None and scene.labels.index("building") is not None:
+        tested.append(_facades_assumed(completed.sides, completed.mended))
+    parts = [] if completed is None else completed.surfels()
     # What follows from the seen part of a house or a pole is known before anything is invented.
-    known = RemainingScene(concatenate([remaining, *parts]), given.sky, layer, len(scene.labels))
-    seeds = _propagate(context, given, known, sky)
+    known = RemainingScene(concatenate([remaining, *parts]), given.sky, None, len(scene.labels))
+    seeds = _Cleaning(context, given, known, fill, completed).run(blocks, stretches)
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
-    if chart is not None:
-        spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
-        label = scene.labels.index("road") or 0
-        parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=remaining.sh_degree, default_label=label))
+    if fill is not None:
+        parts += _new_ground_surfels(context, given, fill, stretches)
     origins = [np.full(len(p), INVENTED if k in invented else CONTINUED, np.uint8) for k, p in enumerate(parts)]
     save_array(np.concatenate([np.zeros(0, np.uint8), *origins]), context.output("surfels/seed_origins.npy"))
     seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
     write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
-    save_chart(chart, context.output("inpaint/chart.npz"))
+    save_chart(None if fill is None else fill.sources(), context.output("inpaint/chart.npz"))
     if sun is None:
         return {"sun": None, **assumed(tested)}
     numbers = {"azimuth_deg": sun.azimuth, "elevation_deg": sun.elevation, "score": sun.score}
     return {"sun": {name: round(value, 3) for name, value in numbers.items()}, **assumed(tested)}
+
+
+def _anew(given: _Given, chart: StreetChart, stretch: Stretch) -> Mask:
+    """(A, B) texels of a stretch that get new surfels."""
+    means, gone = given.removal.surfels.means.double().numpy(), given.removal.gone
+    frames = stretch.frames
+    cameras = [given.drive.frames[i].camera for i in frames]
+    removed = Frames(len(frames), lambda k: given.views.removed[frames[k]])
+    return new_ground(chart, means[gone], cameras, removed)
+
+
+def _changed_surfels(given: _Given, fill: StreetFill, stretches: Sequence[Stretch]) -> tuple[Mask, Mask]:
+    """(N,) each, surfels of the ground that new ones replace, and those that lost a shadow."""
+    surfels, gone = given.removal.surfels, given.removal.gone
+    displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
+    for stretch in stretches:
+        chart = fill.own(stretch)
+        anew = _anew(given, chart, stretch)
+        displaced |= displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
+        relit |= ground_relit(chart, surfels)
+    return displaced & ~gone, relit
+
+
+def _new_ground_surfels(
+    context: StageContext, given: _Given, fill: StreetFill, stretches: Sequence[Stretch]
+) -> list[Surfels]:
+    spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
+    label, degree = given.scene.labels.index("road") or 0, given.removal.surfels.sh_degree
+    parts = []
+    for stretch in stretches:
+        chart = fill.own(stretch)
+        anew = _anew(given, chart, stretch)
+        parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=degree, default_label=label))
+    return parts
 
 
 def _sun_assumed(sun: Sun | None) -> Assumption:
@@ -173,51 +208,95 @@ def _mask(frames: Sequence[Frame], folder: Path, i: int) -> Mask:
     return load_mask(frame_file(folder, frames[i]))
 
 
-def _propagate(
-    context: StageContext, given: _Given, known: RemainingScene, sky: Sequence[Mask] | None
-) -> Surfels | None:
-    """Choose the keyframes, record them, and clean and write all frames; returns the surfels of what was invented.
+@dataclass(frozen=True, eq=False)
+class _Cleaning:
+    """The frames cleaned block by block, the last one first: what a block invents, those before it see.
 
-    Args:
-        sky: (H, W) bool per frame, where the sky goes on behind removed objects; None where that is not known.
+    Attributes:
+        known: the scene before anything is invented, without its ground.
+        fill: of the street, and what completes it; None where there is no street.
     """
-    frames, views, settings = given.drive.frames, given.views, context.settings
 
-    def task(i: int) -> FrameTask:
-        kept = np.isin(views.labels[i], given.scene.removable_labels) & ~views.removed[i]
-        over = None if sky is None else sky[i]
-        return FrameTask(frames[i].camera, views.images[i], views.removed[i], given.unobserved[i], kept, over)
+    context: StageContext
+    given: _Given
+    known: RemainingScene
+    fill: StreetFill | None
+    completed: Completed | None
 
-    def write(i: int, result: Painted) -> None:
-        write_image_atomic(frame_file(context.output("inpainted"), frames[i]), result.image)
-        write_image_atomic(frame_file(context.output("inpaint/origins"), frames[i]), result.origin)
-        save_mask(result.shadow | given.shaded[i], frame_file(context.output("masks/shadows"), frames[i]))
+    def run(self, blocks: Blocks, stretches: Sequence[Stretch]) -> Surfels | None:
+        """Clean and write all frames, and record the keyframes; returns the surfels of what was invented."""
+        seeds: list[Surfels] = []
+        plans: list[tuple[Plan | None, tuple[int, ...]]] = []
+        for block in reversed(blocks.blocks):
+            known = replace(self.known, ground=self._layer(stretches[block.number]) if stretches else None)
+            known = replace(known, surfels=concatenate([known.surfels, *seeds]))
+            plan, new = self._clean(block, known, part_of(self.context.progress, len(plans), len(blocks.blocks)))
+            plans.append((plan, block.own))
+            seeds += [] if new is None else [new]
+        settings, frames = self.context.settings, self.given.drive.frames
+        record = plan_json(plans, frames, order=settings.order, given=bool(settings.keyframes))
+        write_json_atomic(self.context.output("inpaint/keyframes.json"), record)
+        return concatenate(seeds) if seeds else None
 
-    tasks = Frames(len(frames), task)
-    order, names = settings.order, settings.keyframes
-    plan = plan_drive(
-        frames,
-        tasks,
-        known.surfels,
-        known.ground,
-        order=order,
-        names=names,
-        cache=context.cache,
-        scratch=context.scratch("holes"),
-        progress=context.progress,
-    )
-    record = plan_json(plan, frames, order=order, given=bool(names))
-    write_json_atomic(context.output("inpaint/keyframes.json"), record)
-    network = settings.networks.get("reference_inpainter")
-    return propagate_inpainting(
-        tasks,
-        known,
-        inpainter(settings.inpainter),
-        write,
-        plan=plan,
-        reference=None if network is None else load_reference(network),
-        progress=context.progress,
-    )
+    def _layer(self, stretch: Stretch) -> GroundLayer:
+        assert self.fill is not None and self.completed is not None
+        feet = self.completed.feet
+        return GroundLayer(
+            self.fill.seen_from(stretch),
+            feet=np.zeros((0, 3)) if feet is None else feet.means.double().numpy(),
+            ground_labels=self.given.scene.labels.indices(GROUND_CLASSES),
+        )
+
+    def _clean(self, block: Block, known: RemainingScene, progress: Progress) -> tuple[Plan | None, Surfels | None]:
+        context, given, views, settings = self.context, self.given, self.given.views, self.context.settings
+        frames = [given.drive.frames[i] for i in block.own]
+        cameras = [f.camera for f in frames]
+        sky = None if self.completed is None else sky_behind(self.completed.curtains, cameras, context.cache)
+
+        def task(k: int) -> FrameTask:
+            i = block.own[k]
+            kept = np.isin(views.labels[i], given.scene.removable_labels) & ~views.removed[i]
+            over = None if sky is None else sky[k]
+            return FrameTask(cameras[k], views.images[i], views.removed[i], given.unobserved[i], kept, over)
+
+        def write(k: int, result: Painted) -> None:
+            frame = frames[k]
+            write_image_atomic(frame_file(context.output("inpainted"), frame), result.image)
+            write_image_atomic(frame_file(context.output("inpaint/origins"), frame), result.origin)
+            shadow = result.shadow | given.shaded[block.own[k]]
+            save_mask(shadow, frame_file(context.output("masks/shadows"), frame))
+
+        tasks = Frames(len(frames), task)
+        plan = plan_drive(
+            frames,
+            tasks,
+            known.surfels,
+            known.ground,
+            order=settings.order,
+            names=self._named(block),
+            cache=context.cache,
+            scratch=context.scratch(f"holes/{block.name}"),
+            progress=progress,
+        )
+        network = settings.networks.get("reference_inpainter")
+        seeds = propagate_inpainting(
+            tasks,
+            known,
+            inpainter(settings.inpainter),
+            write,
+            plan=plan,
+            reference=None if network is None else load_reference(network),
+            progress=progress,
+        )
+        return plan, seeds
+
+    def _named(self, block: Block) -> tuple[int, ...] | None:
+        """The user's keyframes among a block's frames; None where they are chosen here."""
+        names = self.context.settings.keyframes
+        if not names:
+            return None
+        every = named_frames(self.given.drive.frames, names)
+        return tuple(block.own.index(i) for i in every if i in block.own)
 
 
 def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:

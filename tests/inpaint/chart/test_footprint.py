@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.inpaint.sunny_street import TEXEL, sunny_chart
-from unveil_core.inpaint.street_scene import _footprint
+from unveil_core.inpaint.chart.footprint import footprint_of
 
 
 @pytest.mark.parametrize("length", [4.5, 18.0])
@@ -19,7 +19,7 @@ def test_an_object_stands_on_its_whole_floor(length: float) -> None:
         np.column_stack([np.full(26, end), np.linspace(-3.5, -1.5, 26), np.full(26, 1.0)]) for end in (2, 2 + length)
     ]
     strays = np.array([[1.0, 5.0, 0.5], [25.0, 6.0, 0.5]])
-    found = _footprint(chart, [np.concatenate([*sides, *ends, strays])])
+    found = footprint_of(chart, [np.concatenate([*sides, *ends, strays])])
     area = found.sum() * TEXEL**2
     assert abs(area / (length * 2.0) - 1) < 0.06
     row, column, _ = chart.index_of(np.array([[2 + length / 2, -2.5, 0.0]]))

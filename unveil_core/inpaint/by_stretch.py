@@ -1,0 +1,315 @@
+"""The empty street as far as it follows from what was seen, stretch by stretch: its ground, read, relit and filled, and completed
+facades and poles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.checkpoint import Kept
+from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.progress import Progress, no_progress, part_of
+from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.drive import Drive
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.files import ChartSources
+from unveil_core.inpaint.chart.footprint import footprint_of
+from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, usable_pixels
+from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.poles import feet_of_poles
+from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
+from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
+from unveil_core.inpaint.light.sun import Sun
+from unveil_core.inpaint.street_scene import Removal, Views
+from unveil_core.inpaint.stretches import Stretch
+from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import SOLID_CLASSES, UPRIGHT_CLASSES
+from unveil_core.semantics.labels import SceneLabels
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["Completed", "StreetFill", "sky_behind"]
+
+SEEN_M = 60.0
+"""How far beyond its ends a stretch's frames sample the ground of the next ones, metres: farther off it fills few pixels."""
+COVERED = 0.5
+"""Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What completes things that were seen in part.
+
+    Attributes:
+        walls: surfels of houses where something of them is missing; feet: of poles; None where nothing is.
+        curtains: surfels in facades' planes over which the sky goes on, None where none does.
+        sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
+            where something is.
+    """
+
+    walls: Surfels | None
+    feet: Surfels | None
+    curtains: Surfels | None
+    sides: int
+    mended: int
+
+    def surfels(self) -> list[Surfels]:
+        """Those that become part of the scene."""
+        return [part for part in (self.walls, self.feet) if part is not None]
+
+
+class StreetFill:
+    """The street of a drive in stretches.
+
+    Args:
+        drive: whose frames these are; scene: its labels; ground: its street's.
+        removal: what is removed; views: what the frames show.
+        stretches: of the whole street, in order.
+        cache: room for the frames; kept: where what was read and filled is kept.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        scene: SceneLabels,
+        ground: Ground,
+        removal: Removal,
+        views: Views,
+        stretches: Sequence[Stretch],
+        *,
+        cache: FrameCache,
+        kept: Kept,
+        progress: Progress = no_progress,
+    ) -> None:
+        self.cameras = [f.camera for f in drive.frames]
+        self.scene, self.ground, self.removal, self.views = scene, ground, removal, views
+        self.stretches, self.cache, self.kept, self.progress = stretches, cache, kept, progress
+        self._plants = scene.labels.indices(("vegetation",))
+
+    @cached_property
+    def _s_of_surfels(self) -> Float64:
+        """(N,) arc lengths of the full scene's surfels."""
+        return self.ground.path.to_street(self.removal.surfels.means.double().numpy())[:, 0]
+
+    # ----------------------------------------------------------------------------------------------------------- ground
+
+    def find_sun(self) -> Sun | None:
+        """The sun: of what the stretches tell the surest."""
+        found = []
+        for stretch in self.stretches:
+
+            def look(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
+                chart = self._read(stretch)
+                kept, gone = self._near(stretch)
+                sun = sun_of_scene(
+                    chart,
+                    kept,
+                    gone,
+                    footprint=self._footprint(stretch, chart),
+                    cameras=self.cameras,
+                    plants=self._plants,
+                )
+                return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
+
+            numbers = self.kept.within(stretch.name).once("sun", look)["sun"]
+            if len(numbers):
+                found.append(numbers)
+        if not found:
+            return None
+        score, azimuth, elevation, *towards = max(found, key=lambda numbers: float(numbers[0]))
+        return Sun(np.array(towards), float(score), float(azimuth), float(elevation))
+
+    def fill(self, sun: Sun | None, *, shadows: bool) -> None:
+        """Relight and fill the ground of all stretches.
+
+        Args:
+            sun: None where none explains the shadows.
+            shadows: whether the removed objects' shadows are removed too.
+        """
+        for stretch in self.stretches:
+            self._filled(stretch, sun, shadows)
+        self._sun, self._shadows = sun, shadows
+
+    def _filled(self, stretch: Stretch, sun: Sun | None, shadows: bool) -> StreetChart:
+        """The filled rows that a stretch owns."""
+
+        def make() -> dict[str, NDArray[Any]]:
+            chart = self._read(stretch)
+            kept, gone = self._near(stretch)
+            footprint = self._footprint(stretch, chart)
+            light = None
+            if sun is not None:
+                light = light_of_scene(
+                    chart,
+                    kept,
+                    gone,
+                    footprint=footprint,
+                    cameras=self.cameras,
+                    solid=self.scene.labels.indices(SOLID_CLASSES),
+                    plants=self._plants,
+                    sun=sun,
+                )
+            reach = SHADOW_REACH_M if shadows else 0.0
+            filled = fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))
+            first = stretch.rows[0] - stretch.around[0]
+            return filled.part(first, first + stretch.rows[1] - stretch.rows[0]).arrays()
+
+        return StreetChart.from_arrays(self.ground, self.kept.within(stretch.name).once("filled", make))
+
+    def own(self, stretch: Stretch) -> StreetChart:
+        """The filled rows of a stretch."""
+        return self._filled(stretch, self._sun, self._shadows)
+
+    def seen_from(self, stretch: Stretch) -> StreetChart:
+        """The filled ground that a stretch's frames see: its own, and what of the next ones is near."""
+        parts = []
+        for other in self.stretches:
+            first = max(other.rows[0], stretch.rows[0] - round(SEEN_M / TEXEL_M))
+            end = min(other.rows[1], stretch.rows[1] + round(SEEN_M / TEXEL_M))
+            if first < end:
+                parts.append(self.own(other).part(first - other.rows[0], end - other.rows[0]))
+        if len(parts) == 1:
+            return parts[0]
+        planes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in PLANES}
+        return StreetChart(self.ground, parts[0].texel, parts[0].s_start, parts[0].t_start, **planes)
+
+    def sources(self) -> ChartSources:
+        """Where the texels of the whole street come from."""
+        charts = [self.own(stretch) for stretch in self.stretches]
+        source, label = (np.concatenate([getattr(c, name) for c in charts]) for name in ("source", "label"))
+        return ChartSources(source, label, charts[0].s_start, charts[0].t_start, charts[0].texel)
+
+    def _progress(self, stretch: Stretch) -> Progress:
+        if len(self.stretches) == 1:
+            return self.progress
+        return part_of(self.progress, stretch.number, len(self.stretches))
+
+    def _read(self, stretch: Stretch) -> StreetChart:
+        """The ground of a stretch and of its surroundings as the frames show it."""
+
+        def make() -> dict[str, NDArray[Any]]:
+            frames, views = stretch.frames, self.views
+            cameras = [self.cameras[i] for i in frames]
+
+            def usable(k: int) -> Mask:
+                i = frames[k]
+                hidden = grow(views.removed[i], border_px(self.cameras[i].width, 1))
+                labels = self.scene.labels
+                return usable_pixels(self.ground, self.cameras[i], views.labels[i], labels, hidden, views.depths[i])
+
+            return read_chart(
+                self.ground,
+                cameras,
+                self._of(stretch, views.images),
+                self._of(stretch, views.labels),
+                Frames(len(frames), usable),
+                rows=stretch.around,
+                progress=self._progress(stretch),
+            ).arrays()
+
+        return StreetChart.from_arrays(self.ground, self.kept.within(stretch.name).once("read", make))
+
+    def _of(self, stretch: Stretch, frames: Sequence[Any]) -> Sequence[Any]:
+        """What of all frames belongs to those of a stretch."""
+        return Frames(len(stretch.frames), lambda k: frames[stretch.frames[k]])
+
+    def _near(self, stretch: Stretch) -> tuple[Surfels, Surfels]:
+        """Surfels of what stays and of what is removed, near a stretch."""
+        near, gone = stretch.near(self._s_of_surfels), self.removal.gone
+        surfels = self.removal.surfels
+        return surfels.select(torch.from_numpy(near & ~gone)), surfels.select(torch.from_numpy(near & gone))
+
+    def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
+        near = stretch.near(self._s_of_surfels)
+        return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
+
+    # ------------------------------------------------------------------------------------------------- what stands beside
+
+    def complete(self, remaining: Surfels) -> Completed:
+        """Facades, poles and the sky over facades, of all stretches.
+
+        Args:
+            remaining: the scene without what is removed.
+        """
+        s = self.ground.path.to_street(remaining.means.double().numpy())[:, 0]
+        found: dict[str, list[Surfels]] = {"walls": [], "feet": [], "curtains": []}
+        sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
+        for stretch in self.stretches:
+            local = remaining.select(torch.from_numpy(stretch.near(s)))
+            add = self._owned_into(stretch, found)
+            for side, left in enumerate((False, True)):
+                stands, missing = self._complete_side(stretch, local, add, left=left)
+                sides[side] |= stands
+                mended[side] |= missing
+            add("feet", self._feet(stretch, local))
+        walls, feet, curtains = (concatenate(parts) if parts else None for parts in found.values())
+        return Completed(walls, feet, curtains, int(sides.sum()), int(mended.sum()))
+
+    def _owned_into(self, stretch: Stretch, found: dict[str, list[Surfels]]) -> Callable[[str, Surfels | None], None]:
+        """Adds what a stretch owns of some surfels to what was found."""
+
+        def add(name: str, surfels: Surfels | None) -> None:
+            if surfels is None:
+                return
+            own = stretch.owns(self.ground.path.to_street(surfels.means.double().numpy())[:, 0])
+            if own.any():
+                found[name].append(surfels.select(torch.from_numpy(own)))
+
+        return add
+
+    def _complete_side(
+        self, stretch: Stretch, local: Surfels, add: Callable[[str, Surfels | None], None], *, left: bool
+    ) -> tuple[bool, bool]:
+        """Complete the facades of one side; returns whether houses stand there, and whether anything of them was missing."""
+        house = self.scene.labels.index("building")
+        if house is None:
+            return False, False
+        sky = self.scene.labels.indices(("sky",))
+        views = self.views
+
+        def facade_view(k: int) -> FacadeView:
+            i = stretch.frames[k]
+            label = views.labels[i]
+            on_wall, shows_sky = label == house, np.isin(label, sky)
+            return FacadeView(self.cameras[i], views.images[i], on_wall, shows_sky, views.depths[i], views.removed[i])
+
+        seen = Frames(len(stretch.frames), facade_view)
+        walls = local.select(local.labels == house)
+        chart = read_facade(self.ground, walls, seen, left=left, along=stretch.s_around)
+        if chart is None:
+            return False, False
+        invented = invented_facades(chart, label=house, sh_degree=local.sh_degree)
+        add("walls", invented.walls)
+        add("curtains", invented.open)
+        return True, invented.walls is not None
+
+    def _feet(self, stretch: Stretch, local: Surfels) -> Surfels | None:
+        """The hidden feet of poles beside a stretch."""
+        names = self.scene.labels.indices
+        kinds = torch.tensor(names(UPRIGHT_CLASSES), dtype=local.labels.dtype)
+        return feet_of_poles(
+            local.select(torch.isin(local.labels, kinds)),
+            self.ground,
+            [self.cameras[i] for i in stretch.frames],
+            self._of(stretch, self.views.depths),
+            self._of(stretch, self.views.removed),
+            plates=names(("traffic sign", "traffic light")),
+            poles=names(("pole",)),
+        )
+
+
+def sky_behind(curtains: Surfels | None, cameras: Sequence[Camera], cache: FrameCache) -> Sequence[Mask] | None:
+    """(H, W) per camera, where it looks through ``curtains``; None where there are none."""
+    if curtains is None:
+        return None
+    return cache.frames(
+        len(cameras), lambda i: render_numpy(curtains, cameras[i], near=NEAR_M, far=FAR_M)["alpha"] > COVERED
+    )

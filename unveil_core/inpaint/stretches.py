@@ -1,0 +1,118 @@
+"""A street cut into stretches, whose ground and facades are read and filled one after the other.
+
+What a stretch does not own, it reads as the surroundings of what it owns: the fill at its ends follows from the same texels as that
+of its neighbour. Two stretches part where the least is removed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from unveil_core.base.types import Float64, Mask
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import centres_of
+from unveil_core.ground.blocks import Blocks
+from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, rows_of
+
+__all__ = ["Stretch", "cut_street"]
+
+AROUND_M = 25.0
+"""Length beyond its ends that a stretch reads as its surroundings, metres: twice the half length of the widest window in which
+medians and shade are taken, see ``fill.chart_fill`` and ``light.scene_light``."""
+CASTS_M = 60.0
+"""Distance beyond that from which shadows fall into a stretch, metres: of a house of 15 m with the sun 14 degrees high."""
+QUIET_M = 12.0
+"""How far from the middle between two blocks their stretches may part, metres: over a parked lorry."""
+CELL_M, SMOOTHED_M = 0.5, 1.0
+"""Resolution at which the quietest place is looked for, and standard deviation of its smoothing, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A piece of the street.
+
+    Attributes:
+        number: of its block.
+        own: indices of the frames that are cleaned with it; frames: of those that see it or its surroundings.
+        rows: first and last but one row of the drive's chart that it owns; around: with its surroundings.
+        s: arc lengths between which it owns what stands beside the street, metres; infinite at the street's ends.
+        s_around: arc lengths of its surroundings.
+    """
+
+    number: int
+    own: tuple[int, ...]
+    frames: tuple[int, ...]
+    rows: tuple[int, int]
+    around: tuple[int, int]
+    s: tuple[float, float]
+    s_around: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """For files."""
+        return f"{self.number:04d}"
+
+    def owns(self, s: Float64) -> Mask:
+        """(N,) which arc lengths (N,) are its own."""
+        return (s >= self.s[0]) & (s < self.s[1])
+
+    def near(self, s: Float64) -> Mask:
+        """(N,) which arc lengths (N,) may hide, light or shade what it reads."""
+        return (s >= self.s_around[0] - CASTS_M) & (s < self.s_around[1] + CASTS_M)
+
+
+def cut_street(ground: Ground, blocks: Blocks, cameras: Sequence[Camera], removed: Float64) -> list[Stretch]:
+    """One stretch for each block of a drive.
+
+    Args:
+        blocks: of the drive; cameras: of all its frames.
+        removed: (M, 3) world places of what is removed.
+    """
+    s_of_camera = ground.path.to_street(centres_of(cameras))[:, 0]
+    street = ground.path.to_street(removed)
+    busy = street[ground.inside(street[:, 0], street[:, 1]), 0]
+    borders = [-np.inf]
+    for before, after in zip(blocks.blocks[:-1], blocks.blocks[1:], strict=True):
+        last, first = (s_of_camera[list(block.own)] for block in (before, after))
+        middle = (last.max() + first.min()) / 2 if len(last) and len(first) else borders[-1]
+        borders.append(max(_quietest(float(middle), busy), borders[-1]))
+    borders.append(np.inf)
+    count = rows_of(ground)
+    stretches = []
+    for k, block in enumerate(blocks.blocks):
+        low, high = borders[k], borders[k + 1]
+        rows, around = ((_row(ground, low - m, count), _row(ground, high + m, count)) for m in (0.0, AROUND_M))
+        far = AROUND_M + READ_M
+        frames = np.flatnonzero((s_of_camera >= low - far) & (s_of_camera <= high + far))
+        stretches.append(
+            Stretch(
+                k,
+                block.own,
+                tuple(frames.tolist()),
+                rows,
+                around,
+                (low, high),
+                (low - AROUND_M, high + AROUND_M),
+            )
+        )
+    return stretches
+
+
+def _row(ground: Ground, s: float, count: int) -> int:
+    """The row of the drive's chart at an arc length, within the chart's 0 to ``count``."""
+    return int(np.clip(np.ceil((s - ground.s_start) / TEXEL_M), 0, count))
+
+
+def _quietest(middle: float, busy: Float64) -> float:
+    """The arc length within ``QUIET_M`` of a place at which least is removed, of equals the nearest."""
+    at = middle + np.arange(-QUIET_M, QUIET_M + CELL_M, CELL_M)
+    edges = np.append(at - CELL_M / 2, at[-1] + CELL_M / 2)
+    count: NDArray[np.float64] = np.histogram(busy, edges)[0].astype(np.float64)
+    smooth = gaussian_filter1d(count, SMOOTHED_M / CELL_M, mode="nearest")
+    return float(at[np.lexsort((np.abs(at - middle), np.round(smooth, 3)))[0]])
