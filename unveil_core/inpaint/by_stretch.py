@@ -91,7 +91,8 @@ class StreetFill:
     ) -> None:
         self.cameras = [f.camera for f in drive.frames]
         self.scene, self.ground, self.removal, self.views = scene, ground, removal, views
-        self.stretches, self.cache, self.kept, self.progress = stretches, cache, kept, progress
+        self.stretches = [stretch for stretch in stretches if stretch.has_ground]
+        self.cache, self.kept, self.progress = cache, kept, progress
         self._plants = scene.labels.indices(("vegetation",))
 
     @cached_property

@@ -27,8 +27,9 @@ AROUND_M = 25.0
 medians and shade are taken, see ``fill.chart_fill`` and ``light.scene_light``."""
 CASTS_M = 60.0
 """Distance beyond that from which shadows fall into a stretch, metres: of a house of 15 m with the sun 14 degrees high."""
-QUIET_M = 12.0
-"""How far from the middle between two blocks their stretches may part, metres: over a parked lorry."""
+QUIET_M, QUIET_SHARE = 12.0, 0.25
+"""How far from the middle between two blocks their stretches may part, metres, over a parked lorry, and as a share of the shorter
+block."""
 CELL_M, SMOOTHED_M = 0.5, 1.0
 """Resolution at which the quietest place is looked for, and standard deviation of its smoothing, metres."""
 
@@ -58,6 +59,11 @@ class Stretch:
         """For files."""
         return f"{self.number:04d}"
 
+    @property
+    def has_ground(self) -> bool:
+        """Whether it owns any of the street's ground."""
+        return self.rows[0] < self.rows[1]
+
     def owns(self, s: Float64) -> Mask:
         """(N,) which arc lengths (N,) are its own."""
         return (s >= self.s[0]) & (s < self.s[1])
@@ -80,8 +86,11 @@ def cut_street(ground: Ground, blocks: Blocks, cameras: Sequence[Camera], remove
     borders = [-np.inf]
     for before, after in zip(blocks.blocks[:-1], blocks.blocks[1:], strict=True):
         last, first = (s_of_camera[list(block.own)] for block in (before, after))
-        middle = (last.max() + first.min()) / 2 if len(last) and len(first) else borders[-1]
-        borders.append(max(_quietest(float(middle), busy), borders[-1]))
+        if not (len(last) and len(first)):
+            borders.append(borders[-1])
+            continue
+        reach = min(QUIET_M, QUIET_SHARE * min(float(np.ptp(last)), float(np.ptp(first))))
+        borders.append(max(_quietest(float(last.max() + first.min()) / 2, busy, reach), borders[-1]))
     borders.append(np.inf)
     count = rows_of(ground)
     stretches = []
@@ -109,9 +118,10 @@ def _row(ground: Ground, s: float, count: int) -> int:
     return int(np.clip(np.ceil((s - ground.s_start) / TEXEL_M), 0, count))
 
 
-def _quietest(middle: float, busy: Float64) -> float:
-    """The arc length within ``QUIET_M`` of a place at which least is removed, of equals the nearest."""
-    at = middle + np.arange(-QUIET_M, QUIET_M + CELL_M, CELL_M)
+def _quietest(middle: float, busy: Float64, reach: float) -> float:
+    """The arc length within ``reach`` of a place at which least is removed, of equals the nearest."""
+    cells = int(reach / CELL_M)
+    at = middle + CELL_M * np.arange(-cells, cells + 1)
     edges = np.append(at - CELL_M / 2, at[-1] + CELL_M / 2)
     count: NDArray[np.float64] = np.histogram(busy, edges)[0].astype(np.float64)
     smooth = gaussian_filter1d(count, SMOOTHED_M / CELL_M, mode="nearest")

@@ -19,20 +19,24 @@ from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.depth_range import FAR_M
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
+from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["block_of_drive", "reconstruct_in_blocks"]
+__all__ = ["block_of_drive", "reconstruct_in_blocks", "reoptimize_in_blocks"]
 
 CELL_M = 10.0
 """Side of the cells of the plan in which points are chosen for a block, metres."""
+LONGEST_RAY = 1.6
+"""Distance over depth in the corner of a picture of 90 degrees: what is farther than this times the farthest depth is not seen."""
 SLACK = 0.2
 """By how much the half width of a picture at depth 1 is widened when points are chosen."""
 
@@ -137,3 +141,70 @@ def _sums(choices: Sequence[dict[str, Any]]) -> dict[str, Any]:
         for name in ("iterations", "budget")
         if all(name in c for c in choices)
     }
+
+
+def reoptimize_in_blocks(
+    surfels: Surfels,
+    movable: Mask,
+    sky: Sky,
+    targets: Sequence[tuple[Camera, NDArray[np.uint8]]],
+    settings: ReoptimizeSettings,
+    blocks: Blocks,
+    *,
+    label_count: int,
+    seed: int = 0,
+    cache: FrameCache | None = None,
+    kept: Kept | None = None,
+    progress: Progress = no_progress,
+) -> Surfels:
+    """:func:`reoptimize` of what each block owns; what its neighbours own is as it was.
+
+    Args:
+        targets: of all frames.
+        blocks: of the drive; with one, this is the same as :func:`reoptimize`.
+        kept: finished blocks and checkpoints, by the blocks' names.
+    """
+    kept, cache = kept or Kept(), cache or FrameCache()
+    places = surfels.means.detach().double().numpy()
+    owner = blocks.of_places(places)
+    changed = {name: array.copy() for name, array in surfels.arrays().items()}
+    for block in blocks.blocks:
+        own = kept.within(block.name)
+        cameras = [targets[i][0] for i in block.frames]
+        mine = np.flatnonzero(movable & (owner == block.number))
+        if not len(mine) or not cameras:
+            continue
+
+        def make(block: Block = block, own: Kept = own, mine: NDArray[np.int64] = mine) -> dict[str, NDArray[Any]]:
+            near = np.zeros(len(places), dtype=bool)
+            near[_near(places, [targets[i][0] for i in block.frames])] = True
+            near[mine] = True
+            moves = np.zeros(len(places), dtype=bool)
+            moves[mine] = True
+            done = reoptimize(
+                surfels.select(torch.from_numpy(near)),
+                moves[near],
+                sky,
+                Frames(len(block.frames), lambda k: targets[block.frames[k]]),
+                settings.scaled(len(block.own)),
+                near=NEAR_M,
+                far=FAR_M,
+                label_count=label_count,
+                seed=seed,
+                cache=cache,
+                checkpoint=own.checkpoint("training"),
+                progress=part_of(progress, block.number, len(blocks.blocks)),
+            )
+            return done.select(torch.from_numpy(moves[near])).arrays()
+
+        for name, array in own.once("block", make).items():
+            changed[name][mine] = array
+    return Surfels.from_arrays(changed)
+
+
+def _near(places: Float64, cameras: Sequence[Camera]) -> Mask:
+    """(N,) which places (N, 3) some camera may see: within its range of the box around all cameras."""
+    centres = centres_of(cameras)
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    gap = np.maximum(np.maximum(low - places, places - high), 0.0)
+    return np.asarray((gap * gap).sum(axis=1) < (LONGEST_RAY * FAR_M) ** 2)

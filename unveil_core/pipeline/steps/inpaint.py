@@ -92,7 +92,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         sun = fill.find_sun() if context.settings.sun is None else given_sun(*context.settings.sun)
         fill.fill(sun, shadows=shadows)
         tested += [_sun_assumed(sun)] if shadows else []
-        displaced, relit = _changed_surfels(given, fill, stretches)
+        displaced, relit = _changed_surfels(given, fill)
     remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
     completed = None if fill is None else fill.complete(remaining)
     if completed is not None and scene.labels.index("building") is not None:
@@ -104,7 +104,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
     if fill is not None:
-        parts += _new_ground_surfels(context, given, fill, stretches)
+        parts += _new_ground_surfels(context, given, fill)
     origins = [np.full(len(p), INVENTED if k in invented else CONTINUED, np.uint8) for k, p in enumerate(parts)]
     save_array(np.concatenate([np.zeros(0, np.uint8), *origins]), context.output("surfels/seed_origins.npy"))
     seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
@@ -127,11 +127,11 @@ def _anew(given: _Given, chart: StreetChart, stretch: Stretch) -> Mask:
     return new_ground(chart, means[gone], cameras, removed)
 
 
-def _changed_surfels(given: _Given, fill: StreetFill, stretches: Sequence[Stretch]) -> tuple[Mask, Mask]:
+def _changed_surfels(given: _Given, fill: StreetFill) -> tuple[Mask, Mask]:
     """(N,) each, surfels of the ground that new ones replace, and those that lost a shadow."""
     surfels, gone = given.removal.surfels, given.removal.gone
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
-    for stretch in stretches:
+    for stretch in fill.stretches:
         chart = fill.own(stretch)
         anew = _anew(given, chart, stretch)
         displaced |= displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
@@ -139,13 +139,11 @@ def _changed_surfels(given: _Given, fill: StreetFill, stretches: Sequence[Stretc
     return displaced & ~gone, relit
 
 
-def _new_ground_surfels(
-    context: StageContext, given: _Given, fill: StreetFill, stretches: Sequence[Stretch]
-) -> list[Surfels]:
+def _new_ground_surfels(context: StageContext, given: _Given, fill: StreetFill) -> list[Surfels]:
     spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
     label, degree = given.scene.labels.index("road") or 0, given.removal.surfels.sh_degree
     parts = []
-    for stretch in stretches:
+    for stretch in fill.stretches:
         chart = fill.own(stretch)
         anew = _anew(given, chart, stretch)
         parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=degree, default_label=label))

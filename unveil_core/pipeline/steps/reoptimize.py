@@ -10,9 +10,11 @@ from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL
-from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, reoptimize
+from unveil_core.optimize.in_blocks import reoptimize_in_blocks
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
@@ -46,18 +48,17 @@ def run(context: StageContext) -> None:
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
     clean = cache.frames(len(frames), lambda i: read_image(frame_file(workspace.root / "inpainted", frames[i])))
-    empty = reoptimize(
+    empty = reoptimize_in_blocks(
         surfels,
         movable,
         sky,
         Frames(len(frames), lambda i: (frames[i].camera, clean[i])),
-        preset.scaled(len(frames)),
-        near=NEAR_M,
-        far=FAR_M,
+        preset,
+        cut_into_blocks(drive),
         label_count=len(scene.labels),
         seed=context.settings.seed,
         cache=cache,
-        checkpoint=context.kept.checkpoint("training"),
+        kept=context.kept,
         progress=context.progress,
     )
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)

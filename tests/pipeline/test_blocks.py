@@ -1,0 +1,60 @@
+"""A whole run in several blocks: as good as in one, and without a seam where they meet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sample_scenes.box_worlds import Lens, Way, make_box_world
+from sample_scenes.long_street import long_street, long_way
+from unveil_core.ground import blocks
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.workspace.workspace import Workspace
+
+FRAMES, SIZE = 28, (120, 80)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    way = long_way(FRAMES, size=SIZE)
+    lens = Lens(size=SIZE, focal=0.65 * SIZE[0])
+    folder = tmp_path_factory.mktemp("blocks") / "street"
+    return make_box_world(folder, long_street(FRAMES, seed=3), Way(way.places, way.headings, [lens]), rays=4000)
+
+
+def run_in_blocks(drive: Path, root: Path, length_m: float, monkeypatch: pytest.MonkeyPatch) -> Workspace:
+    monkeypatch.setattr(blocks, "BLOCK_M", length_m)
+    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=200, memory="64M")
+    return run(drive, root, settings, until="deliver")
+
+
+def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
+    """(F,) mean squared error of each frame's removed pixels."""
+    found = []
+    for i in range(FRAMES):
+        name = f"camera/{i:04d}.png"
+        removed = cv2.imread(str(workspace.root / "masks/removed" / name), cv2.IMREAD_GRAYSCALE) > 127
+        ours, truth = (
+            cv2.imread(str(p)).astype(float)
+            for p in (workspace.root / "frames" / name, drive.parent / "truth/images" / name)
+        )
+        found.append(np.square(ours - truth)[removed].mean())
+    return np.array(found)
+
+
+def test_blocks_are_as_good_as_one_piece(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = run_in_blocks(drive, tmp_path / "one", 100.0, monkeypatch)
+    parts = run_in_blocks(drive, tmp_path / "three", 9.0, monkeypatch)
+    assert len(whole.state()["stages"]["reconstruct"]["choices"].get("blocks", ())) == 0
+    assert len(parts.state()["stages"]["reconstruct"]["choices"]["blocks"]) == 3
+    one, three = error_of(drive, whole), error_of(drive, parts)
+    assert 10 * np.log10(three.mean() / one.mean()) < 0.5
+    # The frames beside a border are no worse than the others, compared with one piece.
+    worse = 10 * np.log10(three / one)
+    borders = [8, 9, 10, 17, 18, 19]
+    assert worse[borders].mean() < np.delete(worse, borders).mean() + 0.5
+    assert not list(parts.root.glob(".partial-*"))
