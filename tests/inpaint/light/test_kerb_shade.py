@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from unveil_core.inpaint.chart.rectify import Drift
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
 from unveil_core.inpaint.light.shade import Shade
 
@@ -35,7 +34,7 @@ def kerb_street(own: float, *, split: bool = True) -> tuple[np.ndarray, Shade]:
 def test_a_kerb_has_its_own_ratio(own: float) -> None:
     color, shade = kerb_street(own)
     sharp = np.ones(shade.dark.shape, dtype=bool)
-    found = shade_of_kerbs(color, sharp, shade, Drift(np.zeros(ROWS, np.float32)), texels_per_m=PER_M)
+    found = shade_of_kerbs(color, sharp, shade, texels_per_m=PER_M)
     assert found.ratio.shape == color.shape
     middle = slice(KERB.start + 1, KERB.stop - 1)
     assert np.abs(found.ratio[:, middle] - own).max() < 0.05
@@ -46,26 +45,8 @@ def test_a_kerb_has_its_own_ratio(own: float) -> None:
 
 
 def test_what_was_not_seen_in_both_keeps_the_usual_ratio() -> None:
-    drift = Drift(np.zeros(ROWS, np.float32))
     for color, shade in (kerb_street(0.9, split=False), kerb_street(0.9)):
         nothing = np.zeros(shade.dark.shape, dtype=bool)
         sharp = nothing if shade.dark.any() else ~nothing
-        found = shade_of_kerbs(color, sharp, shade, drift, texels_per_m=PER_M)
+        found = shade_of_kerbs(color, sharp, shade, texels_per_m=PER_M)
         assert np.allclose(found.ratio, USUAL) and np.array_equal(found.dark, shade.dark)
-
-
-def test_a_kerb_that_wanders_is_followed() -> None:
-    color, shade = kerb_street(0.9)
-    shift = np.round(6 * np.sin(np.arange(ROWS) / 90)).astype(int)
-    moved, dark = (
-        np.stack([np.roll(row, s, axis=0) for row, s in zip(p, shift, strict=True)]) for p in (color, shade.dark)
-    )
-    found = shade_of_kerbs(
-        moved,
-        np.ones(dark.shape, bool),
-        Shade(dark, shade.ratio, shade.lit),
-        Drift(shift.astype(np.float32)),
-        texels_per_m=PER_M,
-    )
-    at = np.arange(ROWS), 62 + shift
-    assert np.abs(found.ratio[at] - 0.9).max() < 0.06

@@ -1,5 +1,5 @@
-"""Rectification of the chart: how far the street drifts sideways from the path, because a car does not keep its distance from
-the kerb.
+"""Rectification of the path: how far the street drifts sideways from it, because a car does not keep its distance from the
+kerb.
 
 Paint and kerbs show it. For every row the shift is found that puts them where the street around has them, all rows together by
 dynamic programming (Ohta and Kanade, *Stereo by intra- and inter-scanline search using dynamic programming*, 1985).
@@ -8,7 +8,6 @@ dynamic programming (Ohta and Kanade, *Stereo by intra- and inter-scanline searc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -22,7 +21,7 @@ from unveil_core.ground.path import StreetPath, shift_path
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import OBSERVED, read_chart
 
-__all__ = ["Drift", "find_drift", "rectified_path"]
+__all__ = ["find_drift", "rectified_path"]
 
 BIN_M = 0.5
 """Length of street that is given one shift, metres: at a drift of a few per cent a line stays within a texel over it."""
@@ -47,45 +46,8 @@ ROUNDS = 3
 """Times that shifts and the reference they are compared with are found in turn. Chosen on the two sample streets."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drift:
-    """How far the street lies beside the chart's columns.
-
-    Attributes:
-        texels: (A,) float32 per row, positive where the street lies to the left of its lateral offset, texels.
-    """
-
-    texels: Float32
-
-    def rectify(self, picture: Float32, mask: Mask) -> tuple[Float32, Mask]:
-        """A picture (A, B, 3) and its valid texels (A, B), every row moved so that columns follow the street."""
-        if not self.texels.any():
-            return picture, mask
-        share = _moved(mask.astype(np.float32), self.texels)
-        moved = _moved(np.where(mask[..., None], picture, 0).astype(np.float32), self.texels)
-        known = share > 0.5
-        return np.where(known[..., None], moved / np.maximum(share, 0.5)[..., None], 0).astype(np.float32), known
-
-    def unrectify(self, picture: Float32) -> Float32:
-        """The inverse of :meth:`rectify`, for a picture (A, B, C) without gaps."""
-        return picture if not self.texels.any() else _moved(picture, -self.texels)
-
-
-def _moved(picture: Float32, shift: Float32) -> Float32:
-    """Rows sampled at their column plus their shift (A,), linearly, clamped at the ends."""
-    columns = picture.shape[1]
-    at = np.clip(np.arange(columns, dtype=np.float32)[None] + shift[:, None], 0, columns - 1.001)
-    index = at.astype(np.int64)
-    part = at - index
-    rows = np.arange(len(picture))[:, None]
-    if picture.ndim == 3:
-        part = part[..., None]
-    result: Float32 = picture[rows, index] * (1 - part) + picture[rows, index + 1] * part
-    return result
-
-
-def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
-    """Find the drift of a chart.
+def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Float32:
+    """(A,) how far the street lies beside the columns of a chart, per row, positive to the left, texels.
 
     Args:
         color: (A, B, 3); usable: (A, B) texels that count.
@@ -122,7 +84,7 @@ def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Drift:
         shift = shift - int(np.median(shift))
     at = (first + (size - 1) / 2).astype(np.float64)
     smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
-    return Drift(np.interp(np.arange(rows), at, smooth).astype(np.float32))
+    return np.interp(np.arange(rows), at, smooth).astype(np.float32)
 
 
 def rectified_path(
@@ -140,7 +102,7 @@ def rectified_path(
         the path, and how far it was moved at most, metres.
     """
     chart = read_chart(ground, cameras, images, labels, usable)
-    aside = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1 / chart.texel).texels * chart.texel
+    aside = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1 / chart.texel) * chart.texel
     return shift_path(ground.path, chart.coordinates()[0], aside), float(np.abs(aside).max(initial=0.0))
 
 

@@ -17,7 +17,6 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import grow, luminance, masked_blur, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
-from unveil_core.inpaint.chart.rectify import Drift, find_drift
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
@@ -95,8 +94,7 @@ def fill_chart(
     rows, columns = seen.shape
     s, t = chart.coordinates()
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(t, rows)).reshape(rows, columns)
-    drift = find_drift(chart.color, seen, texels_per_m=per_m)
-    shade = _shade(chart, footprint, light, drift)
+    shade = _shade(chart, footprint, light)
     shadow, hopeless = shadows_of_removed(
         chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, black_ratio=BLACK_RATIO, per_m=per_m
     )
@@ -107,7 +105,7 @@ def fill_chart(
     illumination, even = _illumination(shade, light, shade.dark & ~shadow, sound, per_m=per_m)
     # In full sun: what the medians and the texture are taken from.
     sunny = np.where(seen[..., None], chart.color / illumination, 0).astype(np.float32)
-    median = _in_the_sun(sunny, even, inside, _profile(drift, per_m), per_m=per_m)
+    median = _in_the_sun(sunny, even, inside, _profile(per_m), per_m=per_m)
     target = median * illumination
 
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
@@ -121,7 +119,7 @@ def fill_chart(
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    invented = _invented(sunny - median, even, hole, drift, per_m=per_m)
+    invented = _invented(sunny - median, even, hole, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
@@ -134,8 +132,8 @@ def fill_chart(
     return replace(chart, color=color, source=source, gain=gain, label=_labels(chart, seen, hole), replaced=replaced)
 
 
-def _profile(drift: Drift, per_m: float) -> Profile:
-    """Running medians of the lateral offsets of a chart whose street drifts.
+def _profile(per_m: float) -> Profile:
+    """Running medians of the lateral offsets of a chart.
 
     Paint, kerb and sidewalk are those of a long stretch: of a short one zebra bars that end in a hole would be lines along the
     street. How bright they are is that of a short one, all across: light and the asphalt's age change sooner.
@@ -143,16 +141,15 @@ def _profile(drift: Drift, per_m: float) -> Profile:
     windows = [(int(w * per_m), max(1, int(h * per_m))) for w, h in ((LONG_WINDOW_M, LONG_HOP_M), (WINDOW_M, HOP_M))]
 
     def profile(color: Float32, usable: Mask) -> Float32:
-        rectified = drift.rectify(color, usable)
-        long, short = (lateral_profile(*rectified, window=window, hop=hop)[0] for window, hop in windows)
+        long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
         brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
         same = np.abs(luminance(brighter)) < OTHER_PAINT
-        return drift.unrectify((long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32))
+        return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)
 
     return profile
 
 
-def _shade(chart: StreetChart, footprint: Mask, light: Light | None, drift: Drift) -> Shade:
+def _shade(chart: StreetChart, footprint: Mask, light: Light | None) -> Shade:
     """Which seen texels lie in shadow, and what shadow takes."""
     per_m = 1.0 / chart.texel
     seen = chart.source == OBSERVED
@@ -161,14 +158,14 @@ def _shade(chart: StreetChart, footprint: Mask, light: Light | None, drift: Drif
         return prevailing_shade(
             chart.color, seen, footprint, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m
         )
-    profile = _profile(drift, per_m)
+    profile = _profile(per_m)
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)
     shade = read_shade(
         chart.color, seen, light.kept | light.gone, lambda c, usable: profile(c, usable & clear), texels_per_m=per_m
     )
     sharp = seen & (chart.nearest < SHARP_M) & ~grow(footprint, CONTACT_M / 4 * per_m)
-    return shade_of_kerbs(chart.color, sharp, shade, drift, texels_per_m=per_m)
+    return shade_of_kerbs(chart.color, sharp, shade, texels_per_m=per_m)
 
 
 def _illumination(
@@ -207,7 +204,7 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
     return median * (1 + spread_from(local, same, [m * per_m for m in LOCAL_M]))
 
 
-def _invented(detail: Float32, even: Mask, hole: Mask, drift: Drift, *, per_m: float) -> Float32:
+def _invented(detail: Float32, even: Mask, hole: Mask, *, per_m: float) -> Float32:
     """(A, B, 3) texture and markings for the hole (A, B).
 
     Args:
@@ -216,12 +213,10 @@ def _invented(detail: Float32, even: Mask, hole: Mask, drift: Drift, *, per_m: f
     # Texture is fine and faint; transverse markings, and remains of shadows, are no texture to lay down elsewhere.
     broad = np.abs(luminance(masked_blur(detail, even, 0.1 * per_m)))
     faint = even & ~grow(broad > MARK, 0.1 * per_m)
-    texture, known = drift.rectify(detail, faint)
-    wanted = drift.rectify(texture, hole)[1]
-    quilted = quilt(texture, known, wanted, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
-    quilted = _beside_what_is_known(quilted, np.where(known[..., None], texture, 0), wanted)
-    lines, on_line = continue_transverse_markings(*drift.rectify(detail, even), wanted, texels_per_m=per_m)
-    return drift.unrectify(lines + (1 - on_line[..., None]) * (TEXTURE * quilted))
+    quilted = quilt(detail, faint, hole, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
+    quilted = _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0), hole)
+    lines, on_line = continue_transverse_markings(detail, even, hole, texels_per_m=per_m)
+    return lines + (1 - on_line[..., None]) * (TEXTURE * quilted)
 
 
 def _beside_what_is_known(quilted: Float32, texture: Float32, wanted: Mask) -> Float32:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.geometry.images import luminance, masked_blur
-from unveil_core.inpaint.chart.rectify import Drift
 from unveil_core.inpaint.light.shade import Shade
 
 __all__ = ["shade_of_kerbs"]
@@ -28,9 +27,7 @@ SUNLIT_SHARE, SHADED_SHARE = 0.1, 0.9
 """Shares of dark texels around a place under which it lies in the sun, and over which in shadow."""
 
 
-def shade_of_kerbs(
-    color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: Shade, drift: Drift, *, texels_per_m: float
-) -> Shade:
+def shade_of_kerbs(color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: Shade, *, texels_per_m: float) -> Shade:
     """The shade with a ratio (A, B, 3) for every texel, and dark also where a kerb that shadow changes little lies in shadow.
 
     Args:
@@ -49,20 +46,15 @@ def shade_of_kerbs(
         between(sharp & state, round(metres * texels_per_m))
         for state, metres in ((share < SUNLIT_SHARE, IN_SUN_M), (share > SHADED_SHARE, IN_SHADE_M))
     )
-    picture, sun = drift.rectify(color, in_sun)
-    dark_picture, dark = drift.rectify(color, in_shade)
     usual = np.asarray(shade.ratio, dtype=np.float32)
     ratio = np.broadcast_to(usual, color.shape).copy()
     window = int(WINDOW_M * texels_per_m)
     for start in range(0, len(color), window):
         part = np.s_[max(0, start - window // 2) : start + window + window // 2]
-        lit, unlit = (
-            _medians(p[part], m[part], int(STRETCH_M * texels_per_m)) for p, m in ((picture, sun), (dark_picture, dark))
-        )
+        lit, unlit = (_medians(color[part], state[part], int(STRETCH_M * texels_per_m)) for state in (in_sun, in_shade))
         found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST_FACE, 1.0)
         differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # NaN does not
         ratio[start : start + window, differs] = found[differs]
-    ratio = drift.unrectify(ratio)
     spared = in_shade & (luminance(ratio) > luminance(usual) + MIN_RATIO_DIFFERENCE / 2)
     return replace(shade, ratio=ratio, dark=shade.dark | spared)
 
