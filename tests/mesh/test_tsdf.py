@@ -288,3 +288,27 @@ def test_progress_counts_up_and_may_cancel() -> None:
 
     with pytest.raises(Cancelled):
         fuse(street_views(1), voxel_size=0.2, progress=stop)
+
+
+@pytest.mark.parametrize("width", [1.7, 4.0])
+def test_regions_give_the_mesh_of_one_piece(width: float) -> None:
+    whole = fuse(street_views(6, (CAR,)), voxel_size=0.15, max_depth=15.0)
+    asked: list[int] = []
+
+    def region_of(places: np.ndarray) -> np.ndarray:
+        asked.append(len(places))
+        return np.floor(places[:, 0] / width).astype(np.int64)
+
+    parts = fuse(street_views(6, (CAR,)), voxel_size=0.15, max_depth=15.0, region_of=region_of)
+    assert len(asked) == 1
+    # Vertices of neighbouring cells may coincide, and are one where regions were joined.
+    assert len(np.unique(parts.vertices, axis=0)) == len(np.unique(whole.vertices, axis=0)) == len(parts.vertices)
+    assert len(parts.faces) == len(whole.faces)
+
+    def triangles(mesh: Mesh) -> np.ndarray:
+        corners = np.concatenate(
+            [mesh.vertices[mesh.faces].reshape(-1, 9), mesh.colors[mesh.faces].reshape(-1, 9)], axis=1
+        )
+        return corners[np.lexsort(corners.T)]
+
+    assert np.array_equal(triangles(parts), triangles(whole))

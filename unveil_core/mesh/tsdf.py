@@ -9,7 +9,7 @@ for the triangles.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import tsdf_kernels as kernels
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
@@ -25,7 +25,11 @@ from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 __all__ = ["DepthView", "fuse"]
 
 LARGEST_BLOCKS = 400_000
-"""About 5 GB of voxels: a voxel size that asks for more was a mistake."""
+"""Of a region, about 5 GB of voxels: a voxel size that asks for more was a mistake."""
+MOST_KEYS = 40_000_000
+"""Of all regions, 320 MB of numbers."""
+LONGEST_RAY = 2.5
+"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 RIM_JUMP = 1.0
 """Neighbouring voxels that differ by more than this (of 2) are the rim of a silhouette, not a surface."""
 
@@ -62,26 +66,34 @@ class _Spool:
 
     def __init__(self, file: IO[bytes], views: Iterable[_Prepared]) -> None:
         self._file = file
-        self._cameras: list[tuple[Camera, bool]] = []
+        self._views: list[tuple[Camera, bool, int]] = []
         for view in views:
+            self._views.append((view.camera, view.weight is not None, file.tell()))
             for plane in (view.inverse_depth, view.rgb, view.weight):
                 if plane is not None:
                     file.write(plane.data)
-            self._cameras.append((view.camera, view.weight is not None))
 
     def __len__(self) -> int:
-        return len(self._cameras)
+        return len(self._views)
 
     def __iter__(self) -> Iterator[_Prepared]:
-        self._file.seek(0)
-        for camera, weighted in self._cameras:
-            size = (camera.height, camera.width)
-            inverse, rgb = np.empty(size, np.float32), np.empty((*size, 3), np.uint8)
-            weight = np.empty(size, np.float32) if weighted else None
-            for plane in (inverse, rgb, weight):
-                if plane is not None and self._file.readinto(plane.data) != plane.nbytes:  # type: ignore[attr-defined]
-                    raise OSError("the temporary file of depth views is cut short")
-            yield _Prepared(camera, inverse, rgb, weight)
+        return (self.read(i) for i in range(len(self._views)))
+
+    def camera(self, index: int) -> Camera:
+        """Of one view."""
+        return self._views[index][0]
+
+    def read(self, index: int) -> _Prepared:
+        """One view."""
+        camera, weighted, place = self._views[index]
+        self._file.seek(place)
+        size = (camera.height, camera.width)
+        inverse, rgb = np.empty(size, np.float32), np.empty((*size, 3), np.uint8)
+        weight = np.empty(size, np.float32) if weighted else None
+        for plane in (inverse, rgb, weight):
+            if plane is not None and self._file.readinto(plane.data) != plane.nbytes:  # type: ignore[attr-defined]
+                raise OSError("the temporary file of depth views is cut short")
+        return _Prepared(camera, inverse, rgb, weight)
 
 
 def fuse(
@@ -92,6 +104,7 @@ def fuse(
     bounds: ArrayLike | None = None,
     max_depth: float = 40.0,
     smallest_triangles: int = 200,
+    region_of: Callable[[NDArray[np.float64]], NDArray[np.int64]] | None = None,
     progress: Progress = no_progress,
 ) -> Mesh:
     """Fuse depth images into a mesh with vertex colours.
@@ -106,6 +119,8 @@ def fuse(
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
         max_depth: depth beyond which a pixel is not used, in metres.
         smallest_triangles: connected pieces of fewer triangles are dropped.
+        region_of: numbers of the regions that places (N, 3) lie in; one region after the other is fused, and only one is in
+            memory. The mesh is the same; None = all in one.
         progress: called once per view, then for the surface.
     Returns:
         the mesh, in the frame of the cameras; empty where nothing was seen.
@@ -127,18 +142,91 @@ def fuse(
     with tempfile.TemporaryFile() as file:
         prepared = _Spool(file, (_prepare(view, index) for index, view in enumerate(views)))
         total = 2 * len(prepared) + 1
-        keys = _allocate(prepared, voxel, band, max_depth, box, progress, total)
+        most = LARGEST_BLOCKS if region_of is None else MOST_KEYS
+        keys = _allocate(prepared, voxel, band, max_depth, box, most, progress, total)
         if not len(keys):
             progress(total, total, "fusing depth")
             return Mesh.empty()
-        half, mask = kernels.HALF_KEYS, 2 * kernels.HALF_KEYS - 1
-        blocks = np.stack([(keys >> 42) - half, (keys >> 21 & mask) - half, (keys & mask) - half], axis=1)
+        blocks = _places_of(keys)
+        region = np.zeros(len(blocks), dtype=np.int64)
+        if region_of is not None:
+            region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)
+        regions = np.unique(region)
+        parts = []
+        for done, number in enumerate(regions):
+            own = region == number
+            step = part_of(_from(progress, len(prepared), total), done, len(regions))
+            parts.append(_fuse_region(prepared, keys, own, voxel, band, float(max_depth), step))
+    mesh = _joined(parts)
+    if bounds is not None and len(mesh.faces):
+        inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
+        mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
+    mesh = drop_small_components(mesh, smallest_triangles)
+    progress(total, total, f"{len(mesh.faces)} triangles")
+    return mesh
 
-        volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
-        for done, view in enumerate(prepared):
-            camera, w = view.camera, view.inverse_depth
+
+def _too_fine(voxel: float, most: int) -> SettingsError:
+    return SettingsError(
+        f"voxel_size {voxel:g} asks for more than {most:,} blocks of voxels",
+        mend="give a larger voxel_size or a smaller max_depth",
+    )
+
+
+def _from(progress: Progress, first: int, total: int) -> Progress:
+    """Progress of the second of two passes over views, the first of which took ``first`` of ``total`` units."""
+
+    whole = total
+
+    def told(done: int, total: int, message: str = "", **metrics: float) -> None:
+        progress(first + round((whole - 1 - first) * done / max(total, 1)), whole, message, **metrics)
+
+    return told
+
+
+def _places_of(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(B, 3) positions of blocks in the grid of blocks."""
+    half, mask = kernels.HALF_KEYS, 2 * kernels.HALF_KEYS - 1
+    return np.stack([(keys >> 42) - half, (keys >> 21 & mask) - half, (keys & mask) - half], axis=1)
+
+
+def _fuse_region(
+    views: _Spool,
+    keys: NDArray[np.int64],
+    own: NDArray[np.bool_],
+    voxel: float,
+    band: float,
+    max_depth: float,
+    progress: Progress,
+) -> Mesh:
+    """The surface in some of the blocks.
+
+    Args:
+        keys: (B,) of all blocks, rising; own: (B,) those whose triangles are wanted.
+    """
+    if not own.all():
+        # The triangles of a block hang on its neighbours' voxels, too.
+        around = _neighbours(_places_of(keys[own]), keys)
+        wanted = own.copy()
+        wanted[around[around >= 0]] = True
+        keys, own = keys[wanted], own[wanted]
+    if len(keys) > LARGEST_BLOCKS:
+        raise _too_fine(voxel, LARGEST_BLOCKS)
+    blocks = _places_of(keys)
+    size = voxel * kernels.BLOCK
+    low, high = blocks.min(axis=0) * size, (blocks.max(axis=0) + 1) * size
+    furthest = max_depth + band / kernels.SMALLEST_COSINE
+    volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
+    for done in range(len(views)):
+        camera = views.camera(done)
+        gap = np.maximum(np.maximum(low - camera.centre, camera.centre - high), 0.0)
+        chosen = np.zeros(0, dtype=np.int64)
+        if float(np.linalg.norm(gap)) < LONGEST_RAY * furthest:
+            chosen = _blocks_in_view(blocks, camera, voxel, furthest)
+        if len(chosen):
+            view = views.read(done)
+            w = view.inverse_depth
             _, factor = kernels.inverse_depth_slopes(w, camera.fx, camera.fy, camera.cx, camera.cy)
-            chosen = _blocks_in_view(blocks, camera, voxel, max_depth + band / kernels.SMALLEST_COSINE)
             weight = np.ones_like(w) if view.weight is None else view.weight
             kernels.integrate(
                 volume,
@@ -155,16 +243,29 @@ def fuse(
                 camera.world_to_camera,
                 voxel,
                 band,
-                float(max_depth),
+                max_depth,
             )
-            progress(len(prepared) + done + 1, total, "fusing depth", blocks=len(blocks))
-    mesh = _extract(volume, blocks, keys, voxel)
-    if bounds is not None and len(mesh.faces):
-        inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
-        mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
-    mesh = drop_small_components(mesh, smallest_triangles)
-    progress(total, total, f"{len(mesh.faces)} triangles")
-    return mesh
+        progress(done + 1, len(views), "fusing depth", blocks=len(blocks))
+    return _extract(volume, blocks, keys, voxel, own)
+
+
+def _joined(parts: Sequence[Mesh]) -> Mesh:
+    """One mesh of those of all regions; vertices at their borders, which two of them have, are one."""
+    if len(parts) == 1:
+        return parts[0]
+    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    vertices, colors = (np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "colors"))
+    faces = np.concatenate([part.faces + np.int32(k) for part, k in zip(parts, first, strict=False)])
+    bits = vertices.view(np.int32)
+    order = np.lexsort(bits.T)
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
+    # Of alike vertices the first in the given order stands for all.
+    same = np.empty(len(order), dtype=np.int64)
+    same[order] = np.minimum.reduceat(order, np.flatnonzero(new))[np.cumsum(new) - 1] if len(order) else order
+    kept = np.flatnonzero(same == np.arange(len(same)))
+    index = np.cumsum(same == np.arange(len(same))) - 1
+    return Mesh(vertices[kept], index[same[faces]].astype(np.int32), colors[kept])
 
 
 def _prepare(view: DepthView, index: int) -> _Prepared:
@@ -185,7 +286,14 @@ def _prepare(view: DepthView, index: int) -> _Prepared:
 
 
 def _allocate(
-    views: _Spool, voxel: float, band: float, max_depth: float, box: NDArray[np.float64], progress: Progress, total: int
+    views: _Spool,
+    voxel: float,
+    band: float,
+    max_depth: float,
+    box: NDArray[np.float64],
+    most: int,
+    progress: Progress,
+    total: int,
 ) -> NDArray[np.int64]:
     """Sorted keys of all blocks near a seen surface."""
     table = np.full(1 << 16, -1, dtype=np.int64)
@@ -215,11 +323,8 @@ def _allocate(
                 count = result
                 break
             count = int(np.count_nonzero(table != -1))
-            if count > LARGEST_BLOCKS:
-                raise SettingsError(
-                    f"voxel_size {voxel:g} asks for more than {LARGEST_BLOCKS:,} blocks of voxels",
-                    mend="give a larger voxel_size or a smaller max_depth",
-                )
+            if count > most:
+                raise _too_fine(voxel, most)
             table = kernels.rehash(table, 2 * len(table))
         progress(done + 1, total, "finding surfaces")
     keys: NDArray[np.int64] = np.sort(table[table != -1])
@@ -244,8 +349,14 @@ def _blocks_in_view(blocks: NDArray[np.int64], camera: Camera, voxel: float, fur
     return chosen
 
 
-def _extract(volume: NDArray[np.float32], blocks: NDArray[np.int64], keys: NDArray[np.int64], voxel: float) -> Mesh:
-    """Triangles of the zero level."""
+def _extract(
+    volume: NDArray[np.float32],
+    blocks: NDArray[np.int64],
+    keys: NDArray[np.int64],
+    voxel: float,
+    own: NDArray[np.bool_],
+) -> Mesh:
+    """Triangles of the zero level in the blocks that are ``own`` (B,)."""
     neighbours = _neighbours(blocks, keys)
     rank = np.empty(volume.shape[:2], dtype=np.int16)
     counts = kernels.mark_cells(volume, neighbours, np.float32(RIM_JUMP), rank)
@@ -256,7 +367,8 @@ def _extract(volume: NDArray[np.float32], blocks: NDArray[np.int64], keys: NDArr
     quads = np.concatenate([[0], np.cumsum(kernels.count_quads(volume, neighbours, rank, first))])
     faces = np.empty((2 * int(quads[-1]), 3), dtype=np.int32)
     kernels.write_quads(volume, neighbours, rank, first, quads, vertices, faces)
-    return Mesh(vertices, faces, np.round(np.clip(colors, 0, 255)).astype(np.uint8))
+    mesh = Mesh(vertices, faces, np.round(np.clip(colors, 0, 255)).astype(np.uint8))
+    return mesh if own.all() else keep_faces(mesh, np.repeat(own, 2 * np.diff(quads)))
 
 
 def _neighbours(blocks: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int32]:

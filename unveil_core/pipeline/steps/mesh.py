@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.imported import read_imported
+from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
 from unveil_core.pipeline.stage import Stage, StageContext
@@ -26,6 +27,7 @@ def run(context: StageContext) -> None:
             depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M),
             voxel_size=voxel,
             max_depth=30.0,
+            region_of=cut_into_blocks(drive).of_places,
             progress=context.progress,
         )
         write_ply(mesh, context.output(f"meshes/{state}.ply"), drive.to_world)
