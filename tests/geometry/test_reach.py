@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from unveil_core.geometry.reach import cameras_near
+from unveil_core.geometry.reach import PointGrid, cameras_near
 
 PLACES = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats(-50, 50))
 
@@ -23,3 +23,12 @@ def test_a_camera_far_off_is_not_asked() -> None:
     centres = np.array([[0.0, 0, 0], [500, 0, 0]])
     assert cameras_near(centres, np.array([[10.0, 3, 0], [30, -3, 0]]), 100.0).tolist() == [0]
     assert cameras_near(centres, np.zeros((0, 3)), 100.0).tolist() == []
+
+
+@given(PLACES, arrays(np.float64, 3, elements=st.floats(-60, 60)), st.floats(0, 80))
+def test_the_grid_misses_no_near_point(points: np.ndarray, place: np.ndarray, reach: float) -> None:
+    found = PointGrid(points, 7.0).near(place, reach)
+    assert (np.diff(found) > 0).all()
+    gap = np.linalg.norm(points - place, axis=1)
+    assert set(np.flatnonzero(gap < reach * (1 - 1e-12)).tolist()) <= set(found.tolist())
+    assert (np.linalg.norm((points - place)[found, :2], axis=1) <= reach + 7.0 * np.sqrt(2)).all()

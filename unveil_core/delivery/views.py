@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import centres_of
 
@@ -27,6 +28,8 @@ LEAST_GAIN = 0.01
 FINER = 1.6
 """A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
 
+REACH_M = 2 * FAR_M
+"""Distance from which on a frame is not asked, metres: no surface is rendered beyond half of it."""
 NEAREST_M = 0.1
 """Depth in front of which a camera shows nothing, metres."""
 
@@ -71,10 +74,10 @@ class EmptyViews:
         return self.frames[index]
 
     def nearest(self, own: int) -> NDArray[np.int64]:
-        """The other frames, those whose cameras are nearest to that of frame ``own`` first."""
+        """The other frames within ``REACH_M``, those whose cameras are nearest to that of frame ``own`` first."""
         apart = np.linalg.norm(self.centres - self.centres[own], axis=1)
         order = np.argsort(apart, kind="stable")
-        return order[order != own]
+        return order[(order != own) & (apart[order] < REACH_M)]
 
 
 def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["cameras_near", "centres_of"]
+__all__ = ["PointGrid", "cameras_near", "centres_of"]
 
 
 def centres_of(cameras: Sequence[Camera]) -> Float64:
@@ -29,3 +29,33 @@ def cameras_near(centres: Float64, points: Float64, reach: float) -> NDArray[np.
     low, high = points.min(axis=0), points.max(axis=0)
     gap = np.maximum(np.maximum(low - centres, centres - high), 0.0)
     return np.flatnonzero((gap * gap).sum(axis=1) <= reach * reach)
+
+
+class PointGrid:
+    """Points in the cells of a grid on the horizontal plane, to find those near a place without looking at all of them.
+
+    Args:
+        points: (N, 3), z up; cell: side of the cells, metres.
+    """
+
+    def __init__(self, points: Float64, cell: float = 20.0) -> None:
+        self.cell = cell
+        places = np.floor(points[:, :2] / cell).astype(np.int64)
+        self._cells, of_point = np.unique(places, axis=0, return_inverse=True)
+        self._order = np.argsort(of_point.ravel(), kind="stable")
+        self._first = np.searchsorted(of_point.ravel()[self._order], np.arange(len(self._cells) + 1))
+
+    @property
+    def middles(self) -> Float64:
+        """(C, 2) of the cells that hold points."""
+        return (self._cells + 0.5) * self.cell
+
+    def of_cells(self, cells: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Indices, rising, of the points in some of the cells (C,)."""
+        parts = [self._order[self._first[k] : self._first[k + 1]] for k in np.flatnonzero(cells)]
+        return np.sort(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
+
+    def near(self, place: Float64, reach: float) -> NDArray[np.int64]:
+        """Indices, rising, of all points within ``reach`` of a place (3,), and of some beyond."""
+        gap = np.maximum(np.abs(self.middles - place[:2]) - self.cell / 2, 0.0)
+        return self.of_cells((gap * gap).sum(axis=1) <= reach * reach)

@@ -23,7 +23,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import centres_of
+from unveil_core.geometry.reach import PointGrid
 from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
@@ -35,8 +35,6 @@ __all__ = ["block_of_drive", "reconstruct_in_blocks", "reoptimize_in_blocks"]
 
 CELL_M = 10.0
 """Side of the cells of the plan in which points are chosen for a block, metres."""
-LONGEST_RAY = 1.6
-"""Distance over depth in the corner of a picture of 90 degrees: what is farther than this times the farthest depth is not seen."""
 SLACK = 0.2
 """By how much the half width of a picture at depth 1 is widened when points are chosen."""
 
@@ -101,13 +99,18 @@ def block_of_drive(drive: Drive, block: Block) -> Drive:
     positions = drive.points.positions
     if not len(positions):
         return replace(drive, frames=frames)
-    # Cell by cell: there are many points, and few cells.
-    cells, cell = np.unique(np.floor(positions[:, :2] / CELL_M).astype(np.int64), axis=0, return_inverse=True)
-    middles = (cells + 0.5) * CELL_M
-    near = np.zeros(len(cells), dtype=bool)
-    for frame in frames:
-        near |= _in_view(frame.camera, middles)
-    return replace(drive, frames=frames, points=drive.points.select(near[cell.ravel()]))
+    seen = np.zeros(len(positions), dtype=bool)
+    seen[_in_some_view(PointGrid(positions, CELL_M), [f.camera for f in frames])] = True
+    return replace(drive, frames=frames, points=drive.points.select(seen))
+
+
+def _in_some_view(grid: PointGrid, cameras: Sequence[Camera]) -> NDArray[np.int64]:
+    """Indices of the points that some camera may see, and of some others."""
+    middles = grid.middles
+    seen = np.zeros(len(middles), dtype=bool)
+    for camera in cameras:
+        seen |= _in_view(camera, middles)
+    return grid.of_cells(seen)
 
 
 def _in_view(camera: Camera, middles: Float64) -> Mask:
@@ -166,18 +169,17 @@ def reoptimize_in_blocks(
     """
     kept, cache = kept or Kept(), cache or FrameCache()
     places = surfels.means.detach().double().numpy()
-    owner = blocks.of_places(places)
+    owner, grid = blocks.of_places(places), PointGrid(places, CELL_M)
     changed = {name: array.copy() for name, array in surfels.arrays().items()}
     for block in blocks.blocks:
         own = kept.within(block.name)
-        cameras = [targets[i][0] for i in block.frames]
         mine = np.flatnonzero(movable & (owner == block.number))
-        if not len(mine) or not cameras:
+        if not len(mine) or not block.frames:
             continue
 
         def make(block: Block = block, own: Kept = own, mine: NDArray[np.int64] = mine) -> dict[str, NDArray[Any]]:
             near = np.zeros(len(places), dtype=bool)
-            near[_near(places, [targets[i][0] for i in block.frames])] = True
+            near[_in_some_view(grid, [targets[i][0] for i in block.frames])] = True
             near[mine] = True
             moves = np.zeros(len(places), dtype=bool)
             moves[mine] = True
@@ -200,11 +202,3 @@ def reoptimize_in_blocks(
         for name, array in own.once("block", make).items():
             changed[name][mine] = array
     return Surfels.from_arrays(changed)
-
-
-def _near(places: Float64, cameras: Sequence[Camera]) -> Mask:
-    """(N,) which places (N, 3) some camera may see: within its range of the box around all cameras."""
-    centres = centres_of(cameras)
-    low, high = centres.min(axis=0), centres.max(axis=0)
-    gap = np.maximum(np.maximum(low - places, places - high), 0.0)
-    return np.asarray((gap * gap).sum(axis=1) < (LONGEST_RAY * FAR_M) ** 2)

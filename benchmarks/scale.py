@@ -1,0 +1,179 @@
+"""Size: whole runs on ever longer drives, time and memory against frames, and whether the borders of blocks show.
+
+    python benchmarks/scale.py --frames 100,300 [--size 480x320] [--quality standard] [--memory 1G] [--cache DIR] [--keep DIR]
+
+The drives are one street of boxes (sample_scenes/long_street.py), of which a longer drive sees more: its first frames are those of
+the shorter. Each run is a process of its own, without the report's baselines. Results of other sizes and qualities in
+benchmarks/results/scale.json are kept; scale.png draws them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from sample_scenes.box_worlds import make_box_world  # noqa: E402
+from sample_scenes.long_street import long_street, long_way  # noqa: E402
+from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
+from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.drives.imported import read_imported  # noqa: E402
+from unveil_core.ground.blocks import cut_into_blocks  # noqa: E402
+from unveil_core.workspace.files import frame_file, load_mask  # noqa: E402
+
+RESULTS = HERE / "results" / "scale.json"
+RAYS = 4000
+"""Of the LiDAR at each place."""
+BESIDE_M = 10.0
+"""Frames so near to a border of two blocks lie beside it, metres."""
+UNTIL = "mesh"
+
+
+def drive_of(frames: int, size: tuple[int, int], cache: Path) -> Path:
+    """The drive, made if it is not there yet."""
+    folder = cache / f"long_street_{size[0]}x{size[1]}_{frames}"
+    if not (folder / "transforms.json").is_file():
+        new = Path(tempfile.mkdtemp(prefix=".long_street_", dir=cache))
+        make_box_world(
+            new, long_street(float(frames)), long_way(frames, size=size), rays=RAYS, workers=os.cpu_count() or 1
+        )
+        new.rename(folder)
+    return folder
+
+
+CODE = """
+import sys
+from pathlib import Path
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.settings import RunSettings
+drive, workspace, quality, memory, until = sys.argv[1:]
+run(Path(drive), Path(workspace), RunSettings(quality=quality, memory=memory, remove=("vehicle",)), until=until)
+"""
+
+
+def run_drive(drive: Path, workspace: Path, quality: str, memory: str) -> dict[str, Any]:
+    """Run the program; returns seconds, peak memory, and both by stage."""
+    command = [sys.executable, "-c", CODE, str(drive), str(workspace), quality, memory, UNTIL]
+    environment = {**os.environ, "PYTHONPATH": str(HERE.parent), "OMP_WAIT_POLICY": "PASSIVE"}
+    begun = time.perf_counter()
+    process = subprocess.Popen(command, env=environment)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{drive}: the run ended with {process.returncode}")
+    stages = json.loads((workspace / "workspace.json").read_text())["stages"]
+    return {
+        "seconds": round(time.perf_counter() - begun, 1),
+        "processor_seconds": round(usage.ru_utime + usage.ru_stime, 1),
+        "peak_memory_mb": round(usage.ru_maxrss / 1024, 1),
+        "workspace_mb": round(sum(p.stat().st_size for p in workspace.rglob("*") if p.is_file()) / 2**20, 1),
+        "stages": {
+            name: {k: s[k] for k in ("seconds", "peak_memory_mb")} for name, s in stages.items() if "seconds" in s
+        },
+    }
+
+
+def borders(workspace: Path, truth: Path) -> dict[str, Any]:
+    """PSNR of the removed pixels of all frames, of those beside borders of blocks, and of the others."""
+    drive = read_imported(workspace / "drive")
+    blocks = cut_into_blocks(drive)
+    places = np.stack([f.camera.centre for f in drive.frames])
+    block = blocks.of_places(places)
+    change = (places[1:] + places[:-1])[block[1:] != block[:-1]] / 2
+    squared, pixels = np.zeros(len(places)), np.zeros(len(places))
+    for i, frame in enumerate(drive.frames):
+        removed = load_mask(frame_file(workspace / "masks/removed", frame))
+        ours, true = (read_image(frame_file(root, frame)) for root in (workspace / "frames", truth))
+        squared[i] = np.square(ours[removed].astype(float) - true[removed]).sum()
+        pixels[i] = 3 * removed.sum()
+    beside = np.zeros(len(places), dtype=bool)
+    if len(change):
+        beside = np.linalg.norm(places[:, None] - change[None], axis=2).min(axis=1) < BESIDE_M
+
+    def psnr(some: np.ndarray) -> float | None:
+        return (
+            None
+            if not pixels[some].any()
+            else round(float(10 * np.log10(255**2 / (squared[some].sum() / pixels[some].sum()))), 3)
+        )
+
+    return {
+        "blocks": len(blocks.blocks),
+        "psnr": psnr(~beside | beside),
+        "psnr_beside_borders": psnr(beside),
+        "psnr_between": psnr(~beside),
+    }
+
+
+def draw(rows: list[dict[str, Any]], path: Path) -> None:
+    """Time and memory against frames, a line for each size and quality."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, 2, figsize=(9, 3.4))
+    for kind in dict.fromkeys((tuple(r["size"]), r["quality"]) for r in rows):
+        some = sorted((r for r in rows if (tuple(r["size"]), r["quality"]) == kind), key=lambda r: r["frames"])
+        frames = [r["frames"] for r in some]
+        label = f"{kind[0][0]}x{kind[0][1]}, {kind[1]}"
+        axes[0].plot(frames, [r["seconds"] / 60 for r in some], "o-", label=label)
+        axes[1].plot(frames, [r["peak_memory_mb"] / 1024 for r in some], "o-", label=label)
+    for axis, title in zip(axes, ("minutes", "peak memory, GiB"), strict=True):
+        axis.set_xlabel("frames")
+        axis.set_title(title)
+        axis.set_xlim(left=0)
+        axis.set_ylim(bottom=0)
+        axis.grid(alpha=0.3)
+    axes[0].legend()
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Run the drives that were asked for, and write after each."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", required=True, help="as 100,300")
+    parser.add_argument("--size", default="480x320")
+    parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
+    parser.add_argument("--memory", default="1G")
+    parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()))
+    parser.add_argument("--keep", type=Path, default=None, help="keep the workspaces here")
+    parser.add_argument("-o", "--output", type=Path, default=RESULTS)
+    arguments = parser.parse_args()
+    width, height = (int(n) for n in arguments.size.split("x"))
+    rows = json.loads(arguments.output.read_text())["rows"] if arguments.output.is_file() else []
+    for frames in (int(n) for n in arguments.frames.split(",")):
+        drive = drive_of(frames, (width, height), arguments.cache)
+        folder = arguments.keep or Path(tempfile.mkdtemp(dir=arguments.cache))
+        workspace = folder / f"{width}x{height}_{frames}_{arguments.quality}"
+        shutil.rmtree(workspace, ignore_errors=True)
+        kind = {"frames": frames, "size": [width, height], "quality": arguments.quality, "memory": arguments.memory}
+        row = {
+            **kind,
+            **run_drive(drive, workspace, arguments.quality, arguments.memory),
+            **borders(workspace, drive / "truth/images"),
+        }
+        rows = [r for r in rows if any(r[k] != v for k, v in kind.items() if k != "memory")] + [row]
+        rows.sort(key=lambda r: (r["size"], r["quality"], r["frames"]))
+        write_json_atomic(arguments.output, {"machine": machine(), "rows": rows})
+        draw(rows, arguments.output.with_suffix(".png"))
+        print({k: v for k, v in row.items() if k != "stages"}, flush=True)
+        if arguments.keep is None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main()
