@@ -53,11 +53,11 @@ class Kept:
 
     Args:
         folder: where they lie; None = nowhere, everything is computed.
-        every_s: seconds between two checkpoints of a computation.
+        every_s: seconds between two checkpoints of a computation, :data:`EVERY_S` by default.
     """
 
-    def __init__(self, folder: Path | None = None, every_s: float = EVERY_S) -> None:
-        self.folder, self.every_s = folder, every_s
+    def __init__(self, folder: Path | None = None, every_s: float | None = None) -> None:
+        self.folder, self.every_s = folder, EVERY_S if every_s is None else every_s
 
     def once(self, name: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
         """The arrays of ``make``: computed if they are not there yet."""

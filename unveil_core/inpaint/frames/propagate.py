@@ -8,7 +8,9 @@ empty. The ground is not invented here: it comes from the chart, the same for al
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +18,7 @@ import torch
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -101,6 +104,7 @@ def propagate_inpainting(
     *,
     plan: Plan | None,
     reference: ReferenceInpainter | None = None,
+    kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Surfels | None:
     """Clean all frames: keyframes invent, in the order of their plan, and all others take that over.
@@ -111,18 +115,30 @@ def propagate_inpainting(
         single_image: invents what nobody saw and is not ground.
         write: gets each frame's index and result, once, when it is done.
         plan: which frames invent for all others; None = each frame for itself, for comparison.
+        kept: what each frame invented, so that an interrupted call is continued by the next.
         reference: inpaints what another frame has invented, with that frame as its reference; by default only surfels carry it.
     Returns:
         the surfels of what was invented beside the ground, None where nothing was.
     """
     references = ReferencePropagator(reference) if reference is not None and plan is not None else None
     painter = _Painter(scene, single_image, references)
+    # The frames that a network may refer to are not kept.
+    kept = Kept() if kept is None or references is not None else kept
     seeds: list[Surfels] = []
+
+    def finish(index: int, paint: Callable[[], tuple[Painted, list[Surfels]]]) -> list[Surfels]:
+        """Paint and write a frame, unless that was done before; returns what it invented."""
+
+        def make() -> dict[str, NDArray[Any]]:
+            painted, new = paint()
+            write(index, painted)
+            return _with_seeds({}, new)
+
+        return _seeds_in(kept.once(f"{index:06d}", make))
+
     if plan is None:
         for done, index in enumerate(reversed(range(len(tasks)))):
-            painted, new = painter.paint(tasks[index], scene.surfels, least_px=LEAST_SEEDS_PX)
-            write(index, painted)
-            seeds += new
+            seeds += finish(index, partial(painter.paint, tasks[index], scene.surfels, least_px=LEAST_SEEDS_PX))
             progress(done + 1, len(tasks), "inpainting")
         return concatenate(seeds) if seeds else None
     deferring: dict[int, Painted] = {}
@@ -130,11 +146,11 @@ def propagate_inpainting(
     surfels = scene.surfels
     total = len(plan.keyframes) + len(tasks)
     for done, key in enumerate(plan.keyframes):
-        painted, new = painter.paint(tasks[key.frame], surfels, key.deferred, least_px=1)
+        paint = partial(painter.paint, tasks[key.frame], surfels, key.deferred, least_px=1)
         if key.deferred.any():
-            deferring[key.frame] = painted
+            deferring[key.frame], new = _kept_whole(kept, f"{key.frame:06d}_deferring", paint)
         else:
-            write(key.frame, painted)
+            new = finish(key.frame, paint)
             finished.add(key.frame)
         if new:
             seeds += new
@@ -143,13 +159,42 @@ def propagate_inpainting(
     for done, index in enumerate(plan.visit_order):
         if index not in finished:
             # What no keyframe shows is little, unless the user chose them; then it, too, is invented once.
-            again, new = painter.paint(tasks[index], surfels, least_px=LEAST_SEEDS_PX)
-            write(index, _over(deferring.pop(index), again) if index in deferring else again)
+            paint = partial(painter.paint, tasks[index], surfels, least_px=LEAST_SEEDS_PX)
+            first = deferring.pop(index, None)
+            new = finish(index, paint if first is None else partial(_painted_over, first, paint))
             if new:
                 seeds += new
                 surfels = concatenate([scene.surfels, *seeds])
         progress(len(plan.keyframes) + done + 1, total, "inpainting")
     return concatenate(seeds) if seeds else None
+
+
+def _with_seeds(arrays: dict[str, NDArray[Any]], seeds: list[Surfels]) -> dict[str, NDArray[Any]]:
+    """Arrays, and those of what a frame invented."""
+    found = {name: array for part in seeds for name, array in part.arrays().items()}
+    return {**arrays, **found, "count": np.array(len(seeds))}
+
+
+def _seeds_in(arrays: dict[str, NDArray[Any]]) -> list[Surfels]:
+    return [Surfels.from_arrays(arrays)] if arrays["count"] else []
+
+
+def _kept_whole(
+    kept: Kept, name: str, paint: Callable[[], tuple[Painted, list[Surfels]]]
+) -> tuple[Painted, list[Surfels]]:
+    """A frame that is not finished yet, with what it invented."""
+
+    def make() -> dict[str, NDArray[Any]]:
+        painted, new = paint()
+        return _with_seeds({f.name: getattr(painted, f.name) for f in fields(Painted)}, new)
+
+    found = kept.once(name, make)
+    return Painted(**{f.name: found[f.name] for f in fields(Painted)}), _seeds_in(found)
+
+
+def _painted_over(first: Painted, paint: Callable[[], tuple[Painted, list[Surfels]]]) -> tuple[Painted, list[Surfels]]:
+    again, new = paint()
+    return _over(first, again), new
 
 
 def _over(first: Painted, again: Painted) -> Painted:

@@ -49,7 +49,9 @@ def run(context: StageContext) -> None:
     for i, frame in enumerate(drive.frames):
         clean = frame_file(workspace.root / "clean", frame)
         delivered = frame_file(folder, frame)
-        if frame.footage is None or given is None:
+        if delivered.is_file():
+            pass  # by an attempt that was interrupted
+        elif frame.footage is None or given is None:
             link_or_copy(clean, delivered)
         else:
             removed = load_mask(frame_file(workspace.root / "masks/removed", frame))

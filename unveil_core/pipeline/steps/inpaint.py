@@ -284,6 +284,7 @@ class _Cleaning:
             write,
             plan=plan,
             reference=None if network is None else load_reference(network),
+            kept=context.kept.within(f"frames/{block.name}"),
             progress=progress,
         )
         return plan, seeds

@@ -138,11 +138,13 @@ def run(context: StageContext) -> None:
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     empty = empty_street(surfels, gone, ground, on_ground)
     for done, frame in enumerate(frames):
-        hidden, mask = views.frames[done].hidden, removed[done]
-        unseen = never_seen(frame.camera, hidden, empty.depth(frame.camera, hidden), views)
-        save_mask(mask, frame_file(context.output("masks/removed"), frame))
-        save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
-        write_image_atomic(frame_file(context.output("regions"), frame), region_map(mask, hidden, unseen))
+        last = frame_file(context.output("regions"), frame)
+        if not last.is_file():  # not written by an attempt that was interrupted
+            hidden, mask = views.frames[done].hidden, removed[done]
+            unseen = never_seen(frame.camera, hidden, empty.depth(frame.camera, hidden), views)
+            save_mask(mask, frame_file(context.output("masks/removed"), frame))
+            save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
+            write_image_atomic(last, region_map(mask, hidden, unseen))
         context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
 
 

@@ -64,6 +64,9 @@ def run(context: StageContext) -> None:
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
+        finished = frame_file(context.output("clean"), frame)
+        if finished.is_file():
+            continue  # written by an attempt that was interrupted
         picture = picture_of(empty, sky, frame.camera, near=NEAR_M, far=FAR_M)
         write_image_atomic(frame_file(context.output("renders"), frame), exposures.delivered(frame, picture))
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
@@ -72,7 +75,7 @@ def run(context: StageContext) -> None:
         optimized = optimized_pixels(removed, moving.pixels(frame))
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
-        write_image_atomic(frame_file(context.output("clean"), frame), delivered)
+        write_image_atomic(finished, delivered)
     scratch = context.scratch("origins")
     for known in provenance_of(workspace.root, context.partial, frames, empty, cache, scratch):
         changed = known.origin != ORIGINAL
