@@ -2,8 +2,8 @@
 
     python benchmarks/kills.py [--kills 50] [--frames 36] [--size 240x160] [--seed 0]
 
-A street of boxes in three blocks is unveiled at ``draft``, killed with SIGKILL at random moments, and started again each time, until
-it ends. Then all files but the logs must be those of a run that nobody disturbed, byte for byte. Results go to
+A street of boxes in three blocks is unveiled at ``draft``, killed with SIGKILL at random moments, and started again each time,
+until it ends. Then all files but the logs must be those of a run that nobody disturbed, byte for byte. Results go to
 benchmarks/results/kills.json.
 """
 

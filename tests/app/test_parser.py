@@ -6,7 +6,7 @@ import subprocess
 import sys
 from dataclasses import fields
 
-from unveil_core.app.parser import STAGE_VERBS, command_parser
+from unveil_core.app.parser import BLOCK_STAGES, STAGE_VERBS, command_parser
 from unveil_core.app.verbs import VERBS, settings_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
@@ -14,6 +14,7 @@ from unveil_core.pipeline.settings import RunSettings
 
 def test_each_stage_has_a_verb_in_the_order_of_the_graph() -> None:
     assert ["import", *STAGE_VERBS] == [stage.name for stage in STAGES]
+    assert list(BLOCK_STAGES) == [stage.name for stage in STAGES if stage.run_block is not None]
 
 
 def test_each_verb_that_is_parsed_does_something() -> None:

@@ -19,7 +19,7 @@ from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.held_out import evaluate_views
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
-from unveil_core.optimize.in_blocks import block_of_drive, reconstruct_in_blocks
+from unveil_core.optimize.in_blocks import BlockwiseReconstruction, block_of_drive
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings
 from unveil_core.optimize.start import StartSettings
 from unveil_core.semantics.labels import SceneLabels, choose_labels
@@ -44,8 +44,8 @@ def test_two_blocks_are_as_good_as_one(street: tuple[Drive, SceneLabels]) -> Non
     drive, scene = street
     one, two = cut_into_blocks(drive), cut_into_blocks(drive, 4.5)
     assert len(one.blocks) == 1 and len(two.blocks) == 2
-    whole = reconstruct_in_blocks(drive, scene, SETTINGS, one, exposures=Exposures())
-    halves = reconstruct_in_blocks(drive, scene, SETTINGS, two, exposures=Exposures())
+    whole = BlockwiseReconstruction(drive, scene, SETTINGS, one, Exposures()).whole()
+    halves = BlockwiseReconstruction(drive, scene, SETTINGS, two, Exposures()).whole()
     assert psnr(halves, drive, scene) > psnr(whole, drive, scene) - 0.2
     owner = two.of_places(halves.surfels.means.double().numpy())
     assert set(np.unique(owner)) == {0, 1} and (np.diff(owner) >= 0).all()
@@ -70,7 +70,7 @@ class Killed(Exception):
 def test_finished_blocks_are_not_made_again(street: tuple[Drive, SceneLabels], tmp_path: Path) -> None:
     drive, scene = street
     settings, blocks = replace(SETTINGS, iterations=24), cut_into_blocks(drive, 3.0)
-    whole = reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures())
+    whole = BlockwiseReconstruction(drive, scene, settings, blocks, Exposures()).whole()
     begun: list[str] = []
 
     def kill(done: int, total: int, message: str = "", **_: float) -> None:
@@ -79,11 +79,13 @@ def test_finished_blocks_are_not_made_again(street: tuple[Drive, SceneLabels], t
             raise Killed
         begun.append(message.split(",")[0])
 
-    kept = Kept(tmp_path / "kept")
+    work = BlockwiseReconstruction(
+        drive, scene, settings, blocks, Exposures(), kept=Kept(tmp_path / "kept"), progress=kill
+    )
     with pytest.raises(Killed):
-        reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures(), kept=kept, progress=kill)
+        work.whole()
     before = len(begun)
-    again = reconstruct_in_blocks(drive, scene, settings, blocks, exposures=Exposures(), kept=kept, progress=kill)
+    again = work.whole()
     assert set(begun[before:]) == {"block 3 of 3"}
     assert all(torch.equal(torch.from_numpy(a), getattr(again.surfels, n)) for n, a in whole.surfels.arrays().items())
     assert torch.equal(whole.sky.texture, again.sky.texture)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,8 +11,10 @@ import pytest
 
 from sample_scenes.box_worlds import Lens, Way, make_box_world
 from sample_scenes.long_street import long_street, long_way
+from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.ground import blocks
-from unveil_core.pipeline.run import run
+from unveil_core.pipeline.run import run, stage_named
+from unveil_core.pipeline.runner import run_block
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
@@ -58,3 +61,35 @@ def test_blocks_are_as_good_as_one_piece(drive: Path, tmp_path: Path, monkeypatc
     borders = [8, 9, 10, 17, 18, 19]
     assert worse[borders].mean() < np.delete(worse, borders).mean() + 0.5
     assert not list(parts.root.glob(".partial-*"))
+
+
+def test_blocks_made_alone_make_the_stage(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_M", 9.0)
+    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=30)
+    whole = run(drive, tmp_path / "whole", settings, until="reconstruct")
+    parts = run(drive, tmp_path / "parts", settings, until="choose")
+    stage = stage_named("reconstruct")
+    for number in (2, 0, 1):
+        assert run_block(parts, stage, number, settings, drive)
+    before = len(parts.events())
+    run(drive, tmp_path / "parts", settings, until="reconstruct")
+    said = [e["message"] for e in parts.events()[before:] if e["stage"] == "reconstruct"]
+    assert not [m for m in said if m.startswith("block")]
+    assert (parts.root / "surfels/full.ply").read_bytes() == (whole.root / "surfels/full.ply").read_bytes()
+    assert not run_block(parts, stage, 0, settings, drive), "nothing is left to make"
+    for name, number, wrong in (
+        ("remove", 0, "not made in blocks"),
+        ("reoptimize", 0, "has no"),
+        ("reconstruct", 3, ""),
+    ):
+        given = replace(settings, seed=1)
+        with pytest.raises(UnveilError, match=wrong or "there is no block 3"):
+            run_block(parts, stage_named(name), number, given, drive)
+
+
+def test_blocks_share_a_workspace_and_a_run_waits_for_nobody(tmp_path: Path) -> None:
+    space = Workspace.create(tmp_path / "w")
+    with space.lock(shared=True), space.lock(shared=True), pytest.raises(WorkspaceError, match="in use"), space.lock():
+        pass
+    with space.lock(), pytest.raises(WorkspaceError, match="in use"), space.lock(shared=True):
+        pass

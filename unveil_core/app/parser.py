@@ -10,7 +10,7 @@ from typing import Any
 from unveil_core import __version__
 from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
 
-__all__ = ["STAGE_VERBS", "command_parser"]
+__all__ = ["BLOCK_STAGES", "STAGE_VERBS", "command_parser"]
 
 STAGE_VERBS = {
     "objects": "list the classes and single objects that can be removed",
@@ -28,6 +28,10 @@ STAGE_VERBS = {
 }
 """The stages that have a verb of their own, each with its line of help, in the order of ``pipeline.graph.STAGES``. They are
 named here again because importing the stages loads torch; a test compares the two lists."""
+
+
+BLOCK_STAGES = ("reconstruct", "reoptimize")
+"""The stages that are made in blocks, see ``pipeline.stage.Stage.run_block``; a test compares."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -96,6 +100,11 @@ def _add_stages(verbs: _Verbs) -> None:
         p.add_argument("workspace", type=Path)
         _add_settings(p)
         _add_common(p)
+    p = verbs.add_parser("run-block", help="make one block of a long drive for a stage, as one of many machines")
+    p.add_argument("workspace", type=Path)
+    p.add_argument("stage", choices=BLOCK_STAGES)
+    p.add_argument("block", type=int, help="its number, from 0")
+    _add_common(p)
 
 
 def _add_evaluate(verbs: _Verbs) -> None:

@@ -86,6 +86,19 @@ def _stage(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _run_block(arguments: argparse.Namespace) -> int:
+    from unveil_core.pipeline.run import stage_named
+    from unveil_core.pipeline.runner import run_block
+    from unveil_core.workspace.workspace import Workspace
+
+    space = Workspace.open(arguments.workspace)
+    drive = Path(str(space.state().get("drive", "")))
+    with reporting(arguments.json) as reporter:
+        settings = _recorded_settings(arguments)
+        run_block(space, stage_named(arguments.stage), arguments.block, settings, drive, reporter=reporter)
+    return 0
+
+
 def _status(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.status import stage_states
     from unveil_core.workspace.workspace import Workspace
@@ -208,6 +221,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "import": _import,
     **dict.fromkeys(STAGE_VERBS, _stage),
     "status": _status,
+    "run-block": _run_block,
     "evaluate": _evaluate,
     "render": _render,
     "export": _export,

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress, part_of
-from unveil_core.base.types import Float64, Mask
+from unveil_core.base.types import Float64, Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
@@ -31,7 +32,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["block_of_drive", "reconstruct_in_blocks", "reoptimize_in_blocks"]
+__all__ = ["BlockwiseReconstruction", "BlockwiseReoptimization", "block_of_drive"]
 
 CELL_M = 10.0
 """Side of the cells of the plan in which points are chosen for a block, metres."""
@@ -39,58 +40,89 @@ SLACK = 0.2
 """By how much the half width of a picture at depth 1 is widened when points are chosen."""
 
 
-def reconstruct_in_blocks(
-    drive: Drive,
-    scene: SceneLabels,
-    settings: ReconstructSettings,
-    blocks: Blocks,
-    *,
-    exposures: Exposures,
-    hidden: Sequence[NDArray[np.bool_]] | None = None,
-    seed: int = 0,
-    cache: FrameCache | None = None,
-    kept: Kept | None = None,
-    progress: Progress = no_progress,
-) -> Reconstruction:
-    """:func:`reconstruct` of each block, and the whole of them.
+@dataclass(frozen=True, eq=False)
+class BlockwiseReconstruction:
+    """The reconstruction of a drive, block by block.
 
-    Args:
-        blocks: of the drive; with one, this is the same as :func:`reconstruct`.
-        kept: finished blocks and checkpoints, by the blocks' names.
+    Attributes:
+        drive: imported; scene: its labels.
+        settings: see :class:`ReconstructSettings`; their amounts of work are those of a drive as long as a block.
+        blocks: of the drive; with one, all is as :func:`reconstruct` does it.
+        exposures: of the photographs; hidden: (H, W) per frame, pixels that count for nothing; None = no such pixels.
+        seed: order of the views.
+        cache: room for the frames; kept: finished blocks and checkpoints, by the blocks' names.
     """
-    kept, cache = kept or Kept(), cache or FrameCache()
-    common: dict[str, Any] = {"exposures": exposures, "seed": seed, "cache": cache}
-    if len(blocks.blocks) == 1:
-        return reconstruct(drive, scene, settings, hidden=hidden, kept=kept, progress=progress, **common)
-    sky, sky_choice = sky_of_labels(drive, scene, settings, exposures, hidden, cache)
-    parts, skies, choices = [], [], []
-    for block in blocks.blocks:
-        own = kept.within(block.name)
 
-        def make(block: Block = block, own: Kept = own) -> dict[str, NDArray[Any]]:
-            done = reconstruct(
-                block_of_drive(drive, block),
-                scene,
-                settings,
-                hidden=None if hidden is None else Frames(len(block.frames), lambda k: hidden[block.frames[k]]),
-                sky=sky,
+    drive: Drive
+    scene: SceneLabels
+    settings: ReconstructSettings
+    blocks: Blocks
+    exposures: Exposures
+    hidden: Sequence[NDArray[np.bool_]] | None = None
+    seed: int = 0
+    cache: FrameCache = field(default_factory=FrameCache)
+    kept: Kept = field(default_factory=Kept)
+    progress: Progress = no_progress
+
+    def whole(self) -> Reconstruction:
+        """All blocks together."""
+        if len(self.blocks.blocks) == 1:
+            return self._reconstruct(self.drive, self.hidden, self.kept, self.progress)
+        found = [self.block(block) for block in self.blocks.blocks]
+        choices = [json.loads(f["choices"].tobytes()) for f in found]
+        start, sky_choice = self._sky
+        skies = [Sky(torch.from_numpy(f["sky"]), f["sky_axes"]) for f in found]
+        surfels = concatenate([Surfels.from_arrays(f) for f in found])
+        return Reconstruction(
+            surfels, _together(skies, start), {"sky": sky_choice, "blocks": choices, **_sums(choices)}
+        )
+
+    def block(self, block: Block) -> dict[str, NDArray[Any]]:
+        """The surfels that a block owns, its sky and choices: made, unless they are kept already."""
+        own = self.kept.within(block.name)
+
+        def make() -> dict[str, NDArray[Any]]:
+            hidden, frames = self.hidden, block.frames
+            done = self._reconstruct(
+                block_of_drive(self.drive, block),
+                None if hidden is None else Frames(len(frames), lambda k: hidden[frames[k]]),
+                own,
+                part_of(self.progress, block.number, len(self.blocks.blocks)),
+                sky=self._sky[0],
                 own_frames=len(block.own),
-                kept=own,
-                progress=part_of(progress, block.number, len(blocks.blocks)),
-                **common,
             )
-            owned = blocks.of_places(done.surfels.means.double().numpy()) == block.number
+            owned = self.blocks.of_places(done.surfels.means.double().numpy()) == block.number
             part = done.surfels.select(torch.from_numpy(owned))
             facts = np.frombuffer(json.dumps(done.choices).encode(), np.uint8)
             return {**part.arrays(), "sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes, "choices": facts}
 
-        found = own.once("block", make)
-        parts.append(Surfels.from_arrays(found))
-        skies.append(Sky(torch.from_numpy(found["sky"]), found["sky_axes"]))
-        choices.append(json.loads(found["choices"].tobytes()))
-    return Reconstruction(
-        concatenate(parts), _together(skies, sky), {"sky": sky_choice, "blocks": choices, **_sums(choices)}
-    )
+        return own.once("block", make)
+
+    @cached_property
+    def _sky(self) -> tuple[Sky | None, dict[str, Any]]:
+        """The start of the sky, the same for all blocks."""
+        return sky_of_labels(self.drive, self.scene, self.settings, self.exposures, self.hidden, self.cache)
+
+    def _reconstruct(
+        self,
+        drive: Drive,
+        hidden: Sequence[NDArray[np.bool_]] | None,
+        kept: Kept,
+        progress: Progress,
+        **more: Any,
+    ) -> Reconstruction:
+        return reconstruct(
+            drive,
+            self.scene,
+            self.settings,
+            exposures=self.exposures,
+            hidden=hidden,
+            seed=self.seed,
+            cache=self.cache,
+            kept=kept,
+            progress=progress,
+            **more,
+        )
 
 
 def block_of_drive(drive: Drive, block: Block) -> Drive:
@@ -146,59 +178,84 @@ def _sums(choices: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def reoptimize_in_blocks(
-    surfels: Surfels,
-    movable: Mask,
-    sky: Sky,
-    targets: Sequence[tuple[Camera, NDArray[np.uint8]]],
-    settings: ReoptimizeSettings,
-    blocks: Blocks,
-    *,
-    label_count: int,
-    seed: int = 0,
-    cache: FrameCache | None = None,
-    kept: Kept | None = None,
-    progress: Progress = no_progress,
-) -> Surfels:
-    """:func:`reoptimize` of what each block owns; what its neighbours own is as it was.
+@dataclass(frozen=True, eq=False)
+class BlockwiseReoptimization:
+    """The re-optimization of a drive, block by block: each moves what it owns among what its neighbours own, as that was.
 
-    Args:
-        targets: of all frames.
-        blocks: of the drive; with one, this is the same as :func:`reoptimize`.
-        kept: finished blocks and checkpoints, by the blocks' names.
+    Attributes:
+        surfels: the empty scene, N surfels; movable: (N,) those that may change; sky: fixed.
+        targets: camera and cleaned frame (H, W, 3) of all frames.
+        settings: see :class:`ReoptimizeSettings`.
+        blocks: of the drive.
+        label_count: K; seed: order of the views.
+        cache: room for the frames; kept: finished blocks and checkpoints, by the blocks' names.
     """
-    kept, cache = kept or Kept(), cache or FrameCache()
-    places = surfels.means.detach().double().numpy()
-    owner, grid = blocks.of_places(places), PointGrid(places, CELL_M)
-    changed = {name: array.copy() for name, array in surfels.arrays().items()}
-    for block in blocks.blocks:
-        own = kept.within(block.name)
-        mine = np.flatnonzero(movable & (owner == block.number))
-        if not len(mine) or not block.frames:
-            continue
 
-        def make(block: Block = block, own: Kept = own, mine: NDArray[np.int64] = mine) -> dict[str, NDArray[Any]]:
-            near = np.zeros(len(places), dtype=bool)
-            near[_in_some_view(grid, [targets[i][0] for i in block.frames])] = True
-            near[mine] = True
-            moves = np.zeros(len(places), dtype=bool)
-            moves[mine] = True
+    surfels: Surfels
+    movable: Mask
+    sky: Sky
+    targets: Sequence[tuple[Camera, NDArray[np.uint8]]]
+    settings: ReoptimizeSettings
+    blocks: Blocks
+    label_count: int
+    seed: int = 0
+    cache: FrameCache = field(default_factory=FrameCache)
+    kept: Kept = field(default_factory=Kept)
+    progress: Progress = no_progress
+
+    def whole(self) -> Surfels:
+        """The scene with all that moved."""
+        changed = {name: array.copy() for name, array in self.surfels.arrays().items()}
+        for block in self.blocks.blocks:
+            mine = self._mine(block)
+            for name, array in self.block(block).items():
+                changed[name][mine] = array
+        return Surfels.from_arrays(changed)
+
+    def block(self, block: Block) -> dict[str, NDArray[Any]]:
+        """The movable surfels of a block: made, unless they are kept already."""
+        mine = self._mine(block)
+        if not len(mine) or not block.frames:
+            return {}
+        own = self.kept.within(block.name)
+
+        def make() -> dict[str, NDArray[Any]]:
+            near, moves = np.zeros((2, len(self.surfels)), dtype=bool)
+            if len(self.blocks.blocks) == 1:
+                near[:] = True
+            else:
+                near[_in_some_view(self._grid, [self.targets[i][0] for i in block.frames])] = True
+            near[mine] = moves[mine] = True
             done = reoptimize(
-                surfels.select(torch.from_numpy(near)),
+                self.surfels.select(torch.from_numpy(near)),
                 moves[near],
-                sky,
-                Frames(len(block.frames), lambda k: targets[block.frames[k]]),
-                settings.scaled(len(block.own)),
+                self.sky,
+                Frames(len(block.frames), lambda k: self.targets[block.frames[k]]),
+                self.settings.scaled(len(block.own)),
                 near=NEAR_M,
                 far=FAR_M,
-                label_count=label_count,
-                seed=seed,
-                cache=cache,
+                label_count=self.label_count,
+                seed=self.seed,
+                cache=self.cache,
                 checkpoint=own.checkpoint("training"),
-                progress=part_of(progress, block.number, len(blocks.blocks)),
+                progress=part_of(self.progress, block.number, len(self.blocks.blocks)),
             )
             return done.select(torch.from_numpy(moves[near])).arrays()
 
-        for name, array in own.once("block", make).items():
-            changed[name][mine] = array
-    return Surfels.from_arrays(changed)
+        return own.once("block", make)
+
+    @cached_property
+    def _places(self) -> Float64:
+        return self.surfels.means.detach().double().numpy()
+
+    @cached_property
+    def _grid(self) -> PointGrid:
+        return PointGrid(self._places, CELL_M)
+
+    @cached_property
+    def _owner(self) -> Labels:
+        return self.blocks.of_places(self._places)
+
+    def _mine(self, block: Block) -> NDArray[np.int64]:
+        """Indices of the movable surfels that a block owns."""
+        return np.flatnonzero(self.movable & (self._owner == block.number))

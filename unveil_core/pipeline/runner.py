@@ -19,10 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError, WorkspaceError
+from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.drives.imported import read_imported
+from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
@@ -30,7 +32,7 @@ from unveil_core.workspace.assumptions import recorded_assumptions
 from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["run_stages"]
+__all__ = ["run_block", "run_stages"]
 
 
 @contextmanager
@@ -107,13 +109,7 @@ def run_stages(
         for notice in notices:
             reporter(workspace.log(notice.stage, notice.message, level=notice.level, **dict[str, Any](notice.details)))
         for stage in stages:
-            missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
-            if missing:
-                raise WorkspaceError(
-                    f"has no {missing[0]}, which {stage.name} needs",
-                    path=workspace.root,
-                    mend="run the stages before it, or `unveil run`",
-                )
+            _check_inputs(stage, workspace)
             wanted = input_hash(stage, workspace, settings, drive, digests)
             all_recorded = workspace.state().get("stages", {})
             recorded, follows = all_recorded.get(stage.name, {}), _follows(stage, all_recorded)
@@ -129,6 +125,60 @@ def run_stages(
             ran.append(stage.name)
             digests.save()
     return ran
+
+
+def run_block(
+    workspace: Workspace,
+    stage: Stage,
+    number: int,
+    settings: RunSettings,
+    drive: Path,
+    *,
+    reporter: Reporter = silent,
+) -> bool:
+    """Make one block of a stage and keep it for the stage; several processes may, each another block.
+
+    Args:
+        number: of the block, from 0.
+        settings, drive: as for the stage, whose next run takes the block if they are the same.
+    Returns:
+        False where the stage is up to date and needs no block.
+    Raises:
+        SettingsError: the stage has no such block.
+        WorkspaceError: what the stage reads is missing; another run has the workspace.
+    """
+    if stage.run_block is None:
+        raise SettingsError(f"{stage.name} is not made in blocks", mend=f"run `unveil {stage.name}`")
+    stop = threading.Event()
+    with _room_on(workspace.root), _signals(stop):
+        with workspace.lock():
+            recover(workspace)
+            _check_inputs(stage, workspace)
+            wanted = input_hash(stage, workspace, settings, drive, Digests(workspace))
+            recorded = workspace.state().get("stages", {}).get(stage.name, {})
+            if is_current(stage, workspace, recorded, wanted):
+                return False
+            count = len(cut_into_blocks(read_imported(workspace.drive_dir)).blocks)
+            if not 0 <= number < count:
+                raise SettingsError(f"there is no block {number}", mend=f"use 0 to {count - 1}")
+            partial = open_partial(workspace, stage.name, wanted)
+        with workspace.lock(shared=True):
+            attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
+            cache = FrameCache(settings.memory_bytes)
+            stage.run_block(StageContext(workspace, settings, attempt.progress, drive, partial, cache), number)
+            if stop.is_set():
+                raise Cancelled(stage.name)
+    return True
+
+
+def _check_inputs(stage: Stage, workspace: Workspace) -> None:
+    missing = [n for n in stage.inputs if not (workspace.root / n).exists()]
+    if missing:
+        raise WorkspaceError(
+            f"has no {missing[0]}, which {stage.name} needs",
+            path=workspace.root,
+            mend="run the stages before it, or `unveil run`",
+        )
 
 
 @dataclass

@@ -93,6 +93,8 @@ class Stage:
             under which it counts; the content decides beside that name.
         check: raises an UnveilError, before any stage runs, where the settings name something unusable.
         variant: distinguishes two results that one function makes in two ways (for comparisons).
+        run_block: makes what the stage needs of one block of the drive, and keeps it for the stage (see ``ground.blocks``): on
+            any machine that shares the workspace. None where the stage has no such parts.
     """
 
     name: str
@@ -103,3 +105,4 @@ class Stage:
     outside: Callable[[Workspace, RunSettings, Path], Iterable[tuple[str, Path]]] | None = None
     check: Callable[[RunSettings], None] | None = None
     variant: str = ""
+    run_block: Callable[[StageContext, int], None] | None = None

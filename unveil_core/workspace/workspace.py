@@ -172,23 +172,23 @@ class Workspace:
 
     # --------------------------------------------------------------------------------------------------------------- lock
 
-    def lock(self) -> Lock:
-        """A context in which no other process works here."""
-        return Lock(self.root / ".lock")
+    def lock(self, *, shared: bool = False) -> Lock:
+        """A context in which no other process works here, or with ``shared`` only others that share, each on a block of its own."""
+        return Lock(self.root / ".lock", shared=shared)
 
 
 class Lock:
-    """One process at a time. The operating system drops the lock with the process, however it ends."""
+    """One process at a time, or several that share. The operating system drops the lock with the process, however it ends."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, shared: bool = False) -> None:
+        self.path, self.shared = path, shared
         self._handle: int | None = None
 
     def __enter__(self) -> Lock:
         self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
         for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
             try:
-                self._take(self._handle)
+                self._take(self._handle, self.shared)
                 break
             except OSError as error:
                 if patience:
@@ -207,12 +207,13 @@ class Lock:
             self._handle = None
 
     @staticmethod
-    def _take(handle: int) -> None:
+    def _take(handle: int, shared: bool) -> None:
         if platform.system() == "Windows":
             import msvcrt
 
+            # There is no shared lock of this kind: blocks run one after the other.
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
         else:
             import fcntl
 
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

@@ -10,7 +10,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
-from unveil_core.optimize.in_blocks import reconstruct_in_blocks
+from unveil_core.optimize.in_blocks import BlockwiseReconstruction
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
@@ -41,27 +41,38 @@ def run(context: StageContext) -> Facts:
 
 def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Facts:
     """What :func:`run` does, with settings of one's own: for comparison."""
-    moving = read_moving(context.workspace.root)
-    drive = moving.static_part(read_imported(context.workspace.drive_dir))
-    scene, hidden = load_labels(context.workspace), moving.hidden(drive, context.cache)
-    exposures = fit_exposures(drive, hidden=hidden, progress=context.progress)
-    write_exposures(exposures, context.output("surfels/exposure.json"))
-    done = reconstruct_in_blocks(
-        drive,
-        scene,
-        settings,
-        cut_into_blocks(drive),
-        exposures=exposures,
-        hidden=hidden,
-        seed=context.settings.seed,
-        cache=context.cache,
-        kept=context.kept,
-        progress=context.progress,
-    )
-    comments = (f"labels {','.join(n.replace(' ', '_') for n in scene.labels.names)}",)
-    write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=drive.to_world, comments=comments)
+    work = _work(context, settings)
+    done = work.whole()
+    write_exposures(work.exposures, context.output("surfels/exposure.json"))
+    comments = (f"labels {','.join(n.replace(' ', '_') for n in work.scene.labels.names)}",)
+    write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=work.drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
     return {"choices": done.choices}
+
+
+def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReconstruction:
+    moving = read_moving(context.workspace.root)
+    drive = moving.static_part(read_imported(context.workspace.drive_dir))
+    hidden = moving.hidden(drive, context.cache)
+    return BlockwiseReconstruction(
+        drive,
+        load_labels(context.workspace),
+        settings,
+        cut_into_blocks(drive),
+        fit_exposures(drive, hidden=hidden, progress=context.progress),
+        hidden,
+        context.settings.seed,
+        context.cache,
+        context.kept,
+        context.progress,
+    )
+
+
+def run_block(context: StageContext, number: int) -> None:
+    """One block of the drive, kept for the stage."""
+    work = _work(context, asked_for(context.settings))
+    if len(work.blocks.blocks) > 1:
+        work.block(work.blocks.blocks[number])
 
 
 STAGE = Stage(
@@ -70,4 +81,5 @@ STAGE = Stage(
     inputs=("drive", "labels.json", "movers"),
     outputs=("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
     settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
+    run_block=run_block,
 )

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL
-from unveil_core.optimize.in_blocks import reoptimize_in_blocks
+from unveil_core.optimize.in_blocks import BlockwiseReoptimization
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
@@ -21,7 +25,7 @@ from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.raster.picture import picture_of
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.ply import read_surfels, write_surfels
-from unveil_core.surfels.sky import load_sky
+from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
 from unveil_core.workspace.movers import read_moving
@@ -33,34 +37,11 @@ def run(context: StageContext) -> None:
     """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; provenance/ and certainty/ of clean/."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir)
-    scene = load_labels(workspace)
-    full = read_surfels(workspace.surfels_full)
     sky = load_sky(workspace.root / "surfels/sky.npz")
-    gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
-    displaced = load_array(workspace.root / "surfels/displaced.npy").astype(bool)
-    relit = load_array(workspace.root / "surfels/relit.npy").astype(bool)
-    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
-    preset = REOPTIMIZE_PRESETS[context.settings.quality]
-    stays = ~(gone | displaced)
-    near = near_removed(full, gone, preset.near_m)
-    surfels = concatenate([full.select(torch.from_numpy(stays)), seeds])
-    movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
-    clean = cache.frames(len(frames), lambda i: read_image(frame_file(workspace.root / "inpainted", frames[i])))
-    empty = reoptimize_in_blocks(
-        surfels,
-        movable,
-        sky,
-        Frames(len(frames), lambda i: (frames[i].camera, clean[i])),
-        preset,
-        cut_into_blocks(drive),
-        label_count=len(scene.labels),
-        seed=context.settings.seed,
-        cache=cache,
-        kept=context.kept,
-        progress=context.progress,
-    )
+    clean = _inpainted(context, drive)
+    empty = _work(context, drive, clean, sky).whole()
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
@@ -83,6 +64,45 @@ def run(context: StageContext) -> None:
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
         write_image_atomic(frame_file(context.output("provenance"), known.frame), known.origin)
         write_image_atomic(frame_file(context.output("certainty"), known.frame), certainty)
+
+
+def _inpainted(context: StageContext, drive: Drive) -> Sequence[NDArray[np.uint8]]:
+    """(H, W, 3) per frame, what the stage fits the scene to."""
+    folder, frames = context.workspace.root / "inpainted", drive.frames
+    return context.cache.frames(len(frames), lambda i: read_image(frame_file(folder, frames[i])))
+
+
+def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]], sky: Sky) -> BlockwiseReoptimization:
+    workspace = context.workspace
+    full = read_surfels(workspace.surfels_full)
+    gone, displaced, relit = (
+        load_array(workspace.root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
+    )
+    seeds = read_surfels(workspace.root / "surfels/seeds.ply")
+    preset = REOPTIMIZE_PRESETS[context.settings.quality]
+    stays = ~(gone | displaced)
+    near = near_removed(full, gone, preset.near_m)
+    return BlockwiseReoptimization(
+        concatenate([full.select(torch.from_numpy(stays)), seeds]),
+        np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)]),
+        sky,
+        Frames(len(clean), lambda i: (drive.frames[i].camera, clean[i])),
+        preset,
+        cut_into_blocks(drive),
+        len(load_labels(workspace).labels),
+        context.settings.seed,
+        context.cache,
+        context.kept,
+        context.progress,
+    )
+
+
+def run_block(context: StageContext, number: int) -> None:
+    """One block of the drive, kept for the stage."""
+    drive = read_imported(context.workspace.drive_dir)
+    sky = load_sky(context.workspace.root / "surfels/sky.npz")
+    work = _work(context, drive, _inpainted(context, drive), sky)
+    work.block(work.blocks.blocks[number])
 
 
 STAGE = Stage(
@@ -114,4 +134,5 @@ STAGE = Stage(
         "certainty",
     ),
     settings=("quality", "seed"),
+    run_block=run_block,
 )
