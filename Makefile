@@ -53,7 +53,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,bpy,gpu,datasets]"
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,bpy,gpu,datasets,farm]"
 	touch $@
 
 # Nothing but bpy and pytest: as in Blender, unveil_core is in a Python of its own.

@@ -24,6 +24,7 @@ COMMAND = "python docs/generate.py"
 ORDER = {
     "app": "the unveil command",
     "bench": "measurements",
+    "farm": "many drives, many machines",
     "pipeline": "stages, runner, settings",
     "report": "the page, videos",
     "evaluate": "metrics, baselines",

@@ -6,8 +6,9 @@ import subprocess
 import sys
 from dataclasses import fields
 
+from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import BLOCK_STAGES, STAGE_VERBS, command_parser
-from unveil_core.app.verbs import VERBS, settings_of
+from unveil_core.app.verbs import VERBS
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
 

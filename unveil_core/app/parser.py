@@ -66,6 +66,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_render(verbs)
     _add_export(verbs)
     _add_bench(verbs)
+    _add_batch(verbs)
     _add_common(verbs.add_parser("doctor", help="what this machine has"))
     return parser
 
@@ -85,6 +86,10 @@ def _add_whole_runs(verbs: _Verbs) -> None:
         p = verbs.add_parser(name, help=text)
         p.add_argument("drive", type=Path)
         p.add_argument("-o", "--output", type=Path, required=True, metavar="WORKSPACE")
+        if name == "run":
+            p.add_argument(
+                "--until", choices=tuple(STAGE_VERBS), default=None, metavar="STAGE", help="the last stage to run"
+            )
         if name == "import":
             p.add_argument(
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
@@ -166,6 +171,34 @@ def _add_export(verbs: _Verbs) -> None:
     p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most N; all by default")
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
     _add_common(p)
+
+
+def _add_batch(verbs: _Verbs) -> None:
+    batch = verbs.add_parser("batch", help="many drives, on many machines")
+    parts = batch.add_subparsers(dest="part", required=True, parser_class=_Parser, metavar="PART")
+    p = parts.add_parser("plan", help="write the tasks of some drives")
+    p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
+    p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
+    _add_settings(p)
+    _add_common(p)
+    for name, text in (
+        ("run", "run what is not done, on a Dask cluster"),
+        ("status", "how far it is, by its files"),
+        ("merge", "put finished blocks together, and finish the drives, here"),
+        ("template", "write the tasks for another farm"),
+    ):
+        p = parts.add_parser(name, help=text)
+        p.add_argument("batch", type=Path, metavar="DIR")
+        if name == "run":
+            p.add_argument(
+                "--scheduler", default=None, metavar="ADDRESS", help="of a running Dask scheduler, as tcp://host:8786"
+            )
+            p.add_argument(
+                "--workers", type=int, default=2, metavar="N", help="local processes, without a scheduler (2)"
+            )
+        if name == "template":
+            p.add_argument("--to", required=True, choices=("openjd", "slurm", "flamenco"))
+        _add_common(p)
 
 
 def _add_bench(verbs: _Verbs) -> None:

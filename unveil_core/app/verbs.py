@@ -10,21 +10,16 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import fields, replace
 from pathlib import Path
 
+from unveil_core.app.batch import run_batch_part
 from unveil_core.app.console import reporting
+from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.settings import RunSettings
 
-__all__ = ["VERBS", "settings_of"]
-
-
-def settings_of(arguments: argparse.Namespace, before: RunSettings | None = None) -> RunSettings:
-    """The settings that the command line gives, over those before or else the defaults."""
-    given = {f.name: getattr(arguments, f.name) for f in fields(RunSettings) if hasattr(arguments, f.name)}
-    return replace(before or RunSettings(), **given)
+__all__ = ["VERBS"]
 
 
 def _recorded_settings(arguments: argparse.Namespace) -> RunSettings:
@@ -55,8 +50,10 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
     from unveil_core.report.summary import print_summary
 
     with reporting(arguments.json) as reporter:
-        workspace = run(drive, arguments.output, settings_of(arguments), reporter=reporter)
-    print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
+        until = getattr(arguments, "until", None)
+        workspace = run(drive, arguments.output, settings_of(arguments), until=until, reporter=reporter)
+    if until in (None, "report"):
+        print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
     return 0
 
 
@@ -226,6 +223,7 @@ VERBS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": _render,
     "export": _export,
     "bench": _bench,
+    "batch": run_batch_part,
     "doctor": _doctor,
 }
 """Every verb of the command line, with what it does."""

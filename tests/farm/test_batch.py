@@ -1,0 +1,201 @@
+"""Batches: planned once, run on real workers, and read back from files."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sample_scenes.box_worlds import make_box_world
+from sample_scenes.long_street import long_street, long_way
+from tests.drives.tiny_drive import make_tiny_drive
+from unveil_core.app.cli import main
+from unveil_core.base.errors import SettingsError, WorkspaceError
+from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
+from unveil_core.farm.run import RETRIES, run_batch
+from unveil_core.farm.status import batch_status, status_lines
+from unveil_core.farm.task import state_of
+from unveil_core.farm.template import TEMPLATES, openjd_template
+from unveil_core.ground import blocks
+from unveil_core.pipeline.settings import RunSettings
+
+
+@pytest.fixture(scope="module")
+def long_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("long") / "street"
+    return make_box_world(folder, long_street(20.0), long_way(20, size=(32, 24)), rays=200)
+
+
+@pytest.fixture
+def planned(long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Batch:
+    monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
+    short = make_tiny_drive(tmp_path / "short")
+    return plan_batch([long_drive, short], tmp_path / "batch", RunSettings(seed=4), ("--seed=4",))
+
+
+def test_a_long_drive_has_a_task_for_each_block_and_each_waits_for_what_it_needs(planned: Batch) -> None:
+    by_id = {t.id: t for t in planned.tasks}
+    assert [d.blocks for d in planned.drives] == [3, 1]
+    assert [t.step for t in planned.tasks if t.drive == "street"] == [
+        "prepare",
+        *["reconstruct"] * 3,
+        "inpaint",
+        *["reoptimize"] * 3,
+        "report",
+    ]
+    assert by_id["street.reconstruct.0002"].arguments[-3:] == (planned.drives[0].workspace, "reconstruct", "2")
+    assert by_id["street.inpaint"].after == tuple(f"street.reconstruct.{k:04d}" for k in range(3))
+    assert by_id["street.prepare"].arguments[-3:] == ("--seed=4", "--until", "choose")
+    assert by_id["short.all"].after == () and by_id["short.all"].step == "all"
+    planned.save()
+    assert read_batch(planned.root) == planned
+
+
+def test_two_drives_of_one_name_have_two_workspaces(tmp_path: Path) -> None:
+    paths = [make_tiny_drive(tmp_path / k / "my drive!") for k in ("a", "b")]
+    batch = plan_batch(paths, tmp_path / "batch", RunSettings())
+    assert [d.name for d in batch.drives] == ["my_drive", "my_drive_2"]
+    with pytest.raises(SettingsError, match="no drive"):
+        plan_batch([], tmp_path / "batch", RunSettings())
+
+
+@pytest.mark.parametrize(
+    "change", [{"version": 2}, {"tasks": [{"id": "../x", "after": []}]}, {"drives": 3}, {"tasks": None}]
+)
+def test_a_damaged_manifest_is_one_clear_line(planned: Batch, change: dict[str, object]) -> None:
+    planned.save()
+    path = planned.root / "batch.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(WorkspaceError, match="is no batch"):
+        read_batch(planned.root)
+
+
+def test_the_template_is_one_by_the_open_job_description(planned: Batch) -> None:
+    model = pytest.importorskip("openjd.model")
+    template = model.decode_job_template(template=json.loads(openjd_template(planned)))
+    assert [step.name for step in template.steps][:3] == ["street.prepare", "street.reconstruct", "street.inpaint"]
+    job = model.create_job(job_template=template, job_parameter_values={})
+    assert len(model.StepParameterSpaceIterator(space=job.steps[1].parameterSpace)) == 3
+
+
+def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.CaptureFixture[str]) -> None:
+    planned.save()
+    for name, (file, _) in TEMPLATES.items():
+        assert main(["batch", "template", str(planned.root), "--to", name]) == 0
+        text = (planned.root / file).read_text()
+        assert "street.inpaint" in text and "run-block" in text
+    script = (planned.root / "batch.slurm.sh").read_text()
+    assert "--array=0-2" in script and script.count("sbatch ") == 6 and "afterok:$job0" in script
+    assert shutil.which("sh") is None or os.system(f"sh -n {planned.root / 'batch.slurm.sh'}") == 0
+    capsys.readouterr()
+
+
+def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "") -> Batch:
+    """Drives of which only the import is run, in two tasks each."""
+    drives, tasks = [], []
+    for name in names:
+        path = make_tiny_drive(tmp_path / "drives" / name)
+        if name == broken:
+            path.write_text("{")
+        workspace = root / "drives" / name
+        drives.append(BatchDrive(name, str(path), str(workspace), 4, 1))
+        run = ("run", str(path), "-o", str(workspace), "--remove", "car")
+        tasks.append(Task(f"{name}.objects", name, "objects", None, (*run, "--until", "objects"), ()))
+        tasks.append(Task(f"{name}.choose", name, "choose", None, (*run, "--until", "choose"), (tasks[-1].id,)))
+    batch = Batch(root, tuple(drives), tuple(tasks))
+    batch.save()
+    return batch
+
+
+def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    batch = cheap(tmp_path / "batch", ["one", "bad", "two"], tmp_path, broken="bad")
+    lines: list[str] = []
+    assert run_batch(batch, lines.append, workers=2) == ["bad.objects"]
+    status = batch_status(batch)
+    assert status["tasks"] == {"done": 4, "running": 0, "failed": 1, "to do": 1}
+    assert state_of(batch, batch.tasks[2]).tries == RETRIES + 1
+    assert any("bad.objects: failed after 3 tries: unveil: error" in line for line in lines)
+    assert any("bad.choose: not run" in line for line in lines)
+    assert (tmp_path / "batch/drives/two/selection.json").is_file()
+    assert "bad.objects failed: unveil: error" in "\n".join(status_lines(status))
+    # Mended, only what is missing runs.
+    shutil.copy(tmp_path / "drives/one/transforms.json", tmp_path / "drives/bad/transforms.json")
+    lines.clear()
+    assert run_batch(batch, lines.append, workers=1) == []
+    assert "6 tasks of 3 drives, 4 done already" in lines[0] and len(lines) == 4
+    lines.clear()
+    assert run_batch(batch, lines.append) == [] and lines == ["6 tasks of 3 drives, 6 done already"]
+
+
+def test_a_worker_that_dies_is_replaced_and_its_task_named(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    batch = cheap(tmp_path / "batch", ["one", "two"], tmp_path)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        killed: list[int] = []
+
+        def kill() -> None:
+            deadline = time.monotonic() + 60
+            while time.monotonic() < deadline:
+                if any(state_of(batch, t).status == "running" for t in batch.tasks):
+                    worker = next(w for w in cluster.workers.values() if w.process is not None)
+                    killed.append(worker.pid)
+                    os.kill(worker.pid, signal.SIGKILL)
+                    return
+                time.sleep(0.02)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        lines: list[str] = []
+        assert run_batch(batch, lines.append, scheduler=cluster.scheduler_address) == []
+        thread.join()
+    assert killed
+    status = batch_status(batch)
+    assert status["tasks"]["done"] == 4
+    assert [d["name"] for d in status["drives"] if d["tried_again"]]
+    assert any("at try 2" in line for line in lines)
+
+
+def test_a_scheduler_that_is_not_there_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    batch = cheap(tmp_path / "batch", ["one"], tmp_path)
+    monkeypatch.setattr("unveil_core.farm.run.PATIENCE", "1s")
+    with pytest.raises(SettingsError, match="no Dask scheduler answers at tcp://127.0.0.1:9"):
+        run_batch(batch, print, scheduler="tcp://127.0.0.1:9")
+
+
+def test_the_command_plans_shows_and_merges(
+    long_drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = tmp_path / "batch"
+    plan = [
+        "batch",
+        "plan",
+        str(long_drive),
+        "-o",
+        str(root),
+        "--quality",
+        "draft",
+        "--remove",
+        "car",
+        "--no-adaptation",
+    ]
+    assert main(plan) == 0
+    assert "1 drives, 20 frames, 1 blocks, 1 tasks" in capsys.readouterr().out
+    (task,) = read_batch(root).tasks
+    assert task.arguments[4:] == ("--remove=car", "--quality=draft", "--no-adaptation")
+    assert main(["batch", "status", str(root)]) == 0
+    assert "0/1 tasks done" in capsys.readouterr().out
+    batch = cheap(tmp_path / "other", ["one"], tmp_path)
+    first = replace(batch, tasks=batch.tasks[:1])
+    assert run_batch(first, print, workers=1) == []
+    capsys.readouterr()
+    assert main(["batch", "merge", str(batch.root)]) == 0
+    assert "one.choose: done" in capsys.readouterr().out

@@ -1,0 +1,101 @@
+"""``unveil batch``: many drives, planned once and run anywhere."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+__all__ = ["run_batch_part"]
+
+
+def run_batch_part(arguments: argparse.Namespace) -> int:
+    """Plan, run, show, merge or translate a batch; returns the exit code."""
+    return {"plan": _plan, "run": _run, "status": _status, "merge": _merge, "template": _template}[arguments.part](
+        arguments
+    )
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from unveil_core.app.given_settings import settings_of
+    from unveil_core.farm.manifest import plan_batch
+    from unveil_core.pipeline.settings import RunSettings
+
+    given = settings_of(arguments)
+    options = _options(given, RunSettings())
+    batch = plan_batch(arguments.drives, arguments.output, given, options)
+    batch.save()
+    frames = sum(d.frames for d in batch.drives)
+    blocks = sum(d.blocks for d in batch.drives)
+    print(f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}")
+    return 0
+
+
+def _options(given: object, usual: object) -> list[str]:
+    """The options of ``unveil run`` that give these settings."""
+    words: list[str] = []
+    for f in fields(given):  # type: ignore[arg-type]
+        value = getattr(given, f.name)
+        if value == getattr(usual, f.name):
+            continue
+        if f.name == "adapt":
+            words.append("--no-adaptation")
+            continue
+        text = ",".join(str(v) for v in value) if isinstance(value, tuple) else str(value)
+        words += [f"--{f.name.replace('_', '-')}={text}"]
+    return words
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from unveil_core.farm.manifest import read_batch
+    from unveil_core.farm.run import run_batch
+
+    batch = read_batch(arguments.batch)
+
+    def tell(line: str) -> None:
+        print(json.dumps({"message": line}) if arguments.json else line, flush=True)
+
+    return 1 if run_batch(batch, tell, scheduler=arguments.scheduler, workers=arguments.workers) else 0
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from unveil_core.farm.manifest import read_batch
+    from unveil_core.farm.status import batch_status, status_lines
+
+    status = batch_status(read_batch(arguments.batch))
+    print(json.dumps(status) if arguments.json else "\n".join(status_lines(status)))
+    return 0
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    from unveil_core.farm.manifest import read_batch
+    from unveil_core.farm.task import TaskFailed, run_task, state_of
+
+    batch = read_batch(arguments.batch)
+    failed = 0
+    for task in batch.tasks:
+        ready = all(state_of(batch, t).status == "done" for t in batch.tasks if t.id in task.after)
+        if task.block is not None or not task.after or not ready:
+            continue
+        try:
+            print(f"{task.id}: done in {run_task(str(batch.root), task.id)['seconds']:.0f} s", flush=True)
+        except TaskFailed as error:
+            failed += 1
+            print(f"failed: {error}", file=sys.stderr, flush=True)
+    return 1 if failed else 0
+
+
+def _template(arguments: argparse.Namespace) -> int:
+    from unveil_core.base.files import write_atomic
+    from unveil_core.farm.manifest import read_batch
+    from unveil_core.farm.template import TEMPLATES
+
+    batch = read_batch(arguments.batch)
+    name, text = TEMPLATES[arguments.to]
+    path: Path = arguments.batch / name
+    write_atomic(path, lambda stream: stream.write(text(batch).encode()))
+    print(shlex.quote(str(path)))
+    return 0

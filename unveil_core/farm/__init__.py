@@ -1,0 +1,1 @@
+"""Many drives on many machines: a manifest of plain commands, and who runs them."""

@@ -1,0 +1,184 @@
+"""A batch: drives, and the tasks that unveil them, each a plain command that can be repeated.
+
+DIR/batch.json          drives and tasks, see :class:`Task`
+DIR/drives/NAME/        the workspace of each drive
+DIR/tasks/ID.json       what became of a task: status, tries, seconds, the last line that it said
+DIR/tasks/ID.log        all that it said
+
+A drive of one block is one task. A longer one has a task that prepares it, one for each block of the stages that are made in
+blocks, and between them tasks that put the blocks together; these depend on one another.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from unveil_core.base.errors import DriveError, SettingsError, WorkspaceError
+from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.drives import open_drive
+from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.pipeline.settings import RunSettings
+
+__all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
+
+VERSION = 1
+BLOCK_STAGES = ("reconstruct", "reoptimize")
+"""The stages with tasks of their own for each block, in their order."""
+
+
+@dataclass(frozen=True)
+class BatchDrive:
+    """Attributes:
+    name: of its workspace.
+    drive: path of the drive; workspace: of the results.
+    frames, blocks: how many it has.
+    """
+
+    name: str
+    drive: str
+    workspace: str
+    frames: int
+    blocks: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """A command of ``unveil``.
+
+    Attributes:
+        id: unique in the batch, and a file name.
+        drive: name of its drive; step: what it does, the same for all blocks of a stage; block: its number or None.
+        arguments: after ``unveil``.
+        after: ids of the tasks that must have succeeded.
+    """
+
+    id: str
+    drive: str
+    step: str
+    block: int | None
+    arguments: tuple[str, ...]
+    after: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A manifest.
+
+    Attributes:
+        root: its folder.
+        drives, tasks: in the order of planning; tasks come after those that they depend on.
+    """
+
+    root: Path
+    drives: tuple[BatchDrive, ...]
+    tasks: tuple[Task, ...]
+
+    def save(self) -> None:
+        """Write ``batch.json``."""
+        self.root.mkdir(parents=True, exist_ok=True)
+        content = {
+            "version": VERSION,
+            "drives": [asdict(d) for d in self.drives],
+            "tasks": [asdict(t) for t in self.tasks],
+        }
+        write_json_atomic(self.root / "batch.json", content)
+
+
+def read_batch(root: Path) -> Batch:
+    """The batch in a folder.
+
+    Raises:
+        WorkspaceError: there is none, or it is damaged.
+    """
+    path = root / "batch.json"
+    try:
+        data: Any = read_json(path)
+        if data["version"] != VERSION:
+            raise ValueError(f"version {data['version']}")
+        drives = tuple(BatchDrive(**d) for d in data["drives"])
+        tasks = tuple(
+            Task(t["id"], t["drive"], t["step"], t["block"], tuple(t["arguments"]), tuple(t["after"]))
+            for t in data["tasks"]
+        )
+        known: set[str] = set()
+        for task in tasks:
+            if not re.fullmatch(r"[\w.-]{1,200}", task.id) or not set(task.after) <= known or task.id in known:
+                raise ValueError(f"task {task.id!r}")
+            known.add(task.id)
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        raise WorkspaceError(f"is no batch: {error}", path=path, mend="run `unveil batch plan`") from error
+    return Batch(root, drives, tasks)
+
+
+def plan_batch(drives: Sequence[Path], root: Path, settings: RunSettings, options: Sequence[str] = ()) -> Batch:
+    """Plan the tasks of some drives.
+
+    Args:
+        drives: to unveil, each for itself.
+        root: of the batch.
+        settings: of all drives; options: the same as options of ``unveil run``.
+    Raises:
+        DriveError: a drive that cannot be read.
+        SettingsError: no drive.
+    """
+    if not drives:
+        raise SettingsError("no drive to plan", mend="name one or more")
+    planned: list[BatchDrive] = []
+    tasks: list[Task] = []
+    for path in drives:
+        opened = localized(open_drive(path, settings.drive_options))
+        name = _name(path, [d.name for d in planned])
+        drive = BatchDrive(
+            name,
+            str(path.absolute()),
+            str((root / "drives" / name).absolute()),
+            len(opened.frames),
+            len(cut_into_blocks(opened).blocks),
+        )
+        if not opened.frames:
+            raise DriveError("has no frames", path=path)
+        planned.append(drive)
+        tasks += _tasks_of(drive, tuple(options))
+    return Batch(root, tuple(planned), tuple(tasks))
+
+
+def _name(path: Path, taken: Sequence[str]) -> str:
+    """A name for a drive's workspace that is no other's."""
+    whole = path.absolute()
+    stem = whole.parent.name if whole.suffix == ".json" else whole.name
+    plain = re.sub(r"[^\w-]+", "_", stem).strip("_")[:80] or "drive"
+    name, number = plain, 2
+    while name in taken:
+        name, number = f"{plain}_{number}", number + 1
+    return name
+
+
+def _tasks_of(drive: BatchDrive, options: tuple[str, ...]) -> list[Task]:
+    run = ("run", drive.drive, "-o", drive.workspace, *options)
+    if drive.blocks == 1:
+        return [Task(f"{drive.name}.all", drive.name, "all", None, run, ())]
+    tasks = [Task(f"{drive.name}.prepare", drive.name, "prepare", None, (*run, "--until", "choose"), ())]
+    joins = {"reconstruct": "inpaint", "reoptimize": "report"}
+    for stage in BLOCK_STAGES:
+        before = tasks[-1].id
+        blocks = [
+            Task(
+                f"{drive.name}.{stage}.{number:04d}",
+                drive.name,
+                stage,
+                number,
+                ("run-block", drive.workspace, stage, str(number)),
+                (before,),
+            )
+            for number in range(drive.blocks)
+        ]
+        tasks += blocks
+        until = joins[stage]
+        ids = tuple(task.id for task in blocks)
+        tasks.append(Task(f"{drive.name}.{until}", drive.name, until, None, (*run, "--until", until), ids))
+    return tasks
