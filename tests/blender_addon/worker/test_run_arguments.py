@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from blender_addon.worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
+from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import command_parser
-from unveil_core.app.verbs import settings_of
 from unveil_core.pipeline.settings import RunSettings
 
 PLAIN = {
