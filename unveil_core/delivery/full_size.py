@@ -166,7 +166,7 @@ def _sharpened(
     """
     camera = drive.views.cameras[index]
     rays = camera.rays_at(at[removed].astype(np.float64))
-    depth = nearest_depth(drive.views[index], at)[removed].astype(np.float64)
+    depth = nearest_depth(drive.views.frames[index], at)[removed].astype(np.float64)
     street = np.zeros((len(rays), 3))
     on_ground = np.zeros(len(rays), dtype=bool)
     if drive.ground is not None:
@@ -210,7 +210,7 @@ def _seen_in(
     """
     found, quality = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
     some = np.flatnonzero(asked)
-    seen, depth = sees(drive.views[j], points[some])
+    seen, depth = sees(drive.views.frames[j], points[some])
     some, depth = some[seen], depth[seen]
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
@@ -248,7 +248,7 @@ def _ground_grain(
     found = np.full(len(street), np.nan, np.float32)
     for j in (index, *sources[:GRAIN_SOURCES]):
         open_ = np.flatnonzero(np.isnan(found[some]))
-        seen, _ = sees(drive.views[j], points[open_])
+        seen, _ = sees(drive.views.frames[j], points[open_])
         if seen.any():
             pixels, _ = footage_positions(drive.lenses[j], points[open_[seen]])
             found[some[open_[seen]]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import centres_of
+from unveil_core.geometry.reach import CameraViews
 
-__all__ = ["EmptyView", "EmptyViews", "choose_sources", "sees"]
+__all__ = ["EmptyView", "EmptyViews", "choose_sources", "others_near", "sees"]
 
 SAME_DEPTH = 0.03
 """Share of its depth by which a place may lie before or behind what a view shows there and be it all the same."""
@@ -54,30 +53,15 @@ class EmptyView:
         return np.clip(positions[:, 1].astype(np.int64), 0, self.camera.height - 1), column
 
 
-@dataclass(frozen=True, eq=False)
-class EmptyViews:
-    """All frames.
+EmptyViews = CameraViews[EmptyView]
+"""All frames of a drive."""
 
-    Attributes:
-        cameras: of the frames; frames: what they show, asked for only where it matters.
-        centres: (V, 3) of the cameras.
-    """
 
-    cameras: Sequence[Camera]
-    frames: Sequence[EmptyView]
-    centres: Float64 = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centres", centres_of(self.cameras))
-
-    def __getitem__(self, index: int) -> EmptyView:
-        return self.frames[index]
-
-    def nearest(self, own: int) -> NDArray[np.int64]:
-        """The other frames within ``REACH_M``, those whose cameras are nearest to that of frame ``own`` first."""
-        apart = np.linalg.norm(self.centres - self.centres[own], axis=1)
-        order = np.argsort(apart, kind="stable")
-        return order[(order != own) & (apart[order] < REACH_M)]
+def others_near(views: EmptyViews, own: int) -> list[int]:
+    """The other frames within ``REACH_M``, those whose cameras are nearest to that of frame ``own`` first."""
+    here = views.centres[own]
+    near = views.by_distance(np.flatnonzero(np.linalg.norm(views.centres - here, axis=1) < REACH_M), here)
+    return [int(j) for j in near if j != own]
 
 
 def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:
@@ -105,13 +89,13 @@ def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> l
     own_size = here.project(points)[1] / here.fx
     asked: list[int] = []
     quality = []
-    for j in views.nearest(own)[:MOST_LOOKS].tolist():
+    for j in others_near(views, own)[:MOST_LOOKS]:
         if len(asked) == MOST_ASKED_VIEWS:
             break
         camera = views.cameras[j]
         if not camera.in_picture(*camera.project(points), nearest=NEAREST_M).any():
             continue
-        seen, depth = sees(views[j], points)
+        seen, depth = sees(views.frames[j], points)
         if not seen.any():
             continue
         finer = own_size / np.maximum(depth / camera.fx, 1e-9)

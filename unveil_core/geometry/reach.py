@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,9 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["PointGrid", "cameras_near", "centres_of"]
+__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of"]
+
+T = TypeVar("T")
 
 
 def centres_of(cameras: Sequence[Camera]) -> Float64:
@@ -29,6 +33,32 @@ def cameras_near(centres: Float64, points: Float64, reach: float) -> NDArray[np.
     low, high = points.min(axis=0), points.max(axis=0)
     gap = np.maximum(np.maximum(low - centres, centres - high), 0.0)
     return np.flatnonzero((gap * gap).sum(axis=1) <= reach * reach)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraViews(Generic[T]):
+    """What all frames of a drive show.
+
+    Attributes:
+        cameras: of the frames; frames: what each shows, asked for only where it matters.
+        centres: (V, 3) of the cameras.
+    """
+
+    cameras: Sequence[Camera]
+    frames: Sequence[T]
+    centres: Float64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centres", centres_of(self.cameras))
+
+    def near(self, points: Float64, reach: float) -> NDArray[np.int64]:
+        """Indices of the frames within ``reach`` of points, see :func:`cameras_near`."""
+        return cameras_near(self.centres, points, reach)
+
+    def by_distance(self, candidates: NDArray[np.int64], place: Float64) -> NDArray[np.int64]:
+        """Indices of frames, those whose cameras are nearest to a place (3,) first: they most likely show what lies there."""
+        apart = np.linalg.norm(self.centres[candidates] - place, axis=1)
+        return candidates[np.argsort(apart, kind="stable")]
 
 
 class PointGrid:

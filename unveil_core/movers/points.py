@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 
 from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import cameras_near
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 from unveil_core.movers.seen_through import Body, DriveVisibility
@@ -98,7 +97,7 @@ def points_along_track(
     above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, occupied, seen = (np.zeros(len(index), np.int64) for _ in range(3))
-    for v in cameras_near(visibility.centres, points[index], FAR_M):
+    for v in visibility.near(points[index], FAR_M):
         camera = visibility.cameras[v]
         pixel, depth = camera.project(points[index])
         inside = np.flatnonzero(camera.in_picture(pixel, depth))

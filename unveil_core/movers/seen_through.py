@@ -6,8 +6,7 @@ in that frame, whatever other objects occlude; an object that another frame show
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.geometry.reach import cameras_near, centres_of
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
@@ -89,21 +88,8 @@ class FrameVisibility:
     occupied: Mask
 
 
-@dataclass(frozen=True, eq=False)
-class DriveVisibility:
-    """The visibility of all frames of a drive.
-
-    Attributes:
-        cameras: of the frames; frames: what they show.
-        centres: (V, 3) of the cameras.
-    """
-
-    cameras: Sequence[Camera]
-    frames: Sequence[FrameVisibility]
-    centres: Float64 = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centres", centres_of(self.cameras))
+DriveVisibility = CameraViews[FrameVisibility]
+"""The visibility of all frames of a drive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +132,7 @@ def count_evidence(places: Float64, visibility: DriveVisibility, frame: int, *, 
     through, covered = np.zeros(count, np.int64), np.zeros(count, np.int64)
     flat = places.reshape(-1, 3)
     most = farther * visibility.cameras[frame].project(flat)[1]
-    for other in cameras_near(visibility.centres, flat, LONGEST_RAY * float(most.max(initial=0.0))):
+    for other in visibility.near(flat, LONGEST_RAY * float(most.max(initial=0.0))):
         if other == frame:
             continue
         camera = visibility.cameras[other]

@@ -124,6 +124,6 @@ def _doubts_of(
         (rendered, inpainted),
         changed,
         origin == RELIT,
-        witnesses.views[own].depth,
+        witnesses.views.frames[own].depth,
         seen_by(witnesses, own, changed),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from unveil_core.base.types import Float32, Float64, Mask, Picture
-from unveil_core.delivery.views import EmptyView, EmptyViews, sees
+from unveil_core.delivery.views import EmptyView, EmptyViews, others_near, sees
 from unveil_core.geometry.images import sample_at
 
 __all__ = ["Seen", "Witnesses", "seen_by"]
@@ -49,14 +49,14 @@ class Seen:
 
 def seen_by(witnesses: Witnesses, own: int, pixels: Mask) -> Seen:
     """What the other frames show of pixels (H, W) of frame ``own``."""
-    here = witnesses.views[own]
+    here = witnesses.views.frames[own]
     depth, rays = here.depth[pixels].astype(np.float64), here.camera.rays()[pixels]
     sky = depth == 0
     points: Float64 = here.camera.centre + np.where(sky, SKY_M, depth)[:, None] * rays
     count, total = np.zeros(len(points)), np.zeros(len(points))
     color, square = np.zeros((len(points), 3)), np.zeros(len(points))
     for j in _asked(witnesses, own):
-        other = witnesses.views[j]
+        other = witnesses.views.frames[j]
         shown, far = sees(other, points)
         at, _ = other.camera.project(points)
         if sky.any():
@@ -78,7 +78,7 @@ def seen_by(witnesses: Witnesses, own: int, pixels: Mask) -> Seen:
 
 def _asked(witnesses: Witnesses, own: int) -> list[int]:
     """The frames that are asked about frame ``own``."""
-    near: list[int] = witnesses.views.nearest(own)[:MOST_NEAR].tolist()
+    near = others_near(witnesses.views, own)[:MOST_NEAR]
     return near[:: max(1, -(-len(near) // MOST_WITNESSES))]
 
 

@@ -7,8 +7,7 @@ ground, or the sky, and whether some frame shows it without a removed object in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import cameras_near, centres_of
+from unveil_core.geometry.reach import CameraViews
 
 __all__ = ["SeenView", "SeenViews", "depth_behind", "never_seen", "places_seen", "seen_view", "sky_seen"]
 
@@ -48,26 +47,8 @@ class SeenView:
     hidden: Mask
 
 
-@dataclass(frozen=True, eq=False)
-class SeenViews:
-    """What all frames of a drive show.
-
-    Attributes:
-        cameras: of the frames; frames: what they show, asked for only where it matters.
-        centres: (V, 3) of the cameras.
-    """
-
-    cameras: Sequence[Camera]
-    frames: Sequence[SeenView]
-    centres: Float64 = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "centres", centres_of(self.cameras))
-
-    def nearest(self, candidates: NDArray[np.int64], place: Float64) -> NDArray[np.int64]:
-        """Indices of frames, those whose cameras are nearest to a place (3,) first: they most likely show what lies there."""
-        apart = np.linalg.norm(self.centres[candidates] - place, axis=1)
-        return candidates[np.argsort(apart, kind="stable")]
+SeenViews = CameraViews[SeenView]
+"""What all frames of a drive show."""
 
 
 def seen_view(
@@ -124,7 +105,7 @@ def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
         place: (3,) near which frames are asked first.
     """
     seen = np.zeros(len(points), dtype=bool)
-    for v in views.nearest(cameras_near(views.centres, points, REACH_M), place):
+    for v in views.by_distance(views.near(points, REACH_M), place):
         open_ = np.flatnonzero(~seen)
         if not len(open_):
             break
@@ -143,7 +124,7 @@ def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
         place: (3,) near which frames are asked.
     """
     seen = np.zeros(len(directions), dtype=bool)
-    for v in views.nearest(cameras_near(views.centres, place[None], REACH_M), place):
+    for v in views.by_distance(views.near(place[None], REACH_M), place):
         open_ = np.flatnonzero(~seen)
         if not len(open_):
             break
