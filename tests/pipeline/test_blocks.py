@@ -18,7 +18,7 @@ from unveil_core.pipeline.runner import run_block
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
-FRAMES, SIZE = 28, (120, 80)
+FRAMES, SIZE = 20, (120, 80)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run_in_blocks(drive: Path, root: Path, length_m: float, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     monkeypatch.setattr(blocks, "BLOCK_M", length_m)
-    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=200, memory="64M")
+    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=120, memory="64M")
     return run(drive, root, settings, until="deliver")
 
 
@@ -51,20 +51,20 @@ def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
 
 def test_blocks_are_as_good_as_one_piece(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = run_in_blocks(drive, tmp_path / "one", 100.0, monkeypatch)
-    parts = run_in_blocks(drive, tmp_path / "three", 9.0, monkeypatch)
+    parts = run_in_blocks(drive, tmp_path / "three", 6.5, monkeypatch)
     assert len(whole.state()["stages"]["reconstruct"]["choices"].get("blocks", ())) == 0
     assert len(parts.state()["stages"]["reconstruct"]["choices"]["blocks"]) == 3
     one, three = error_of(drive, whole), error_of(drive, parts)
     assert 10 * np.log10(three.mean() / one.mean()) < 0.5
     # The frames beside a border are no worse than the others, compared with one piece.
     worse = 10 * np.log10(three / one)
-    borders = [8, 9, 10, 17, 18, 19]
+    borders = [5, 6, 7, 12, 13, 14]
     assert worse[borders].mean() < np.delete(worse, borders).mean() + 0.5
     assert not list(parts.root.glob(".partial-*"))
 
 
 def test_blocks_made_alone_make_the_stage(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_M", 9.0)
+    monkeypatch.setattr(blocks, "BLOCK_M", 6.5)
     settings = RunSettings(quality="draft", remove=("vehicle",), iterations=30)
     whole = run(drive, tmp_path / "whole", settings, until="reconstruct")
     parts = run(drive, tmp_path / "parts", settings, until="choose")

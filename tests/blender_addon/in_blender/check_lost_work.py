@@ -71,7 +71,8 @@ def test_a_killed_worker_is_one_line_and_the_run_goes_on(addon, street, workspac
     said = capfd.readouterr().err.splitlines()
     assert said[-1] == "unveil: failed: the worker was ended by signal 9 (run the same command again to go on)"
     assert addon.module("work.command_line").main(["segment", str(workspace)]) == 0
-    assert not list(workspace.glob(".partial-*"))
+    # What it had computed is kept for the next attempt, with the digest of its inputs.
+    assert [p.parent.name for p in workspace.glob(".partial-*/.inputs")] == [".partial-reconstruct"]
 
 
 def test_a_killed_blender_takes_its_worker_along_and_the_run_goes_on(addon, street, workspace) -> None:  # type: ignore[no-untyped-def]
@@ -86,7 +87,8 @@ def test_a_killed_blender_takes_its_worker_along_and_the_run_goes_on(addon, stre
     assert addon.module("work.command_line").main(["segment", str(workspace)]) == 0  # nobody holds the workspace
     done = json.loads((workspace / "workspace.json").read_text())["stages"]
     assert done["import"]["status"] == "done" and done["reconstruct"]["status"] != "done"
-    assert not list(workspace.glob(".partial-*"))
+    # What it had computed is kept for the next attempt, with the digest of its inputs.
+    assert [p.parent.name for p in workspace.glob(".partial-*/.inputs")] == [".partial-reconstruct"]
 
 
 @pytest.fixture
