@@ -184,9 +184,13 @@ class StreetFill:
 
     def sources(self) -> ChartSources:
         """Where the texels of the whole street come from."""
-        charts = [self.own(stretch) for stretch in self.stretches]
-        source, label = (np.concatenate([getattr(c, name) for c in charts]) for name in ("source", "label"))
-        return ChartSources(source, label, charts[0].s_start, charts[0].t_start, charts[0].texel)
+        sources, labels = [], []
+        for stretch in self.stretches:  # one chart at a time: these are a tenth of it
+            chart = self.own(stretch)
+            sources.append(chart.source)
+            labels.append(chart.label)
+        start = self.ground.s_start + TEXEL_M * self.stretches[0].rows[0]
+        return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
 
     def _progress(self, stretch: Stretch) -> Progress:
         if len(self.stretches) == 1:
