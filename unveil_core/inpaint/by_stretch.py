@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -37,6 +37,8 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Completed", "StreetFill", "sky_behind"]
+
+T = TypeVar("T")
 
 SEEN_M = 60.0
 """How far beyond its ends a stretch's frames sample the ground of the next ones, metres: farther off it fills few pixels."""
@@ -202,7 +204,6 @@ class StreetFill:
 
         def make() -> dict[str, NDArray[Any]]:
             frames, views = stretch.frames, self.views
-            cameras = [self.cameras[i] for i in frames]
 
             def usable(k: int) -> Mask:
                 i = frames[k]
@@ -212,9 +213,9 @@ class StreetFill:
 
             return read_chart(
                 self.ground,
-                cameras,
-                self._of(stretch, views.images),
-                self._of(stretch, views.labels),
+                self.cameras_of(stretch),
+                self.of_frames(stretch, views.images),
+                self.of_frames(stretch, views.labels),
                 Frames(len(frames), usable),
                 rows=stretch.around,
                 progress=self._progress(stretch),
@@ -222,8 +223,12 @@ class StreetFill:
 
         return StreetChart.from_arrays(self.ground, self.kept.within(stretch.name).once("read", make))
 
-    def _of(self, stretch: Stretch, frames: Sequence[Any]) -> Sequence[Any]:
-        """What of all frames belongs to those of a stretch."""
+    def cameras_of(self, stretch: Stretch) -> list[Camera]:
+        """Of the frames that see a stretch."""
+        return [self.cameras[i] for i in stretch.frames]
+
+    def of_frames(self, stretch: Stretch, frames: Sequence[T]) -> Sequence[T]:
+        """What of all frames belongs to those that see a stretch."""
         return Frames(len(stretch.frames), lambda k: frames[stretch.frames[k]])
 
     def _near(self, stretch: Stretch) -> tuple[Surfels, Surfels]:
@@ -303,9 +308,9 @@ class StreetFill:
         return feet_of_poles(
             local.select(torch.isin(local.labels, kinds)),
             self.ground,
-            [self.cameras[i] for i in stretch.frames],
-            self._of(stretch, self.views.depths),
-            self._of(stretch, self.views.removed),
+            self.cameras_of(stretch),
+            self.of_frames(stretch, self.views.depths),
+            self.of_frames(stretch, self.views.removed),
             plates=names(("traffic sign", "traffic light")),
             poles=names(("pole",)),
         )

@@ -23,7 +23,6 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.by_stretch import Completed, StreetFill, sky_behind
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
-from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import named_frames, plan_drive, plan_json
@@ -74,6 +73,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     fill, sun = None, None
     stretches: list[Stretch] = []
     tested: list[Assumption] = []
+    ground: list[Surfels] = []
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     if street is not None:
         stretches = cut_street(street, blocks, cameras, surfels.means.double().numpy()[gone])
@@ -92,7 +92,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         sun = fill.find_sun() if context.settings.sun is None else given_sun(*context.settings.sun)
         fill.fill(sun, shadows=shadows)
         tested += [_sun_assumed(sun)] if shadows else []
-        displaced, relit = _changed_surfels(given, fill)
+        displaced, relit, ground = _renew_ground(context, given, fill)
     remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
     completed = None if fill is None else fill.complete(remaining)
     if completed is not None and scene.labels.index("building") is not None:
@@ -103,8 +103,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     seeds = _Cleaning(context, given, known, fill, completed).run(blocks, stretches)
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
-    if fill is not None:
-        parts += _new_ground_surfels(context, given, fill)
+    parts += ground
     origins = [np.full(len(p), INVENTED if k in invented else CONTINUED, np.uint8) for k, p in enumerate(parts)]
     save_array(np.concatenate([np.zeros(0, np.uint8), *origins]), context.output("surfels/seed_origins.npy"))
     seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
@@ -118,36 +117,21 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     return {"sun": {name: round(value, 3) for name, value in numbers.items()}, **assumed(tested)}
 
 
-def _anew(given: _Given, chart: StreetChart, stretch: Stretch) -> Mask:
-    """(A, B) texels of a stretch that get new surfels."""
-    means, gone = given.removal.surfels.means.double().numpy(), given.removal.gone
-    frames = stretch.frames
-    cameras = [given.drive.frames[i].camera for i in frames]
-    removed = Frames(len(frames), lambda k: given.views.removed[frames[k]])
-    return new_ground(chart, means[gone], cameras, removed)
-
-
-def _changed_surfels(given: _Given, fill: StreetFill) -> tuple[Mask, Mask]:
-    """(N,) each, surfels of the ground that new ones replace, and those that lost a shadow."""
+def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tuple[Mask, Mask, list[Surfels]]:
+    """(N,) surfels of the ground that new ones replace, (N,) those that lost a shadow, and the new ones of each stretch."""
     surfels, gone = given.removal.surfels, given.removal.gone
+    places = surfels.means.double().numpy()[gone]
+    spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
+    label = given.scene.labels.index("road") or 0
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
+    new = []
     for stretch in fill.stretches:
         chart = fill.own(stretch)
-        anew = _anew(given, chart, stretch)
+        anew = new_ground(chart, places, fill.cameras_of(stretch), fill.of_frames(stretch, given.views.removed))
         displaced |= displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
         relit |= ground_relit(chart, surfels)
-    return displaced & ~gone, relit
-
-
-def _new_ground_surfels(context: StageContext, given: _Given, fill: StreetFill) -> list[Surfels]:
-    spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
-    label, degree = given.scene.labels.index("road") or 0, given.removal.surfels.sh_degree
-    parts = []
-    for stretch in fill.stretches:
-        chart = fill.own(stretch)
-        anew = _anew(given, chart, stretch)
-        parts.append(seed_ground(chart, anew, spacing=spacing, sh_degree=degree, default_label=label))
-    return parts
+        new.append(seed_ground(chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label))
+    return displaced & ~gone, relit, new
 
 
 def _sun_assumed(sun: Sun | None) -> Assumption:
