@@ -5,10 +5,11 @@ Plain NumPy files without pickled objects, written under another name and rename
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import time
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ FACTS = "facts"
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays by name; the folder is made if need be."""
+    """Write arrays by name; the folder is made if need be. Not forced to the disk as results are: a lost file is computed again."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
@@ -38,14 +39,10 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as data:
+        with np.load(path, allow_pickle=False) as data:
             return dict(data)
-    except (OSError, ValueError, EOFError, KeyError):
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
         return None
-    except Exception as error:  # zipfile and zlib have errors of their own
-        if type(error).__module__ in ("zipfile", "zlib"):
-            return None
-        raise
 
 
 class Kept:

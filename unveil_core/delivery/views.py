@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.drives.depth_range import FAR_M
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import CameraViews
 
@@ -27,8 +27,6 @@ LEAST_GAIN = 0.01
 FINER = 1.6
 """A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
 
-REACH_M = 2 * FAR_M
-"""Distance from which on a frame is not asked, metres: no surface is rendered beyond half of it."""
 NEAREST_M = 0.1
 """Depth in front of which a camera shows nothing, metres."""
 
@@ -58,10 +56,9 @@ EmptyViews = CameraViews[EmptyView]
 
 
 def others_near(views: EmptyViews, own: int) -> list[int]:
-    """The other frames within ``REACH_M``, those whose cameras are nearest to that of frame ``own`` first."""
+    """The other frames within ``ASKED_M``, those whose cameras are nearest to that of frame ``own`` first."""
     here = views.centres[own]
-    near = views.by_distance(np.flatnonzero(np.linalg.norm(views.centres - here, axis=1) < REACH_M), here)
-    return [int(j) for j in near if j != own]
+    return [int(j) for j in views.by_distance(views.near(here[None], ASKED_M), here) if j != own]
 
 
 def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:

@@ -22,13 +22,12 @@ from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
 
 __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
 
 VERSION = 1
-BLOCK_STAGES = ("reconstruct", "reoptimize")
-"""The stages with tasks of their own for each block, in their order."""
 
 
 @dataclass(frozen=True)
@@ -162,9 +161,11 @@ def _tasks_of(drive: BatchDrive, options: tuple[str, ...]) -> list[Task]:
     run = ("run", drive.drive, "-o", drive.workspace, *options)
     if drive.blocks == 1:
         return [Task(f"{drive.name}.all", drive.name, "all", None, run, ())]
-    tasks = [Task(f"{drive.name}.prepare", drive.name, "prepare", None, (*run, "--until", "choose"), ())]
-    joins = {"reconstruct": "inpaint", "reoptimize": "report"}
-    for stage in BLOCK_STAGES:
+    names = [stage.name for stage in STAGES]
+    in_blocks = [k for k, stage in enumerate(STAGES) if stage.run_block is not None]
+    tasks = [Task(f"{drive.name}.prepare", drive.name, "prepare", None, (*run, "--until", names[in_blocks[0] - 1]), ())]
+    for place, following in zip(in_blocks, [*in_blocks[1:], len(STAGES)], strict=True):
+        stage, until = names[place], names[following - 1]
         before = tasks[-1].id
         blocks = [
             Task(
@@ -178,7 +179,6 @@ def _tasks_of(drive: BatchDrive, options: tuple[str, ...]) -> list[Task]:
             for number in range(drive.blocks)
         ]
         tasks += blocks
-        until = joins[stage]
         ids = tuple(task.id for task in blocks)
         tasks.append(Task(f"{drive.name}.{until}", drive.name, until, None, (*run, "--until", until), ids))
     return tasks

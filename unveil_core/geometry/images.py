@@ -17,6 +17,8 @@ __all__ = [
     "disc",
     "grow",
     "luminance",
+    "mask_bits",
+    "mask_of_bits",
     "masked_blur",
     "sample_at",
     "smoothed",
@@ -133,3 +135,13 @@ def sample_at(image: NDArray[Any], positions: Float64, mode: int = cv2.INTER_LIN
         if parts
         else np.zeros((0, channels), image.dtype)
     )
+
+
+def mask_bits(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The pixels of a mask (H, W) as bits, an eighth of its size."""
+    return np.packbits(mask)
+
+
+def mask_of_bits(bits: NDArray[np.uint8], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Inverse of :func:`mask_bits`, of the mask's shape (H, W)."""
+    return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)

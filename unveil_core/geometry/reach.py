@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of"]
+__all__ = ["LONGEST_RAY", "CameraViews", "PointGrid", "cameras_near", "centres_of"]
 
 T = TypeVar("T")
+LONGEST_RAY = 2.5
+"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 
 
 def centres_of(cameras: Sequence[Camera]) -> Float64:

@@ -16,7 +16,7 @@ from unveil_core.drives.drive import Drive, instants
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.fit import longest_track
-from unveil_core.ground.path import LEAST_MOVE_M
+from unveil_core.ground.path import first_of_places, travelled
 
 __all__ = ["BLOCK_M", "Block", "Blocks", "cut_into_blocks"]
 
@@ -124,17 +124,14 @@ def _number(station: Float64, way: float, count: int) -> Labels:
 
 def _stations(centres: Float64) -> tuple[Float64, Float64]:
     """(P, 2) places of a track (F, 2), each at least ``LEAST_MOVE_M`` from the last, and (F,) way up to each of its frames."""
-    places, of_frame = [centres[0]], []
-    for centre in centres:
-        if np.linalg.norm(centre - places[-1]) >= LEAST_MOVE_M:
-            places.append(centre)
-        of_frame.append(len(places) - 1)
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    return np.stack(places), way[of_frame]
+    first = first_of_places(centres)
+    places = centres[first]
+    of_frame = np.searchsorted(first, np.arange(len(centres)), side="right") - 1
+    return places, travelled(places)[of_frame]
 
 
 def _nodes(places: Float64) -> tuple[Float64, Float64]:
     """(M, 2) nodes along the line through places (P, 2), and (M,) the way up to each."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    way = travelled(places)
     at = np.linspace(0.0, way[-1], max(1, int(np.ceil(way[-1] / NODE_M))) + 1)
     return np.stack([np.interp(at, way, places[:, k]) for k in (0, 1)], axis=1), at

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
-from unveil_core.drives.depth_range import FAR_M
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.reach import PointGrid
@@ -25,8 +25,6 @@ NEIGHBOURS = 7
 """A cell is as high as so many places around it in the median."""
 REACH_M = 3.0
 """Farther from any ground point than this nothing is known of the ground."""
-SEEN_M = 2 * FAR_M
-"""Distance from which on a frame is not asked about a point, metres."""
 FEWEST = 20
 
 
@@ -83,7 +81,7 @@ def find_ground(
         ahead = np.zeros(len(points), np.int64)
         grid = PointGrid(points)
         for frame, label in zip(drive.frames, labels, strict=True):
-            near = grid.near(frame.camera.centre, SEEN_M)
+            near = grid.near(frame.camera.centre, ASKED_M)
             pixel, depth = frame.camera.project(points[near])
             inside = np.flatnonzero(frame.camera.in_picture(pixel, depth, nearest=0.2))
             shown = label[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)]

@@ -21,7 +21,7 @@ from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path_kernels import feet_on_path
 
-__all__ = ["EXTENSION_M", "StreetPath", "fit_path", "places_of", "shift_path", "way_of"]
+__all__ = ["EXTENSION_M", "StreetPath", "fit_path", "first_of_places", "places_of", "shift_path", "travelled", "way_of"]
 
 STEP_M = 0.25
 """Between nodes, metres: a tenth of what is smoothed over, so that headings of neighbouring nodes hardly differ."""
@@ -155,16 +155,21 @@ def places_of(centres: Float64) -> Float64:
     Args:
         centres: (F, 2) or (F, 3), in order of travel.
     """
+    return np.stack([part.mean(axis=0) for part in np.split(centres, first_of_places(centres)[1:])])
+
+
+def first_of_places(centres: Float64) -> list[int]:
+    """The first frame of each place of a track (F, 2) or (F, 3), see :func:`places_of`."""
     first = [0]
     for i in range(1, len(centres)):
         if np.linalg.norm(centres[i] - centres[first[-1]]) >= LEAST_MOVE_M:
             first.append(i)
-    return np.stack([part.mean(axis=0) for part in np.split(centres, first[1:])])
+    return first
 
 
 def way_of(centres: Float64) -> float:
     """Metres that a track (F, 3) has gone; a standing car's jitter is no way."""
-    return float(_travelled(places_of(centres))[-1])
+    return float(travelled(places_of(centres))[-1])
 
 
 def fit_path(cameras: Sequence[Camera], *, extension_m: float = EXTENSION_M) -> StreetPath:
@@ -181,9 +186,9 @@ def fit_path(cameras: Sequence[Camera], *, extension_m: float = EXTENSION_M) -> 
         heading = _looking_along(cameras, axes)
         raw, first, last = way[:1], (heading, 0.0), (heading, 0.0)
     else:
-        travelled = _travelled(way)
-        s = np.arange(0.0, travelled[-1], STEP_M)
-        raw = np.stack([np.interp(s, travelled, way[:, k]) for k in (0, 1)], axis=1)
+        so_far = travelled(way)
+        s = np.arange(0.0, so_far[-1], STEP_M)
+        raw = np.stack([np.interp(s, so_far, way[:, k]) for k in (0, 1)], axis=1)
         legs = np.diff(raw, axis=0)
         angle = np.unwrap(np.arctan2(legs[:, 1], legs[:, 0]))
         last = _end(angle)
@@ -211,7 +216,8 @@ def _looking_along(cameras: Sequence[Camera], axes: Float64) -> float:
     return 0.0
 
 
-def _travelled(nodes: Float64) -> Float64:
+def travelled(nodes: Float64) -> Float64:
+    """(N,) way along a line up to each of its nodes (N, 2) or (N, 3), metres."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(nodes, axis=0), axis=1))])
 
 
@@ -248,9 +254,9 @@ def _prolonged(end: Float64, heading: float, bend: float, count: int) -> Float64
 
 def _evenly(axes: Float64, nodes: Float64, start: float, step: float) -> StreetPath:
     """The path through nodes (S, 2) about a step apart."""
-    travelled = _travelled(nodes)
-    even = np.arange(0.0, travelled[-1], step)
-    nodes = np.stack([np.interp(even, travelled, nodes[:, k]) for k in (0, 1)], axis=1)
+    so_far = travelled(nodes)
+    even = np.arange(0.0, so_far[-1], step)
+    nodes = np.stack([np.interp(even, so_far, nodes[:, k]) for k in (0, 1)], axis=1)
     slope = np.gradient(nodes, step, axis=0)
     return StreetPath(axes, nodes, np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])), start, step)
 

@@ -14,7 +14,7 @@ from unveil_core.base.types import Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.labels import SceneLabels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Removal", "Views", "drive_views"]
@@ -73,8 +73,7 @@ def drive_views(
         cache: room for the frames; scratch: folder for rendered depths.
     """
     frames = drive.frames
-    small = cache.frames(len(frames), lambda i: frame_labels(frames[i], scene).astype(np.int16))
-    labels = Frames(len(frames), lambda i: small[i].astype(np.int64))
+    labels = labels_of_frames(frames, scene, cache)
     depths = cache.stored(
         scratch, len(frames), lambda i: (render_numpy(surfels, frames[i].camera, near=NEAR_M, far=FAR_M)["depth"],)
     )

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import LONGEST_RAY, cameras_near, centres_of
 from unveil_core.mesh import tsdf_kernels as kernels
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 
@@ -28,8 +29,6 @@ LARGEST_BLOCKS = 400_000
 """Of a region, about 5 GB of voxels: a voxel size that asks for more was a mistake."""
 MOST_KEYS = 40_000_000
 """Of all regions, 320 MB of numbers."""
-LONGEST_RAY = 2.5
-"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 RIM_JUMP = 1.0
 """Neighbouring voxels that differ by more than this (of 2) are the rim of a silhouette, not a surface."""
 
@@ -79,9 +78,10 @@ class _Spool:
     def __iter__(self) -> Iterator[_Prepared]:
         return (self.read(i) for i in range(len(self._views)))
 
-    def camera(self, index: int) -> Camera:
-        """Of one view."""
-        return self._views[index][0]
+    @property
+    def cameras(self) -> list[Camera]:
+        """Of all views."""
+        return [camera for camera, _, _ in self._views]
 
     def read(self, index: int) -> _Prepared:
         """One view."""
@@ -214,16 +214,13 @@ def _fuse_region(
         raise _too_fine(voxel, LARGEST_BLOCKS)
     blocks = _places_of(keys)
     size = voxel * kernels.BLOCK
-    low, high = blocks.min(axis=0) * size, (blocks.max(axis=0) + 1) * size
+    ends = np.stack([blocks.min(axis=0) * size, (blocks.max(axis=0) + 1) * size])
     furthest = max_depth + band / kernels.SMALLEST_COSINE
+    cameras = views.cameras
+    near = set(cameras_near(centres_of(cameras), ends, LONGEST_RAY * furthest).tolist())
     volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
-    for done in range(len(views)):
-        camera = views.camera(done)
-        gap = np.maximum(np.maximum(low - camera.centre, camera.centre - high), 0.0)
-        chosen = np.zeros(0, dtype=np.int64)
-        if float(np.linalg.norm(gap)) < LONGEST_RAY * furthest:
-            chosen = _blocks_in_view(blocks, camera, voxel, furthest)
-        if len(chosen):
+    for done, camera in enumerate(cameras):
+        if done in near and len(chosen := _blocks_in_view(blocks, camera, voxel, furthest)):
             view = views.read(done)
             w = view.inverse_depth
             _, factor = kernels.inverse_depth_slopes(w, camera.fx, camera.fy, camera.cx, camera.cy)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.geometry.reach import CameraViews
+from unveil_core.geometry.reach import LONGEST_RAY, CameraViews
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
@@ -31,9 +31,6 @@ __all__ = [
     "frame_visibility",
     "probe_points",
 ]
-
-LONGEST_RAY = 2.5
-"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 
 
 @dataclass(frozen=True)

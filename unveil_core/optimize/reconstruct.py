@@ -25,7 +25,7 @@ from unveil_core.optimize.training.parameters import LearningRates
 from unveil_core.optimize.training.schedule import Phase, run_phase
 from unveil_core.optimize.training.trainer import Optimization, TrainSettings
 from unveil_core.optimize.training.views import TrainingView, training_view
-from unveil_core.semantics.labels import SceneLabels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import FLATNESS, Surfels, as_ellipsoids
 
@@ -227,16 +227,11 @@ def _pictures(
 ) -> tuple[Sequence[NDArray[np.uint8]], Sequence[NDArray[np.int64]]]:
     """Images (H, W, 3) in canonical colours and labels (H, W) of the frames, -1 where ``hidden``."""
     frames = drive.frames
-
-    def label_image(i: int) -> NDArray[np.int16]:
-        label = frame_labels(frames[i], scene).astype(np.int16)
-        return label if hidden is None else np.where(hidden[i], np.int16(-1), label)
-
-    small = cache.frames(len(frames), label_image)
-    return (
-        cache.frames(len(frames), lambda i: exposures.read(frames[i])),
-        Frames(len(frames), lambda i: small[i].astype(np.int64)),
-    )
+    images = cache.frames(len(frames), lambda i: exposures.read(frames[i]))
+    labels = labels_of_frames(frames, scene, cache)
+    if hidden is None:
+        return images, labels
+    return images, Frames(len(frames), lambda i: np.where(hidden[i], -1, labels[i]))
 
 
 def _views(

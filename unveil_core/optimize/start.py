@@ -23,6 +23,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster import render
@@ -77,7 +78,7 @@ def _survey(
     total, weight = np.zeros(len(points)), np.zeros(len(points))
     for camera, image in zip(cameras, images, strict=True):
         seen = points_in_view(points, spacing, camera, near=near)
-        measured.append(np.packbits(_measured(seen, camera)))
+        measured.append(mask_bits(_measured(seen, camera)))
         gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         mean, square = cv2.blur(gray, DETAIL_WINDOW), cv2.blur(gray * gray, DETAIL_WINDOW)
         contrast = np.sqrt(np.maximum(square - mean * mean, 0))[seen.rows, seen.columns]
@@ -85,8 +86,7 @@ def _survey(
         weight[seen.index] += 1 / seen.depth
 
     def unpacked(i: int) -> NDArray[np.bool_]:
-        shape = (cameras[i].height, cameras[i].width)
-        return np.unpackbits(measured[i], count=shape[0] * shape[1]).reshape(shape).astype(bool)
+        return mask_of_bits(measured[i], (cameras[i].height, cameras[i].width))
 
     return Frames(len(cameras), unpacked), np.where(weight > 0, total / np.maximum(weight, 1e-12), np.nan)
 

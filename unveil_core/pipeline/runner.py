@@ -164,8 +164,7 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            cache = FrameCache(settings.memory_bytes)
-            stage.run_block(StageContext(workspace, settings, attempt.progress, drive, partial, cache), number)
+            stage.run_block(attempt.context(partial), number)
             if stop.is_set():
                 raise Cancelled(stage.name)
     return True
@@ -203,8 +202,7 @@ class _Attempt:
         workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
         self.reporter(workspace.log(stage.name, "started"))
         try:
-            cache = FrameCache(self.settings.memory_bytes)
-            facts = stage.run(StageContext(workspace, self.settings, self.progress, self.drive, partial, cache))
+            facts = stage.run(self.context(partial))
             if self.stop.is_set():
                 raise Cancelled(stage.name)
         except BaseException as error:
@@ -231,6 +229,11 @@ class _Attempt:
             if not assumption.holds:
                 self.reporter(workspace.log(stage.name, assumption.message(), level="notice"))
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+
+    def context(self, partial: Path) -> StageContext:
+        """What the stage works with; ``partial``: the folder that it writes in."""
+        cache = FrameCache(self.settings.memory_bytes)
+        return StageContext(self.workspace, self.settings, self.progress, self.drive, partial, cache)
 
     def progress(self, done: int, total: int, message: str = "", **metrics: float) -> None:
         """What the stage calls after each unit of work; raises Cancelled where the run is to stop."""

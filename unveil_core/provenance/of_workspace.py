@@ -17,7 +17,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
-from unveil_core.geometry.images import border_px, grow, smoothed
+from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits, smoothed
 from unveil_core.inpaint.frames.compose import optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL, RELIT
 from unveil_core.provenance.doubts import find_doubts
@@ -69,15 +69,14 @@ def provenance_of(
     def look(i: int) -> tuple[NDArray[Any], ...]:
         shown, depth = rendered_origins(surfels, origins, frames[i].camera)
         origin, barred = _origin_of(root, frames[i], shown, moving)
-        return origin, np.packbits(barred), depth
+        return origin, mask_bits(barred), depth
 
     stored = cache.stored(scratch, len(frames), look)
     pictures = cache.frames(len(frames), lambda i: np.round(smoothed(exposures.read(frames[i]))).astype(np.uint8))
 
     def view(i: int) -> EmptyView:
         origin, barred, depth = stored[i]
-        bits = np.unpackbits(barred, count=origin.size).reshape(origin.shape).astype(bool)
-        return EmptyView(frames[i].camera, depth, bits)
+        return EmptyView(frames[i].camera, depth, mask_of_bits(barred, origin.shape))
 
     witnesses = Witnesses(EmptyViews([f.camera for f in frames], Frames(len(frames), view)), pictures)
     for i, frame in enumerate(frames):

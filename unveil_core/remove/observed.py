@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.depth_range import FAR_M
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import CameraViews
 
@@ -25,10 +25,6 @@ the accuracy of rendered depth. Ground occludes a point only across a crest, so 
 at a grazing angle its rendered depth is far less accurate. Unlabelled pixels get a value in between."""
 SKY_ALPHA, SURFACE = 0.3, 0.5
 """Alpha: a pixel of the full scene below the first shows sky, one of the empty scene above the second a surface."""
-
-REACH_M = 2 * FAR_M
-"""Distance from which on a frame is not asked for a place or for sky, metres: no surface is rendered beyond half of it, and the
-time of a long drive must not grow with the square of its length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +101,7 @@ def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
         place: (3,) near which frames are asked first.
     """
     seen = np.zeros(len(points), dtype=bool)
-    for v in views.by_distance(views.near(points, REACH_M), place):
+    for v in views.by_distance(views.near(points, ASKED_M), place):
         open_ = np.flatnonzero(~seen)
         if not len(open_):
             break
@@ -124,7 +120,7 @@ def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
         place: (3,) near which frames are asked.
     """
     seen = np.zeros(len(directions), dtype=bool)
-    for v in views.by_distance(views.near(place[None], REACH_M), place):
+    for v in views.by_distance(views.near(place[None], ASKED_M), place):
         open_ = np.flatnonzero(~seen)
         if not len(open_):
             break

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError, SelectionError
 from unveil_core.base.files import read_instance_image, read_label_image
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
-__all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels"]
+__all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "labels_of_frames"]
 
 
 @dataclass(frozen=True)
@@ -165,6 +166,12 @@ def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
     if frame.mask_path is None:
         return np.full((frame.camera.height, frame.camera.width), -1, dtype=np.int64)
     return (read_label_image(frame.mask_path) == 0).astype(np.int64)
+
+
+def labels_of_frames(frames: Sequence[Frame], scene: SceneLabels, cache: FrameCache) -> Sequence[NDArray[np.int64]]:
+    """:func:`frame_labels` of all frames, held in a quarter of their size."""
+    small = cache.frames(len(frames), lambda i: frame_labels(frames[i], scene).astype(np.int16))
+    return Frames(len(frames), lambda i: small[i].astype(np.int64))
 
 
 def frame_instances(frame: Frame) -> NDArray[np.int64] | None:

@@ -16,7 +16,7 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox, has_moved
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import ASKED_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
@@ -34,8 +34,6 @@ MOST_POINTS = 300_000
 """Number of points that are labelled by votes; if there are more, the others take the label of their nearest labelled one."""
 CLUSTER_M = 0.4
 """Points of removable classes nearer than this, metres, are one object where there are no instance images."""
-REACH_M = 2 * FAR_M
-"""Distance from which on a frame is not asked about a point, metres."""
 ABOVE_GROUND_M = 0.1
 """Points lower than this over the floor of a marked box, metres, are the ground under the object."""
 
@@ -122,7 +120,7 @@ def find_objects(
 
     def seen_points(v: int) -> PointsInView:
         progress(v + 1, len(cameras), "seeing points")
-        near = grid.near(cameras[v].centre, REACH_M)
+        near = grid.near(cameras[v].centre, ASKED_M)
         seen = points_in_view(thinned[near], spacing[near], cameras[v], near=NEAR_M, normals=normals[near])
         return replace(seen, index=near[seen.index])
 

@@ -15,6 +15,7 @@ from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Frame, instants
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.holes import FrameTask, Hole, open_hole
 from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
@@ -78,11 +79,10 @@ def plan_drive(
 
     def find(i: int) -> tuple[NDArray[Any], ...]:
         hole = open_hole(tasks[i], remaining, layer)
-        return np.packbits(hole.mask), hole.depth
+        return mask_bits(hole.mask), hole.depth
 
     stored = cache.stored(scratch, len(tasks), find)
-    for done in range(len(tasks)):
-        _ = stored[done]  # in order, so that the time left can be said
+    for done, _ in enumerate(stored):
         progress(done + 1, len(tasks), "choosing keyframes")
     holes = Frames(len(tasks), lambda i: _hole(frames[i].camera, *stored[i]))
     return plan_keyframes(holes, instants(frames), order=order, given=names)
@@ -90,8 +90,7 @@ def plan_drive(
 
 def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -> Hole:
     """A hole as it was stored: its pixels as bits, and their depth."""
-    shape = (camera.height, camera.width)
-    return Hole(camera, np.unpackbits(mask, count=shape[0] * shape[1]).reshape(shape).astype(bool), depth)
+    return Hole(camera, mask_of_bits(mask, (camera.height, camera.width)), depth)
 
 
 def plan_json(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
-from unveil_core.drives.depth_range import FAR_M
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.images import area_px
 from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.inpaint.frames.holes import Hole
@@ -39,9 +39,6 @@ LARGEST_SEED_PX = 12
 """Radius at which a carried surfel is drawn at most, pixels: it bounds the time, and what is so close hides a frame anyway."""
 ASKED_PX = 3000
 """Pixels of a hole for which every other frame is asked whether it sees them sharper; larger holes are thinned."""
-
-REACH_M = 2 * FAR_M
-"""Distance from which on a frame is not asked for a place, metres: no surface is rendered beyond half of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +126,7 @@ class _Holes:
 
     def near(self, hole: Hole, candidates: Iterable[int], own: int) -> Iterator[Hole]:
         """Those of the candidates, but for ``own``, whose cameras come near what a hole shows."""
-        close = set(cameras_near(self.centres, hole.points(), REACH_M).tolist())
+        close = set(cameras_near(self.centres, hole.points(), ASKED_M).tolist())
         return (self.holes[j] for j in candidates if j in close and j != own and self.sizes[j])
 
 
@@ -165,7 +162,7 @@ def _take(every: _Holes, i: int, invents: Mask, free: list[Mask]) -> list[int]:
     free[i] = free[i] & ~invents
     hole = every.holes[i]
     points, size = hole.points()[invents], hole.depth[invents] / hole.camera.fx
-    for j in cameras_near(every.centres, points, REACH_M).tolist():
+    for j in cameras_near(every.centres, points, ASKED_M).tolist():
         if j != i and free[j].any():
             shown = carried(points, size, every.holes[j])
             if (shown & free[j]).any():

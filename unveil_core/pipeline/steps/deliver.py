@@ -20,7 +20,7 @@ from unveil_core.drives.drive import Drive, Footage, Frame, tracks
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.photographs import read_footage
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, RELIT
@@ -72,16 +72,14 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
 
     def look(i: int) -> tuple[NDArray[Any], ...]:
         depth, barred = _seen(workspace, surfels, frames[i])
-        return depth, np.packbits(barred)
+        return depth, mask_bits(barred)
 
     def view(i: int) -> EmptyView:
         depth, bits = stored[i]
-        barred = np.unpackbits(bits, count=depth.size).reshape(depth.shape).astype(bool)
-        return EmptyView(frames[i].camera, depth, barred)
+        return EmptyView(frames[i].camera, depth, mask_of_bits(bits, depth.shape))
 
     stored = context.cache.stored(context.scratch("views"), len(frames), look)
-    for done in range(len(frames)):
-        _ = stored[done]  # in order, so that the time left can be said
+    for done, _ in enumerate(stored):
         context.progress(done + 1, 2 * len(frames), "looking at the empty street")
     ground = read_ground(workspace.ground_npz).street
     footage = [f.footage or Footage(f.image_path, f.camera) for f in frames]
