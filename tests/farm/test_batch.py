@@ -144,10 +144,10 @@ def test_a_worker_that_dies_is_replaced_and_its_task_named(tmp_path: Path) -> No
         def kill() -> None:
             deadline = time.monotonic() + 60
             while time.monotonic() < deadline:
-                if any(state_of(batch, t).status == "running" for t in batch.tasks):
-                    worker = next(w for w in cluster.workers.values() if w.process is not None)
-                    killed.append(worker.pid)
-                    os.kill(worker.pid, signal.SIGKILL)
+                running = [s for s in (state_of(batch, t) for t in batch.tasks) if s.status == "running"]
+                if running:
+                    os.kill(running[0].process, signal.SIGKILL)
+                    killed.append(running[0].process)
                     return
                 time.sleep(0.02)
 

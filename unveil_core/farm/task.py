@@ -7,7 +7,7 @@ import platform
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,8 @@ class TaskState:
     Attributes:
         status: "to do", "running", "done" or "failed".
         tries: how often it was begun.
-        seconds: of the last try; line: the last that it said; host: where it ran.
+        seconds: of the last try; line: the last that it said.
+        host, process: where it ran, and the worker's process there.
     """
 
     status: str = "to do"
@@ -40,6 +41,7 @@ class TaskState:
     seconds: float = 0.0
     line: str = ""
     host: str = ""
+    process: int = 0
 
 
 def state_of(batch: Batch, task: Task) -> TaskState:
@@ -73,8 +75,8 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
 
     def note(status: str, line: str = "") -> None:
         seconds = round(time.monotonic() - begun, 2)
-        entry = {"status": status, "tries": tries, "seconds": seconds, "line": line, "host": platform.node()}
-        write_json_atomic(folder / f"{task.id}.json", entry)
+        state = TaskState(status, tries, seconds, line, platform.node(), os.getpid())
+        write_json_atomic(folder / f"{task.id}.json", asdict(state))
 
     note("running")
     log = folder / f"{task.id}.log"
