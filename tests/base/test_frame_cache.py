@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unveil_core.base.frame_cache import FrameCache, Frames, nbytes_of
+from unveil_core.base.frame_cache import FrameCache, Frames, chosen, nbytes_of
 
 PICTURE_BYTES = 800
 
@@ -65,6 +65,11 @@ def test_frames_are_a_sequence() -> None:
         except IndexError:
             continue
         raise AssertionError("no such frame")
+
+
+def test_some_frames_are_those_frames() -> None:
+    some = chosen(Frames(9, lambda i: 10 * i), (7, 2, 2))
+    assert list(some) == [70, 20, 20] and len(some) == 3
 
 
 def test_what_is_stored_is_computed_once(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.inpaint.chart.rectify import find_drift
+from unveil_core.inpaint.chart.rectify import RowBins, bin_rows, find_drift
 
 PER_M = 25.0
 
@@ -24,11 +24,15 @@ def wavy_street(wander_m: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.nda
     return np.where(seen[..., None], picture, 0), seen
 
 
+def drift(color: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    return find_drift(RowBins.of_chart(color, seen, texels_per_m=PER_M), len(color), texels_per_m=PER_M)
+
+
 def test_drift_is_found_to_a_centimetre_or_two() -> None:
     s = np.arange(1400) / PER_M
     wander = 0.12 * np.sin(2 * np.pi * s / 18) + 0.004 * (s - 28)
     color, seen = wavy_street(wander)
-    found = find_drift(color, seen, texels_per_m=PER_M) / PER_M
+    found = drift(color, seen) / PER_M
     gap = found - wander
     assert np.abs(gap - np.median(gap))[50:-50].mean() < 0.02
 
@@ -36,5 +40,14 @@ def test_drift_is_found_to_a_centimetre_or_two() -> None:
 def test_a_street_without_paint_and_one_that_nobody_saw_have_no_drift() -> None:
     plain = np.full((300, 100, 3), 0.4, dtype=np.float32)
     for seen in (np.ones((300, 100), dtype=bool), np.zeros((300, 100), dtype=bool)):
-        drift = find_drift(plain, seen, texels_per_m=PER_M)
-        assert not drift.any()
+        assert not drift(plain, seen).any()
+
+
+def test_a_street_in_pieces_has_the_bins_of_the_whole() -> None:
+    color, seen = wavy_street(np.zeros(703))
+    whole = RowBins.of_chart(color, seen, texels_per_m=PER_M)
+    cut = 20 * bin_rows(PER_M)
+    halves = [RowBins.of_chart(color[part], seen[part], texels_per_m=PER_M) for part in (slice(cut), slice(cut, None))]
+    joined = RowBins.joined(halves)
+    np.testing.assert_array_equal(joined.lines, whole.lines)
+    np.testing.assert_array_equal(joined.shown, whole.shown)

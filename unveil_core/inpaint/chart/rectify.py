@@ -8,20 +8,23 @@ dynamic programming (Ohta and Kanade, *Stereo by intra- and inter-scanline searc
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.frame_cache import chosen
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path
 from unveil_core.geometry.images import luminance
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.path import StreetPath, shift_path
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.street_chart import OBSERVED, read_chart
+from unveil_core.inpaint.chart.street_chart import OBSERVED, READ_M, TEXEL_M, arc_lengths, read_chart, rows_of
 
-__all__ = ["find_drift", "rectified_path"]
+__all__ = ["RowBins", "find_drift", "rectified_path"]
 
 BIN_M = 0.5
 """Length of street that is given one shift, metres: at a drift of a few per cent a line stays within a texel over it."""
@@ -42,29 +45,60 @@ FEWEST_BINS = 4
 """Bins around that must show an offset for it to be compared: 2 m of street."""
 FLAT_M = 2.0
 """Width in metres of compared street that counts as one more match without difference: where little is compared, no shift wins."""
+PIECE_M = 100.0
+"""Length of street that is read at once, metres: 200 MB of texels, and twice as much street as a view is read beyond its ends."""
 ROUNDS = 3
 """Times that shifts and the reference they are compared with are found in turn. Chosen on the two sample streets."""
 
 
-def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Float32:
-    """(A,) how far the street lies beside the columns of a chart, per row, positive to the left, texels.
+@dataclass(frozen=True, eq=False)
+class RowBins:
+    """Paint and kerbs of a chart, in bins of :data:`BIN_M` along the street.
+
+    Attributes:
+        lines: (A, B) contrast across the street, the mean over a bin's rows; shown: (A, B) 1 where enough of them are seen, else 0.
+    """
+
+    lines: Float32
+    shown: Float32
+
+    @staticmethod
+    def of_chart(color: Float32, usable: Mask, *, texels_per_m: float) -> RowBins:
+        """Bins of a chart; only the last one may lack rows.
+
+        Args:
+            color: (A, B, 3); usable: (A, B) texels that count.
+        """
+        size = bin_rows(texels_per_m)
+        log = np.log(np.maximum(luminance(color), 0.02)).astype(np.float32)
+        fine, broad = (_across(log, usable, sigma * texels_per_m) for sigma in (FINE_M, BROAD_M))
+        contrast = np.where(usable, np.clip(fine - broad, -CONTRAST, CONTRAST), 0).astype(np.float32)
+        first = np.arange(0, len(color), size)
+        count = np.add.reduceat(usable.astype(np.float32), first, axis=0)
+        lines = np.add.reduceat(contrast, first, axis=0) / np.maximum(count, 1)
+        return RowBins(lines, np.where(count >= size / 2, 1.0, 0.0).astype(np.float32))
+
+    @staticmethod
+    def joined(pieces: Sequence[RowBins]) -> RowBins:
+        """The bins of pieces of one street that follow each other."""
+        return RowBins(np.concatenate([p.lines for p in pieces]), np.concatenate([p.shown for p in pieces]))
+
+
+def bin_rows(texels_per_m: float) -> int:
+    """Rows of a chart in a bin."""
+    return max(1, round(BIN_M * texels_per_m))
+
+
+def find_drift(bins: RowBins, rows: int, *, texels_per_m: float) -> Float32:
+    """(rows,) how far the street lies beside the columns of a chart, per row, positive to the left, texels.
 
     Args:
-        color: (A, B, 3); usable: (A, B) texels that count.
+        bins: of a chart of so many rows.
     """
-    rows, columns = usable.shape
-    size = max(1, round(BIN_M * texels_per_m))
-    bins = -(-rows // size)
-    log = np.log(np.maximum(luminance(color), 0.02)).astype(np.float32)
-    fine, broad = (_across(log, usable, sigma * texels_per_m) for sigma in (FINE_M, BROAD_M))
-    contrast = np.where(usable, np.clip(fine - broad, -CONTRAST, CONTRAST), 0).astype(np.float32)
-    first = np.arange(0, rows, size)
-    count = np.add.reduceat(usable.astype(np.float32), first, axis=0)
-    lines = np.add.reduceat(contrast, first, axis=0) / np.maximum(count, 1)
-    weight = np.where(count >= size / 2, 1.0, 0.0).astype(np.float32)
+    lines, weight = bins.lines, bins.shown
     reach = round(REACH_M * texels_per_m)
     shifts = np.arange(-reach, reach + 1)
-    shift = np.zeros(bins, dtype=np.int64)
+    shift = np.zeros(len(lines), dtype=np.int64)
     around = max(1, int(AROUND_M / BIN_M))
     for _ in range(ROUNDS):
         rectified, counted = _shifted(lines, shift), _shifted(weight, shift)
@@ -74,15 +108,16 @@ def find_drift(color: Float32, usable: Mask, *, texels_per_m: float) -> Float32:
         )
         reference = total / np.maximum(many, 1e-3)
         trusted = (many >= FEWEST_BINS).astype(np.float32)
-        cost = np.zeros((bins, len(shifts)))
+        cost = np.zeros((len(lines), len(shifts)))
         for k, d in enumerate(shifts):
-            whole = np.full(bins, d)
+            whole = np.full(len(lines), d)
             both = _shifted(weight, whole) * trusted
             gap = (_shifted(lines, whole) - reference) ** 2 * both
             cost[:, k] = gap.sum(axis=1) / (both.sum(axis=1) + FLAT_M * texels_per_m)
         shift = shifts[_smoothest(cost)]
         shift = shift - int(np.median(shift))
-    at = (first + (size - 1) / 2).astype(np.float64)
+    size = bin_rows(texels_per_m)
+    at = (size * np.arange(len(lines)) + (size - 1) / 2).astype(np.float64)
     smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
     return np.interp(np.arange(rows), at, smooth).astype(np.float32)
 
@@ -96,14 +131,32 @@ def rectified_path(
 ) -> tuple[StreetPath, float]:
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
+    The street is read in pieces, of which only the bins are kept.
+
     Args:
         images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
     Returns:
         the path, and how far it was moved at most, metres.
     """
-    chart = read_chart(ground, cameras, images, labels, usable)
-    aside = find_drift(chart.color, chart.source == OBSERVED, texels_per_m=1 / chart.texel) * chart.texel
-    return shift_path(ground.path, chart.coordinates()[0], aside), float(np.abs(aside).max(initial=0.0))
+    per_m, count = 1 / TEXEL_M, rows_of(ground)
+    s_of_camera = ground.path.to_street(centres_of(cameras))[:, 0]
+    length = bin_rows(per_m) * round(PIECE_M / BIN_M)
+    pieces = []
+    for first in range(0, count, length):
+        end = min(first + length, count)
+        low, high = (ground.s_start + TEXEL_M * row for row in (first, end))
+        near = np.flatnonzero((s_of_camera >= low - READ_M) & (s_of_camera <= high + READ_M)).tolist()
+        chart = read_chart(
+            ground,
+            [cameras[i] for i in near],
+            chosen(images, near),
+            chosen(labels, near),
+            chosen(usable, near),
+            rows=(first, end),
+        )
+        pieces.append(RowBins.of_chart(chart.color, chart.source == OBSERVED, texels_per_m=per_m))
+    aside = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m) * TEXEL_M
+    return shift_path(ground.path, arc_lengths(ground, (0, count)), aside), float(np.abs(aside).max(initial=0.0))
 
 
 def _across(plane: Float32, usable: Mask, sigma: float) -> Float32:

@@ -30,6 +30,7 @@ __all__ = [
     "RELIT_GAIN",
     "TEXEL_M",
     "StreetChart",
+    "arc_lengths",
     "blur_levels",
     "read_chart",
     "rows_of",
@@ -156,6 +157,11 @@ def rows_of(ground: Ground) -> int:
     return int(ground.s_cell * (len(ground.t_max) - 1) / TEXEL_M) + 1
 
 
+def arc_lengths(ground: Ground, rows: tuple[int, int]) -> Float64:
+    """(A,) of a street's rows, first and last but one, metres."""
+    return ground.s_start + TEXEL_M * np.arange(*rows)
+
+
 def read_chart(
     ground: Ground,
     cameras: Sequence[Camera],
@@ -178,7 +184,7 @@ def read_chart(
     t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
     first_row, end_row = rows or (0, rows_of(ground))
     height, width = end_row - first_row, int((t_high - t_low) / TEXEL_M) + 1
-    s = ground.s_start + TEXEL_M * np.arange(first_row, end_row)
+    s = arc_lengths(ground, (first_row, end_row))
     t = t_low + TEXEL_M * np.arange(width)
     grid_s, grid_t = np.repeat(s, width), np.tile(t, height)
     inside = ground.inside(grid_s, grid_t)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_json_atomic
-from unveil_core.base.frame_cache import Frames
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -26,7 +25,7 @@ from unveil_core.inpaint.chart.street_chart import usable_pixels
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES
-from unveil_core.semantics.labels import SceneLabels, frame_labels
+from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.assumptions import Assumption, assumed
@@ -45,8 +44,8 @@ def _usable(
     hidden: Sequence[Mask] | None,
     ground: Ground,
     labels: Sequence[NDArray[np.int64]],
-) -> Sequence[Mask]:
-    """(H, W) per frame, pixels that show ground: what could be removed hides it, whether it is chosen or not."""
+) -> Callable[[int], Mask]:
+    """(H, W) of a frame, pixels that show ground: what could be removed hides it, whether it is chosen or not."""
     by_classes = bool(scene.labels.indices(GROUND_CLASSES))
 
     def usable(i: int) -> Mask:
@@ -64,7 +63,7 @@ def _usable(
             barred |= hidden[i]
         return usable_pixels(ground, frame.camera, labels[i], scene.labels, barred, depth)
 
-    return Frames(len(drive.frames), usable)
+    return usable
 
 
 def run(context: StageContext) -> Facts:
@@ -83,11 +82,12 @@ def run(context: StageContext) -> Facts:
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
         frames = drive.frames
-        labels = context.cache.frames(len(frames), lambda i: frame_labels(frames[i], scene))
+        labels = labels_of_frames(frames, scene, context.cache)
         hidden = read_moving(workspace.root).hidden(drive, context.cache)
-        usable = _usable(drive, scene, surfels, hidden, street, labels)
+        # The pieces of the street that are read share frames: both are cached.
+        usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
         context.progress(2, 4, "following lines and kerbs")
-        images = Frames(len(frames), lambda i: exposures.read(frames[i]))
+        images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
         rectified, moved = rectified_path(street, [f.camera for f in frames], images, labels, usable)
         street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
