@@ -212,9 +212,9 @@ def _contributing_pairs(surfels: Surfels, camera: Camera) -> tuple[Tensor, Tenso
     done = backend.forward_pass(inputs, torch.zeros_like(surfels.labels), camera, settings, keep=True)
     across, _ = tile_counts(camera.width, camera.height)
     pixels, owners = [], []
-    for tile in range(len(done.offsets) - 1):
-        low, high = int(done.offsets[tile]), int(done.offsets[tile + 1])
-        ids = torch.from_numpy(done.ids[low:high].astype(np.int64))
+    for tile in range(len(done.bins.offsets) - 1):
+        low, high = int(done.bins.offsets[tile]), int(done.bins.offsets[tile + 1])
+        ids = torch.from_numpy(done.bins.ids[low:high].astype(np.int64))
         field = torch.from_numpy(done.records[ids.numpy()]).T
         y, x = torch.meshgrid(
             torch.arange(TILE) + tile // across * TILE, torch.arange(TILE) + tile % across * TILE, indexing="ij"

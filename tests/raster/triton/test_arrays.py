@@ -35,7 +35,7 @@ def passes(surfels: Surfels, view: Camera, group: str, label_count: int = 5) -> 
     on_device = tuple(t.to(DEVICE) for t in inputs)
     a = cpu.forward_pass(inputs, surfels.labels, view, settings, keep=True)
     b = gpu.forward_pass(on_device, surfels.labels.to(DEVICE), view, settings, keep=True)  # type: ignore[arg-type]
-    assert len(a.ids) <= MOST_INTERSECTIONS
+    assert len(a.bins.ids) <= MOST_INTERSECTIONS
     return a, b
 
 
@@ -56,15 +56,15 @@ def test_every_array_is_the_cpu_backends(group: str) -> None:
     surfels, view = random_surfels(45, 4, degree=3), camera(34, 20, 28.0)
     a, b = passes(surfels, view, group)
     seen = a.visible.numpy()
-    assert 20 < seen.sum() < 45 and len(a.ids) > seen.sum() + 20
+    assert 20 < seen.sum() < 45 and len(a.bins.ids) > seen.sum() + 20
     np.testing.assert_array_equal(seen, b.visible.cpu().numpy())
     for k in range(rec.SIZE):
         # Float64 until it is rounded: two roundings may differ in the last digit.
         assert_close(a.records[seen, k], b.records[b.visible][:, k], 2e-7, f"record {k}")
-    np.testing.assert_array_equal(a.surfel_start, b.surfel_start.cpu().numpy())
-    np.testing.assert_array_equal(a.offsets, b.offsets.cpu().numpy())
-    np.testing.assert_array_equal(a.ids, b.ids.cpu().numpy())
-    np.testing.assert_array_equal(a.place, b.place.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.surfel_start, b.surfel_start.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.offsets, b.offsets.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.ids, b.ids.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.place, b.place.cpu().numpy())
     for name, plane in a.planes.items():
         assert_close(plane, b.planes[name], 5e-6, name)
     inputs = inputs_of(surfels)
@@ -84,8 +84,8 @@ def test_bounds_of_hard_cases_are_the_cpu_backends(name: str) -> None:
     case = CASES[name]
     a, b = passes(case.surfels, case.camera(37, 21), "colour", case.label_count)
     np.testing.assert_array_equal(a.visible.numpy(), b.visible.cpu().numpy())
-    np.testing.assert_array_equal(a.offsets, b.offsets.cpu().numpy())
-    np.testing.assert_array_equal(a.ids, b.ids.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.offsets, b.offsets.cpu().numpy())
+    np.testing.assert_array_equal(a.bins.ids, b.ids.cpu().numpy())
     cpu.release(a)
 
 

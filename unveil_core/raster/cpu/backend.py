@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.base.array_pool import Buffers, borrow, give_back, lend
-from unveil_core.base.parallel import in_parallel, thread_count
+from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.cpu import binning, ellipsoids, per_surfel
+from unveil_core.raster.cpu import ellipsoids, per_surfel
 from unveil_core.raster.cpu.backward import row_size
+from unveil_core.raster.cpu.binning import Bins, bin_surfels
 from unveil_core.raster.cpu.block import kept_size
 from unveil_core.raster.cpu.forward import template
 from unveil_core.raster.cpu.groups import kernels_for
@@ -52,10 +53,7 @@ class Pass:
     camera: Camera
     pose: tuple[Float64, Float64, Float64]
     records: Float32
-    surfel_start: NDArray[np.int64]
-    offsets: NDArray[np.int64]
-    ids: NDArray[np.int32]
-    place: NDArray[np.int32]
+    bins: Bins
     hits: NDArray[np.uint16]
     kept: Float32
     released: bool = False
@@ -115,34 +113,8 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         *field,
     )
     tiles_x, tiles_y = tile_counts(width, height)
-    surfel_start = buffers.array("surfel_start", (count + 1,), np.int64)
-    offsets = buffers.array("offsets", (tiles_x * tiles_y + 1,), np.int64)
-    keys, spare = (buffers.array(name, (count,), np.uint64) for name in ("keys", "spare"))
-    order, found = buffers.array("order", (count,), np.int32), np.zeros(1, np.int64)
-    in_parallel(
-        binning.arrange,
-        2,
-        1,
-        depths.view(np.uint32),
-        visible,
-        keys,
-        spare,
-        order,
-        found,
-        boxes,
-        tiles_x,
-        tiles_y,
-        surfel_start,
-        offsets,
-    )
-    order, total = order[: found[0]], int(offsets[-1])
-    if total > np.iinfo(np.int32).max:
-        raise ValueError(
-            f"{total} surfel-tile intersections in one view; the surfels are too large for this image size"
-        )
-    ids, place = (buffers.array(name, (total,), np.int32) for name in ("ids", "place"))
-    band = max(1, -(-tiles_y // thread_count()))
-    in_parallel(binning.fill_tiles, tiles_y, band, order, boxes, tiles_x, surfel_start, offsets, ids, place)
+    bins = bin_surfels(depths.view(np.uint32), visible, boxes, (tiles_x, tiles_y), buffers)
+    total = len(bins.ids)
     hits = buffers.array("hits", (total,), np.uint16)
     planes = {name: lend(shape) for name, shape in plane_shapes(group, width, height, label_count).items()}
     kept_tiles = tiles_x * tiles_y if keep else 0
@@ -154,8 +126,8 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         tiles_x,
         _start(settings),
         records.ravel(),
-        offsets,
-        ids,
+        bins.offsets,
+        bins.ids,
         width,
         height,
         np.float32(settings.c1),
@@ -174,10 +146,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         camera,
         pose,
         records,
-        surfel_start,
-        offsets,
-        ids,
-        place,
+        bins,
         hits,
         kept,
     )
@@ -197,8 +166,8 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     width, height, label_count = camera.width, camera.height, settings.label_count
     shapes = plane_shapes(group, width, height, label_count)
     incoming = [_array(grads[name]) if name in grads else buffers.zeros(shape) for name, shape in shapes.items()]
-    rows = buffers.array("rows", (len(done.ids), row_size(group.geometry)))
-    touched = buffers.array("touched", (len(done.ids),), np.uint8)
+    rows = buffers.array("rows", (len(done.bins.ids), row_size(group.geometry)))
+    touched = buffers.array("touched", (len(done.bins.ids),), np.uint8)
     tiles_x, tiles_y = tile_counts(width, height)
     in_parallel(
         kernels_for(settings.group, settings.limits.exp_degree).backward,
@@ -206,8 +175,8 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         TILES_AT_ONCE,
         tiles_x,
         done.records.ravel(),
-        done.offsets,
-        done.ids,
+        done.bins.offsets,
+        done.bins.ids,
         width,
         height,
         np.float32(settings.c1),
@@ -217,7 +186,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         done.kept,
         done.hits,
         *incoming,
-        done.place,
+        done.bins.place,
         rows.ravel(),
         touched,
     )
@@ -230,7 +199,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
         2048,
         done.records,
         visible,
-        done.surfel_start,
+        done.bins.surfel_start,
         rows,
         touched,
         *arrays,
