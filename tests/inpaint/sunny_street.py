@@ -14,6 +14,8 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 CAR = np.array([[9.0, -3.6, 0.0], [13.5, -1.8, 1.5]])
 CROWN = np.array([[6.0, -6.5, 3.0], [9.0, -4.0, 5.5]])
 HOUSE = np.array([[14.0, -9.0, 0.0], [24.0, -8.0, 6.0]])
+ROW = np.array([[-30.0, -9.0, 0.0], [60.0, -8.0, 8.0]])
+"""Houses all along the street."""
 SHADE = np.array([0.45, 0.5, 0.6])
 TEXEL = 0.05
 
@@ -60,7 +62,9 @@ def paint(s: np.ndarray, t: np.ndarray) -> np.ndarray:
     return color
 
 
-def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray, np.ndarray, Surfels, Surfels]:
+def sunny_chart(
+    towards_sun: np.ndarray | None, house: np.ndarray = HOUSE
+) -> tuple[StreetChart, np.ndarray, np.ndarray, Surfels, Surfels]:
     """The chart as read, the true one without the car, the car's footprint, and surfels of what stays and of the car."""
     path = fit_path(drive_on_circle(np.inf, 0.0))
     s, t = np.meshgrid(np.arange(-2, 28, 0.3), np.arange(-7.5, 7.5, 0.3), indexing="ij")
@@ -89,8 +93,8 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
             return np.zeros((rows, columns), bool)
         return np.any([blocked(world, b, towards_sun) for b in boxes], axis=0).reshape(rows, columns)
 
-    truth = np.where(shaded(CROWN, HOUSE)[..., None], color * SHADE, color)
-    seen = np.where(shaded(CROWN, HOUSE, CAR)[..., None], color * SHADE, color)
+    truth = np.where(shaded(CROWN, house)[..., None], color * SHADE, color)
+    seen = np.where(shaded(CROWN, house, CAR)[..., None], color * SHADE, color)
     plan = world.reshape(rows, columns, 3)[..., :2]
     footprint = ((plan > CAR[0, :2] - 0.1) & (plan < CAR[1, :2] + 0.1)).all(axis=2)
     # What the car hides from a camera on the road's axis.
@@ -101,11 +105,11 @@ def sunny_chart(towards_sun: np.ndarray | None) -> tuple[StreetChart, np.ndarray
         -1.0,
         -7.0,
         np.where(hidden[..., None], 0, seen).astype(np.float32),
-        empty.label,
+        (np.abs(street[..., 1]) > 4).astype(np.int16),
         np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8),
         empty.gain,
         empty.nearest,
         empty.replaced,
     )
-    kept = concatenate([box_surfels(box, spacing=0.2) for box in (CROWN, HOUSE)])
+    kept = concatenate([box_surfels(box, spacing=0.2) for box in (CROWN, house)])
     return chart, truth, footprint, kept, box_surfels(CAR, spacing=0.2)

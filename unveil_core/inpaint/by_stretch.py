@@ -27,12 +27,13 @@ from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart,
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
+from unveil_core.inpaint.light.casters import Kinds
 from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.street_scene import Removal, Views
 from unveil_core.inpaint.stretches import Stretch
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import SOLID_CLASSES, UPRIGHT_CLASSES
+from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -95,7 +96,8 @@ class StreetFill:
         self.scene, self.ground, self.removal, self.views = scene, ground, removal, views
         self.stretches = [stretch for stretch in stretches if stretch.has_ground]
         self.cache, self.kept, self.progress = cache, kept, progress
-        self._plants = scene.labels.indices(("vegetation",))
+        names = scene.labels.indices
+        self._kinds = Kinds(names(GROUND_CLASSES), names(SOLID_CLASSES), names(("vegetation",)))
 
     @cached_property
     def _s_of_surfels(self) -> Float64:
@@ -118,7 +120,7 @@ class StreetFill:
                     gone,
                     footprint=self._footprint(stretch, chart),
                     cameras=self.cameras,
-                    plants=self._plants,
+                    kinds=self._kinds,
                 )
                 return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
 
@@ -156,8 +158,7 @@ class StreetFill:
                     gone,
                     footprint=footprint,
                     cameras=self.cameras,
-                    solid=self.scene.labels.indices(SOLID_CLASSES),
-                    plants=self._plants,
+                    kinds=self._kinds,
                     sun=sun,
                 )
             reach = SHADOW_REACH_M if shadows else 0.0

@@ -9,12 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, SHADE, blocked, box_surfels, sunny_chart
+from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, ROW, SHADE, blocked, box_surfels, sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
+from unveil_core.inpaint.light.casters import lit_at_sunny_walls
+from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
-from unveil_core.inpaint.light.scene_light import light_of_scene, lit_at_sunny_walls
+from unveil_core.inpaint.light.scene_light import light_of_scene
 from unveil_core.inpaint.light.shade import Light, read_shade, shade_where_unseen
 from unveil_core.inpaint.light.shadow_map import in_shadow
 from unveil_core.inpaint.light.sun import Sun, sun_towards
@@ -75,6 +77,19 @@ def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
     light = lit_street(sun)[-1]
     # 3 degrees move the shadow of a crown by half its own blur.
     assert angle(light.sun.towards, sun_towards(*sun)) < 3.0
+
+
+def test_a_street_in_the_shade_of_its_houses_all_along_tells_where_the_sun_stands() -> None:
+    """Half of the road and one sidewalk have no ray of sun anywhere: their offsets are all dark, and the same all along."""
+    towards = sun_towards(*SUNS[0])
+    chart, truth, footprint, kept, car = sunny_chart(towards, ROW)
+    dark = in_the_dark(chart, chart.source == OBSERVED)
+    assert dark.all(axis=0).sum() > 20, "offsets that are in shade wherever they were seen"
+    light = light_of_scene(chart, kept, car)
+    assert light is not None and angle(light.sun.towards, towards) < 5.0
+    result = fill_chart(chart, footprint, light=light)
+    hole = (chart.source == OUTSIDE) & (result.source == INVENTED)
+    assert np.square(result.color - truth)[hole].mean() < 0.1 * truth[hole].var(axis=0).mean()
 
 
 def test_an_overcast_street_has_no_sun() -> None:

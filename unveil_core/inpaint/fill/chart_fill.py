@@ -20,6 +20,7 @@ from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_k
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
+from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
 from unveil_core.inpaint.light.relight import prevailing_shade, relighting_gain, shadows_of_removed, under_an_even_sky
 from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, Shade, read_shade, shade_where_unseen
@@ -162,7 +163,12 @@ def _shade(chart: StreetChart, footprint: Mask, light: Light | None) -> Shade:
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)
     shade = read_shade(
-        chart.color, seen, light.kept | light.gone, lambda c, usable: profile(c, usable & clear), texels_per_m=per_m
+        chart.color,
+        seen,
+        light.kept | light.gone,
+        lambda c, usable: profile(c, usable & clear),
+        texels_per_m=per_m,
+        start=in_the_dark(chart, seen & clear),
     )
     sharp = seen & (chart.nearest < SHARP_M) & ~grow(footprint, CONTACT_M / 4 * per_m)
     return shade_of_kerbs(chart.color, sharp, shade, texels_per_m=per_m)

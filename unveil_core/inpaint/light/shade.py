@@ -100,22 +100,30 @@ class Shade:
 
 
 def read_shade(
-    color: Float32, seen: Mask, expected: Mask, profile: Profile, *, texels_per_m: float, belief: float = 0.2
+    color: Float32,
+    seen: Mask,
+    expected: Mask,
+    profile: Profile,
+    *,
+    texels_per_m: float,
+    start: Mask | None = None,
+    belief: float = 0.2,
 ) -> Shade:
     """Separate shadow from sun in what was seen.
 
-    Starting from the shadows that the scene casts: they give the ratio at the offsets that have both, the ratio gives the
-    colours in full sun, and against these every texel shows its own state; and again.
+    A first guess of what is dark gives the ratio at the offsets that have both, the ratio gives the colours in full sun, and
+    against these every texel shows its own state; and again.
 
     Args:
         color: (A, B, 3) of the chart; seen: (A, B).
         expected: (A, B) texels that the scene casts shadow on.
         profile: see :data:`Profile`.
+        start: (A, B) first guess; None = what is expected.
         belief: how far that moves the border between light and dark, as a share of the fall between them.
     """
     smooth = masked_blur(color, seen, SMOOTH_M * texels_per_m)
     log = np.log(np.maximum(luminance(smooth), 0.01))
-    dark = expected & seen
+    dark = (expected if start is None else start) & seen
     ratio = np.full(3, 0.5, dtype=np.float32)
     lit, paint = color, np.zeros_like(dark)
     for _ in range(ROUNDS):

@@ -1,11 +1,12 @@
 """The sun's direction, found by the shadows on the ground.
 
 Every direction is tried: the shadows that the scene's surfels would cast from there are correlated with the darkness of the ground.
-Paint, kerb and sidewalk differ in brightness whatever the sun does, so both are compared within a lateral offset only.
+Paint, kerb and sidewalk differ in brightness whatever the sun does, so both are compared within what is alike only.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 
-__all__ = ["ELEVATION_LIMITS", "Sun", "find_sun", "given_sun", "sun_towards"]
+__all__ = ["ELEVATION_LIMITS", "Darkness", "Sun", "find_suns", "given_sun", "sun_towards"]
 
 LEAST_SCORE = 0.25
 """Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight. Chosen on the two sample
@@ -31,6 +32,11 @@ and noon in the tropics is not found."""
 SEARCH = ((10.0, 180.0, 30.0), (4.0, 8.0, 8.0), (1.5, 3.0, 3.0), (0.5, 1.0, 1.0))
 """Passes of the search, each around the best direction so far (first: due north, 45 degrees high): step, reach in azimuth and
 reach in elevation, degrees. The last step is the sun's own width."""
+
+
+CANDIDATES, APART = 4, 20.0
+"""How many directions are found at most, and how far they are apart, degrees: with few objects two may explain the dark places
+alike, until they are looked at closely."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,49 +70,74 @@ def given_sun(azimuth: float, elevation: float) -> Sun:
     return Sun(sun_towards(azimuth, elevation), 1.0, azimuth, elevation)
 
 
-def find_sun(
-    dark: NDArray[np.float32], known: NDArray[np.bool_], s: Float64, t: Float64, ground: Ground, casters: Float64
-) -> Sun | None:
-    """The direction whose shadows lie where the ground is dark.
+@dataclass(frozen=True, eq=False)
+class Darkness:
+    """How dark the ground is on a coarse grid, by one measure.
+
+    Attributes:
+        fall: (A, B) of its logarithmic luminance below what it is in full light.
+        alike: (A, B) int, a number for ground that is compared with one another.
+    """
+
+    fall: NDArray[np.float32]
+    alike: NDArray[np.int64]
+
+
+def find_suns(
+    measures: Sequence[Darkness], known: NDArray[np.bool_], s: Float64, t: Float64, ground: Ground, casters: Float64
+) -> list[Sun]:
+    """The directions whose shadows lie where the ground is dark, by the mean of all measures of that.
 
     Args:
-        dark: (A, B) darkness of the ground on a coarse grid, such as minus the logarithm of its luminance; known: (A, B).
+        measures: on the same grid; known: (A, B) where they count.
         s, t: (A,), (B,) street coordinates of the grid, evenly spaced.
         casters: (N, 3) world points of what stands on the ground.
     Returns:
-        the sun, or None where no direction explains the dark places.
+        the best ones, apart from each other, the best first; none where no direction explains the dark places.
     """
     if known.sum() < 100 or len(casters) < 50:
-        return None
+        return []
     foot = ground.path.to_street(casters)
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
     high = (height > STANDS_M) & (height < HIGHEST_M)
     casters = casters[high]
     casters = casters[:: max(1, len(casters) // MOST_CASTERS)]
-    wanted = _within_offset(dark, known)
-    scale = float(np.sqrt((wanted[known] ** 2).mean()))
-    if scale < 1e-4:
-        return None
+    groups = [np.unique(m.alike[known], return_inverse=True)[1] for m in measures]
+    wanted = [_centred(m.fall[known], group) for m, group in zip(measures, groups, strict=True)]
+    if any(_spread(w) < 1e-4 for w in wanted):
+        return []
 
     def score(azimuth: float, elevation: float) -> float:
-        shadow = _shadow(casters, sun_towards(azimuth, elevation), s, t, ground)
-        found = _within_offset(shadow, known)
-        spread = float(np.sqrt((found[known] ** 2).mean()))
-        return float((found * wanted)[known].mean()) / (scale * spread) if spread > 1e-4 else -1.0
+        shadow = _shadow(casters, sun_towards(azimuth, elevation), s, t, ground)[known]
+        total = 0.0
+        for want, group in zip(wanted, groups, strict=True):
+            found = _centred(shadow, group)
+            spread = _spread(found)
+            total += float((found * want).mean()) / (_spread(want) * spread) if spread > 1e-4 else -1.0
+        return total / len(wanted)
 
-    best = (-1.0, 0.0, 45.0)
-    for step, reach_a, reach_e in SEARCH:
-        _, a0, e0 = best
-        tried = [
+    def tried(start: tuple[float, float, float], turn: tuple[float, float, float]) -> list[tuple[float, float, float]]:
+        (_, a0, e0), (step, reach_a, reach_e) = start, turn
+        return [
             (score(a, e), a, e)
             for a in np.arange(a0 - reach_a, a0 + reach_a + 0.1, step)
             for e in np.clip(np.arange(e0 - reach_e, e0 + reach_e + 0.1, step), *ELEVATION_LIMITS)
         ]
-        best = max(best, max(tried))
-    found, azimuth, elevation = best
-    if found < LEAST_SCORE:
-        return None
-    return Sun(sun_towards(azimuth, elevation), found, float(azimuth % 360), float(elevation))
+
+    starts: list[tuple[float, float, float]] = []
+    for first in sorted(tried((-1.0, 0.0, 45.0), SEARCH[0]), reverse=True):
+        towards = sun_towards(*first[1:])
+        if all(towards @ sun_towards(*start[1:]) < np.cos(np.radians(APART)) for start in starts):
+            starts.append(first)
+        if len(starts) == CANDIDATES:
+            break
+    found = []
+    for best in starts:
+        for turn in SEARCH[1:]:
+            best = max(best, max(tried(best, turn)))
+        if best[0] >= LEAST_SCORE:
+            found.append(Sun(sun_towards(*best[1:]), best[0], float(best[1] % 360), float(best[2])))
+    return sorted(found, key=lambda sun: -sun.score)
 
 
 def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, ground: Ground) -> NDArray[np.float32]:
@@ -129,9 +160,11 @@ def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, grou
     return blurred
 
 
-def _within_offset(plane: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """The plane less the mean of its lateral offset, over what is known."""
-    count = np.maximum(known.sum(axis=0), 1)
-    mean = np.where(known, plane, 0).sum(axis=0) / count
-    centred: NDArray[np.float32] = np.where(known, plane - mean, 0).astype(np.float32)
-    return centred
+def _centred(values: NDArray[np.float32], group: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Values (K,) less the mean of their group (K,)."""
+    count = np.maximum(np.bincount(group), 1)
+    return values - (np.bincount(group, weights=values) / count)[group]
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt((values**2).mean()))

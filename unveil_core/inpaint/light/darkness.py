@@ -1,0 +1,72 @@
+"""How dark the ground is for what it is, before anything is known of the sun.
+
+What it would look like in full light is taken from two sides: from the rest of its lateral offset, which tells paint and paving
+apart, and from the ground around with its label, which still tells where a whole offset lies in shade all along.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float32, Mask
+from unveil_core.geometry.images import luminance
+from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.street_chart import StreetChart
+
+__all__ = ["in_the_dark", "level_by_label", "level_by_offset"]
+
+OFFSET_M = 12.0
+"""Half length of the stretch whose bright texels give the sunlit level of a lateral offset, metres: longer than the shadow of a
+house along the street. Chosen on the two sample streets."""
+LABEL_M, LABEL_HOP_M = 20.0, 4.0
+"""Half length of the stretch, and step, for that of a label: shade that covers an offset for longer leaves others in the sun."""
+LABEL_QUANTILE = 0.8
+"""Of a label's luma that stands for its sunlit level: a street whose houses shade four fifths of it is told right."""
+LEAST_TEXELS = 500
+"""Fewest texels of a label in such a stretch, of every fifth row."""
+ROW_STEP = 5
+DARK = 0.7
+"""Share of its label's level below which ground starts out as dark: half way, in logarithms, to the half that shade leaves."""
+
+
+def level_by_offset(chart: StreetChart, seen: Mask) -> Float32:
+    """(A, B) luma of each lateral offset in full light."""
+    per_m = 1.0 / chart.texel
+    return lateral_profile(chart.color, seen, window=int(OFFSET_M * per_m), hop=int(OFFSET_M / 3 * per_m))[1]
+
+
+def level_by_label(chart: StreetChart, seen: Mask) -> Float32:
+    """(A, B) luma in full light of the ground with the texel's label around it; NaN where too little of it was seen."""
+    luma, rows = luminance(chart.color), len(seen)
+    reach, hop = int(LABEL_M / chart.texel), int(LABEL_HOP_M / chart.texel)
+    centres = np.arange(0, rows + hop, hop)
+    level = np.full(seen.shape, np.nan, dtype=np.float32)
+    for label in np.unique(chart.label[seen]):
+        own = seen & (chart.label == label)
+        found = np.full(len(centres), np.nan)
+        for k, centre in enumerate(centres):
+            part = slice(max(0, centre - reach), min(rows, centre + reach + 1), ROW_STEP)
+            values = luma[part][own[part]]
+            if len(values) > LEAST_TEXELS:
+                found[k] = np.quantile(values, LABEL_QUANTILE)
+        known = np.isfinite(found)
+        if known.any():
+            along = np.interp(np.arange(rows), centres[known], found[known]).astype(np.float32)
+            level = np.where(own, along[:, None], level)
+    return level
+
+
+def in_the_dark(chart: StreetChart, seen: Mask) -> Mask:
+    """(A, B) seen texels that are dark for their label."""
+    with np.errstate(invalid="ignore"):
+        return seen & (luminance(chart.color) < DARK * level_by_label(chart, seen))
+
+
+def coarse(plane: NDArray[np.floating], seen: Mask, step: int) -> tuple[Float32, Mask]:
+    """Means of a plane (A, B) over ``step`` by ``step`` texels, of those that were seen, and whether half of them were."""
+    weight = cv2.blur(seen.astype(np.float32), (step, step))
+    mean = cv2.blur(np.where(seen, plane, 0).astype(np.float32), (step, step)) / np.maximum(weight, 1e-6)
+    cells = np.s_[step // 2 :: step, step // 2 :: step]
+    return mean[cells].astype(np.float32), weight[cells] > 0.5

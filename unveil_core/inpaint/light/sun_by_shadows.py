@@ -1,0 +1,172 @@
+"""The sun of a chart: looked for by the darkness of the ground, refined by what lies in shade, and believed by its borders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import grow, luminance, masked_blur
+from unveil_core.inpaint.chart.lateral_profile import lateral_profile
+from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
+from unveil_core.inpaint.light.casters import Casters, in_shadow_of
+from unveil_core.inpaint.light.darkness import coarse, in_the_dark, level_by_label, level_by_offset
+from unveil_core.inpaint.light.shade import CONTACT_M, read_shade
+from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Darkness, Sun, find_suns, sun_towards
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["Evidence", "sun_by_shadows"]
+
+COARSE_M = 0.2
+"""Cells of the grid that the sun is first looked for on, metres: the shadows of roofs and trees, not of posts."""
+DARKEST_FALL = 0.7
+"""Fall of log luminance at which darkness is clipped (half the light), so that tar and wet spots do not outweigh shadows."""
+AHEAD_M = 10.0
+"""Distance beyond both ends of the drive up to which the ground is used to find the sun, metres: farther on, a pixel covers
+metres of street. Chosen on the two sample streets."""
+BORDER_M, CLOSER_M = 5.0, 0.12
+"""Half length of the stretch for the medians, and spacing of the samples, where the direction is refined, metres: there the
+borders of shadows count. Chosen on the two sample streets."""
+REFINEMENTS = ((6.0, 2.0), (1.5, 0.75))
+"""Passes of the refinement: reach around the best direction so far, and step, degrees. The first search is right to a few
+degrees."""
+LEAST_DARK = 100
+"""Fewest dark samples that the direction is refined by."""
+BESIDE_M = (0.15, 0.6)
+"""Distances from the border of the shade between which the light on either side of it is compared, metres: off the penumbra, and
+on the same asphalt."""
+MOST_LIGHT = 0.7
+"""Brightness inside of the shade's border, as a share of that outside, which half of all the borders must fall below for the sun to
+shine. In the sun shade has 0.45 to 0.6; asphalt of two ages has 0.8 to 1. The median is 0.32 to 0.66 on twelve sunny streets,
+0.84 to 1 on six overcast ones and at dusk, 0.91 on a real one under thin cloud; one overcast street has 0.4, but no direction."""
+LEAST_BESIDE = 0.1
+"""Share of what surrounds a piece of border that must have been seen on either side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The observed ground by whose light and shade the sun is found; see :func:`light_of_scene`."""
+
+    chart: StreetChart
+    footprint: NDArray[np.bool_] | None
+    cameras: Sequence[Camera]
+
+    def mask(self, contact_m: float) -> NDArray[np.bool_]:
+        """(A, B) observed texels near the drive, farther than ``contact_m`` from removed objects, beside which it is dark wherever
+        the sun stands."""
+        chart = self.chart
+        observed = chart.source == OBSERVED
+        if self.footprint is not None:
+            observed &= ~grow(self.footprint, contact_m / chart.texel)
+        if self.cameras:
+            # Far ahead a pixel is a stretch of street, and a little height a great distance.
+            way = chart.ground.path.to_street(np.stack([c.centre for c in self.cameras]))[:, 0]
+            s, reach = chart.coordinates()[0], AHEAD_M
+            observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
+        return observed
+
+    def dark(self, contact_m: float) -> NDArray[np.bool_]:
+        """(A, B) ground of the :meth:`mask` that lies in shade, wherever the sun stands."""
+        chart, observed = self.chart, self.mask(contact_m)
+        per_m = 1.0 / chart.texel
+
+        def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
+            return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
+
+        start = in_the_dark(chart, observed)
+        return read_shade(chart.color, observed, start, profile, texels_per_m=per_m, belief=0.0).dark
+
+    def light_seen(
+        self, contact_m: float, dark: NDArray[np.bool_] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,).
+
+        Args:
+            dark: where that is known already, see :meth:`dark`.
+        """
+        rows, columns = np.nonzero(self.mask(contact_m))
+        dark = self.dark(contact_m) if dark is None else dark
+        step = max(1, round(CLOSER_M / self.chart.texel))
+        some = (rows % step == 0) & (columns % step == 0)
+        return self.chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
+
+    def light_at_borders(self, dark: NDArray[np.bool_]) -> float:
+        """Brightness right inside the borders of what is ``dark`` (A, B), as a share of that right outside: the median over all
+        borders in sight, 1 where there are none."""
+        observed = self.mask(CONTACT_M)
+        per_m = 1.0 / self.chart.texel
+        from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (dark, ~dark)]
+        near, far = (m * per_m for m in BESIDE_M)
+        beside = [
+            observed & side & (distance > near) & (distance < far)
+            for side, distance in zip((dark, ~dark), from_border, strict=True)
+        ]
+        level = luminance(self.chart.color)
+        inside, outside = (masked_blur(level, m, far / 2) for m in beside)
+        weights = [cv2.GaussianBlur(m.astype(np.float32), (0, 0), far / 2) for m in beside]
+        border = (from_border[0] > 0) & (from_border[0] < 1.5) & (np.minimum(*weights) > LEAST_BESIDE)
+        if not border.any():
+            return 1.0
+        return float(np.median(inside[border] / np.maximum(outside[border], 1e-3)))
+
+
+def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
+    """The sun; None where there is none, or it cannot be told."""
+    dark = evidence.dark(CONTACT_M)
+    if evidence.light_at_borders(dark) >= MOST_LIGHT:
+        return None
+    everything = concatenate([casters.kept, casters.gone])
+    suns = _coarse_suns(evidence, everything)
+    places, is_dark = evidence.light_seen(CONTACT_M, dark)
+    if not suns or is_dark.sum() < LEAST_DARK:
+        return suns[0] if suns else None
+    return _refined_sun(places, is_dark, everything, suns)
+
+
+def _coarse_suns(evidence: Evidence, casters: Surfels) -> list[Sun]:
+    """Where the sun may stand, to a few degrees, the likeliest first, by cast shadows and the ground's darkness."""
+    chart = evidence.chart
+    step = max(1, round(COARSE_M / chart.texel))
+    observed = evidence.mask(CONTACT_M)
+    log = np.log(np.maximum(luminance(chart.color), 0.02))
+    levels = [level(chart, observed) for level in (level_by_offset, level_by_label)]
+    falls = [np.clip(np.log(np.maximum(np.nan_to_num(p, nan=0.0), 0.01)) - log, 0, DARKEST_FALL) for p in levels]
+    (by_offset, known), (by_label, _) = (coarse(fall, observed, step) for fall in falls)
+    cells = np.s_[step // 2 :: step, step // 2 :: step]
+    s, t = (along[step // 2 :: step] for along in chart.coordinates())
+    if min(len(s), len(t)) < 2:
+        return []
+    means = casters.means.detach().double().numpy()
+    offset = np.broadcast_to(np.arange(len(t)), by_offset.shape)
+    measures = (Darkness(by_offset, offset), Darkness(by_label, chart.label[cells].astype(np.int64)))
+    return find_suns(measures, known, s, t, chart.ground, means)
+
+
+def _refined_sun(places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, suns: Sequence[Sun]) -> Sun:
+    """The sun to a degree or two: of the directions around the candidates the one whose shadows agree best with what is dark.
+
+    A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
+
+    Args:
+        places: (P, 3) on the ground; is_dark: (P,) whether it is dark there.
+        suns: the likeliest first, one at least.
+    """
+
+    def agreement(azimuth: float, elevation: float) -> float:
+        shaded = in_shadow_of(places, casters, sun_towards(azimuth, elevation))
+        spread = float(shaded.std() * is_dark.std())
+        return float(((shaded - shaded.mean()) * (is_dark - is_dark.mean())).mean()) / spread if spread > 0 else -1.0
+
+    first = max(suns, key=lambda sun: sun.score + agreement(sun.azimuth, sun.elevation))
+    best = (agreement(first.azimuth, first.elevation), first.azimuth, first.elevation)
+    for reach, degrees in REFINEMENTS:
+        _, a0, e0 = best
+        around = np.arange(-reach, reach + 0.01, degrees)
+        tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
+        best = max(best, max((agreement(a, e), a, e) for a, e in tried))
+    _, azimuth, elevation = best
+    return Sun(sun_towards(azimuth, elevation), first.score, azimuth % 360, elevation)
