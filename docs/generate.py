@@ -26,6 +26,7 @@ ORDER = {
     "bench": "measurements",
     "farm": "many drives, many machines",
     "pipeline": "stages, runner, settings",
+    "forecast": "time, memory, disk to come",
     "report": "the page, videos",
     "evaluate": "metrics, baselines",
     "provenance": "origins, certainty",

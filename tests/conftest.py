@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+# How long stages take is kept for forecasts: of the tests', nothing in the user's folders.
+here = Path(__file__).parents[1] / ".pytest_cache/forecast"
+os.environ["UNVEIL_CACHE"] = str(here / os.environ.get("PYTEST_XDIST_WORKER", "main"))
+
 if "PYTEST_XDIST_WORKER" in os.environ:
     # Two processes that compile two forms of one kernel at once may file one under the other's name (numba numbers its files
     # without a lock), so each keeps its own.
     kernels = Path(__file__).parents[1] / ".pytest_cache/kernels" / os.environ["PYTEST_XDIST_WORKER"]
     os.environ.setdefault("NUMBA_CACHE_DIR", str(kernels))
 
-import torch
+import torch  # noqa: E402
 
 if not torch.cuda.is_available():
     # Triton's kernels run in its interpreter, on the processor, exactly as written.

@@ -12,7 +12,7 @@ __all__ = ["JobState", "duration"]
 
 LOG_LINES = 5000
 """Kept of the log; more would be of no use in a text block."""
-NOT_SHOWN = frozenset(("t", "stage", "done", "total", "message", "level", "traceback", "seconds"))
+NOT_SHOWN = frozenset(("t", "stage", "done", "total", "message", "level", "traceback", "seconds", "left_s"))
 HINTS = {
     0: "",
     1: "It failed; the log tells where",
@@ -43,6 +43,7 @@ class JobState:
     error: one readable line, empty as long as nothing is wrong.
     exit_code: of the process; None while it runs.
     log: the latest lines, as they came.
+    run_left: seconds that were left of the run when it last said so, after the time of that.
     """
 
     status: str = "running"
@@ -58,6 +59,7 @@ class JobState:
     log: deque[str] = field(default_factory=lambda: deque(maxlen=LOG_LINES))
     stage_started: float = field(default_factory=time.monotonic)
     first_done: int = 0
+    run_left: tuple[float, float] | None = None
 
     @property
     def running(self) -> bool:
@@ -77,8 +79,12 @@ class JobState:
         return self.planned.index(self.stage) + 1, len(self.planned)
 
     def seconds_left(self, now: float | None = None) -> float | None:
-        """Of the stage, by its pace so far; None as long as that says nothing."""
-        elapsed = (time.monotonic() if now is None else now) - self.stage_started
+        """Of the run, as it said itself; of an older ``unveil``, of the stage by its pace. None where neither says anything."""
+        now = time.monotonic() if now is None else now
+        if self.run_left is not None:
+            at, left = self.run_left
+            return max(left - (now - at), 0.0)
+        elapsed = now - self.stage_started
         made = self.done - self.first_done
         if made <= 0 or self.total <= self.done or elapsed < 1.0:
             return None
@@ -110,6 +116,9 @@ class JobState:
         if stage != self.stage:
             self.metrics = {}
         self.stage, self.message, self.done, self.total = stage, message, done, total
+        left = event.get("left_s")
+        if isinstance(left, int | float):
+            self.run_left = time.monotonic(), float(left)
         numbers = {
             k: float(v)
             for k, v in event.items()

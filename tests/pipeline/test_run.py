@@ -76,6 +76,15 @@ def results(root: Path) -> dict[str, bytes]:
     }
 
 
+def test_the_time_left_is_told_of_the_whole_run(done: Workspace) -> None:
+    events = done.events()
+    (said,) = [e for e in events if "forecast" in e]
+    assert said["message"].startswith("8 frames, ") and list(said["forecast"]["seconds"]) == [s.name for s in STAGES]
+    left = [(e["stage"], e["left_s"]) for e in events if "left_s" in e]
+    assert {name for name, _ in left} == {s.name for s in STAGES}
+    assert left[0][1] >= 0.5 * sum(said["forecast"]["seconds"].values()) and left[-1] == ("report", 0)
+
+
 def test_the_car_goes_and_the_street_continues(done: Workspace, street: Path) -> None:
     before = after = count = 0.0
     for i in range(8):

@@ -311,16 +311,16 @@ def test_cancelled_is_no_user_error() -> None:
     assert not issubclass(Cancelled, UnveilError)
 
 
-def test_systems_that_do_not_tell_of_memory_run_it_all_the_same(tmp_path: Path) -> None:
+def test_systems_without_unix_modules_run_it_all_the_same(tmp_path: Path) -> None:
     """Windows has neither of these modules."""
     program = (
-        "import sys; sys.modules['resource'] = sys.modules['grp'] = sys.modules['pwd'] = None\n"
+        "import psutil, sys; sys.modules['resource'] = sys.modules['grp'] = sys.modules['pwd'] = None\n"
         "from unveil_core.app.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
     subprocess.run([sys.executable, "-c", program, "import", str(drive), "-o", str(root)], check=True)
     stage = Workspace.open(root).state()["stages"]["import"]
-    assert stage["status"] == "done" and stage["peak_memory_mb"] is None
+    assert stage["status"] == "done" and stage["peak_memory_mb"] > 10
 
 
 def test_what_an_interrupted_attempt_kept_serves_the_next_one_with_the_same_inputs(tmp_path: Path) -> None:

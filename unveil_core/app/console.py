@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from unveil_core.base.wording import about_as_long
+
 if TYPE_CHECKING:  # the stages' module loads NumPy
     from unveil_core.pipeline.stage import Reporter
 
@@ -26,11 +28,15 @@ def reporting(as_json: bool) -> Iterator[Reporter]:
         yield _plain
 
 
+NO_METRIC = ("t", "done", "total", "left_s")
+"""Numbers of an event that are said otherwise, or not at all."""
+
+
 def _text(event: dict[str, object]) -> str:
-    metrics = "  ".join(
-        f"{k} {v:g}" for k, v in event.items() if isinstance(v, float | int) and k not in ("t", "done", "total")
-    )
-    return "  ".join(p for p in (str(event["message"]), metrics) if p)
+    metrics = "  ".join(f"{k} {v:g}" for k, v in event.items() if isinstance(v, float | int) and k not in NO_METRIC)
+    left = event.get("left_s")
+    rest = f"{about_as_long(left)} left" if isinstance(left, int) and left > 0 else ""
+    return "  ".join(p for p in (str(event["message"]), metrics, rest) if p)
 
 
 def _plain(event: dict[str, object]) -> None:

@@ -141,7 +141,7 @@ def _run_row(
     begun = time.perf_counter()
     frames = row.make(footage, progress)
     elapsed = time.perf_counter() - begun
-    peaks = [peak_memory_mb() or 0.0, *(float(stages[n].get("peak_memory_mb") or 0.0) for n in row.needs)]
+    peaks = [peak_memory_mb(), *(float(stages[n].get("peak_memory_mb") or 0.0) for n in row.needs)]
     before = sum(float(stages[n].get("seconds", 0.0)) for n in row.needs)
     figures = {"seconds": round(before + elapsed, 2), "own_seconds": round(elapsed, 2), "peak_memory_mb": max(peaks)}
     return frames, figures | measure_frames(footage.drive, frames, footage.removed)

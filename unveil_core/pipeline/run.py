@@ -14,6 +14,7 @@ from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.inpaint.frames.keyframe_plan import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
+from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
@@ -76,7 +77,10 @@ def run(
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)
     try:
-        run_stages(space, stages, settings, Path(drive).absolute(), notices=notices, reporter=reporter)
+        expected = expected_of(opened, placed, space, stages, settings)
+        notices += [] if expected is None else expected.notices(space.root)
+        place = Path(drive).absolute()
+        run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
     except UnveilError:
         if fresh and not space.drive_dir.exists():
             shutil.rmtree(space.root, ignore_errors=True)

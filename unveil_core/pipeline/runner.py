@@ -25,8 +25,9 @@ from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.peak_memory import peak_memory_mb
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.pipeline.forecasting import Expected
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Notice, Reporter, Stage, StageContext, silent
+from unveil_core.pipeline.stage import SCRATCH, Notice, Reporter, Stage, StageContext, silent
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.assumptions import recorded_assumptions
 from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
@@ -78,6 +79,7 @@ def run_stages(
     *,
     force: bool = False,
     notices: Sequence[Notice] = (),
+    expected: Expected | None = None,
     reporter: Reporter = silent,
 ) -> list[str]:
     """Run stages in order, each only if something that it depends on has changed.
@@ -89,6 +91,7 @@ def run_stages(
         drive: the drive as the user gave it.
         force: run them even if they are up to date.
         notices: the first events, before those of any stage.
+        expected: what the run will take, by which events tell the time left; None = they do not.
         reporter: receives each event.
     Returns:
         names of the stages that ran.
@@ -120,8 +123,10 @@ def run_stages(
                     workspace.replace_stage(stage.name, {**kept, "status": "done", "follows": follows})
                 shutil.rmtree(workspace.root / f"{PARTIAL}{stage.name}", ignore_errors=True)
                 reporter(workspace.log(stage.name, "up to date", done=1, total=1))
+                if expected is not None:
+                    expected.clock.end(stage.name)
                 continue
-            _Attempt(workspace, stage, settings, drive, stop, reporter).make(wanted, follows)
+            _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows)
             ran.append(stage.name)
             digests.save()
     return ran
@@ -190,16 +195,20 @@ class _Attempt:
     drive: Path
     stop: threading.Event
     reporter: Reporter
+    expected: Expected | None = None
     last_logged: float = 0.0
 
     def make(self, wanted: str, follows: dict[str, str]) -> None:
         """Run the stage and commit its outputs under the input hash ``wanted``."""
         stage, workspace = self.stage, self.workspace
         partial = open_partial(workspace, stage.name, wanted)
+        begun_before = (partial / SCRATCH).exists()
         values = self.settings.to_json()
         chosen = {k: values[k] for k in stage.settings}
         started = time.monotonic()
         workspace.update_stage(stage.name, status="running", attempt={"settings": chosen})
+        if self.expected is not None:
+            self.expected.clock.begin(stage.name)
         self.reporter(workspace.log(stage.name, "started"))
         try:
             facts = stage.run(self.context(partial))
@@ -228,7 +237,11 @@ class _Attempt:
         for _, assumption in recorded_assumptions({stage.name: record}):
             if not assumption.holds:
                 self.reporter(workspace.log(stage.name, assumption.message(), level="notice"))
-        self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds))
+        if self.expected is not None:
+            self.expected.clock.end(stage.name)
+        self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds, **self._left(1, 1)))
+        if self.expected is not None and not begun_before:
+            self.expected.ended(stage.name, seconds)
 
     def context(self, partial: Path) -> StageContext:
         """What the stage works with; ``partial``: the folder that it writes in."""
@@ -243,7 +256,14 @@ class _Attempt:
         if done >= total or now - self.last_logged > 0.2:  # a log of every step would be larger than the result
             self.last_logged = now
             rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
-            self.reporter(self.workspace.log(self.stage.name, message, done=done, total=total, **rounded))
+            left = self._left(done, total)
+            self.reporter(self.workspace.log(self.stage.name, message, done=done, total=total, **rounded, **left))
+
+    def _left(self, done: int, total: int) -> dict[str, Any]:
+        """Time left of the whole run, seconds, as part of an event; nothing where that is not known."""
+        if self.expected is None:
+            return {}
+        return {"left_s": round(self.expected.clock.left(self.stage.name, done, total))}
 
     def _record_end(self, error: BaseException) -> None:
         """Record how an attempt ended; the entries of the result that lies there stay."""

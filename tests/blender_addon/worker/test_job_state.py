@@ -53,6 +53,14 @@ def test_time_left_follows_the_pace_of_the_present_part() -> None:
     assert state.seconds_left(time.monotonic() + 10) is None
 
 
+def test_time_left_is_of_the_run_where_it_says_so() -> None:
+    state = JobState()
+    state.read(event(done=10, total=100, left_s=300))
+    assert state.run_left is not None and "left_s" not in state.metrics
+    assert state.seconds_left(state.run_left[0] + 20) == pytest.approx(280)
+    assert state.seconds_left(state.run_left[0] + 400) == 0
+
+
 @pytest.mark.parametrize(
     ("exit_code", "line", "status", "error"),
     [

@@ -22,10 +22,15 @@ WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
 
 
+def work_side_of(settings: RunSettings) -> int:
+    """Longer image side that larger images are reduced to, pixels."""
+    return settings.work_side or WORKING_SIZE_PX[settings.quality]
+
+
 def run(context: StageContext) -> Facts:
     """drive/: undistorted, in metres with z up, with labels where the drive has what they follow from."""
     settings = context.settings
-    side = settings.work_side or WORKING_SIZE_PX[settings.quality]
+    side = work_side_of(settings)
     drive = open_drive(context.drive, settings.drive_options)
     placement = place_drive(drive, scale=settings.scale, up=settings.up)
     folder = context.output("drive")

@@ -1,0 +1,89 @@
+"""The forecast of a run: said before its first stage, and kept right while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from unveil_core.drives.drive import Drive
+from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.drives.scale_and_up import Placement
+from unveil_core.forecast.clock import RunClock
+from unveil_core.forecast.costs import reference_seconds, seconds_of
+from unveil_core.forecast.forecast import Forecast, forecast
+from unveil_core.forecast.machine import (
+    Machine,
+    free_disk_mb,
+    free_memory_mb,
+    measured_seconds,
+    this_machine,
+)
+from unveil_core.forecast.workload import Workload
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Notice, Stage
+from unveil_core.pipeline.status import stage_states
+from unveil_core.pipeline.steps.import_ import work_side_of
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["Expected", "expected_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """What a run is expected to take, and how it compares as it goes on.
+
+    Attributes:
+        forecast: of the stages that are to run; machine: that it was made for; clock: of the run.
+    """
+
+    forecast: Forecast
+    machine: Machine
+    clock: RunClock
+
+    def notices(self, root: Path) -> list[Notice]:
+        """The forecast in a line, and a warning for each of memory and disk that is too little.
+
+        Args:
+            root: of the workspace.
+        """
+        found = self.forecast
+        details = {
+            "seconds": {name: round(s, 1) for name, s in found.seconds.items()},
+            "memory_mb": round(found.memory_mb),
+            "disk_mb": round(found.disk_mb),
+        }
+        lines = found.lacking(free_memory_mb(), free_disk_mb(root))
+        return [
+            Notice("import", found.line(), "notice", {"forecast": details}),
+            *(Notice("import", line, "warning") for line in lines),
+        ]
+
+    def ended(self, stage: str, seconds: float) -> None:
+        """Take in what a stage took that was made whole."""
+        work = self.forecast.workload
+        self.machine.note(work.quality, stage, seconds, seconds_of(work)[stage])
+
+
+def expected_of(
+    drive: Drive, placement: Placement, workspace: Workspace, stages: Sequence[Stage], settings: RunSettings
+) -> Expected | None:
+    """The forecast of a run of some stages; None where all of them are up to date.
+
+    A machine that has not run anything yet is measured, which takes seconds.
+    """
+    names = [stage.name for stage in stages]
+    if workspace.state().get("stages"):
+        states = stage_states(workspace, settings)
+        names = [name for name in names if states[name] != "done"]
+    if not names:
+        return None
+    machine = this_machine()
+    if not machine.known:
+        machine.speed = measured_seconds() / reference_seconds()
+        machine.save()
+    work = Workload.of_drive(
+        localized(drive, placement), settings.quality, work_side_of(settings), settings.memory_bytes
+    )
+    found = forecast(work, names, machine)
+    return Expected(found, machine, RunClock(found.seconds))
