@@ -1,10 +1,12 @@
 """Size: whole runs on ever longer drives, time and memory against frames, and whether the borders of blocks show.
 
     python benchmarks/scale.py --frames 100,300 [--size 480x320] [--quality standard] [--memory 1G] [--cache DIR] [--keep DIR]
+                               [--borders]
 
 The drives are one street of boxes (sample_scenes/long_street.py), of which a longer drive sees more: its first frames are those of
 the shorter. Each run is a process of its own, without the report's baselines. Results of other sizes and qualities in
-benchmarks/results/scale.json are kept; scale.png draws them.
+benchmarks/results/scale.json are kept; scale.png draws them. `--borders` runs a drive of several blocks again with blocks of
+another length: frames beside a border of the one run lie between borders in the other, so that what differs is the border.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from sample_scenes.long_street import long_street, long_way  # noqa: E402
 from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
-from unveil_core.ground.blocks import cut_into_blocks  # noqa: E402
+from unveil_core.ground.blocks import BLOCK_M, cut_into_blocks  # noqa: E402
 from unveil_core.workspace.files import frame_file, load_mask  # noqa: E402
 
 RESULTS = HERE / "results" / "scale.json"
@@ -39,6 +41,8 @@ RAYS = 4000
 BESIDE_M = 10.0
 """Frames so near to a border of two blocks lie beside it, metres."""
 UNTIL = "mesh"
+OTHER_BLOCK_M = 75.0
+"""Length of the blocks of the run that a drive's borders are compared with: most of its own lie elsewhere."""
 
 
 def drive_of(frames: int, size: tuple[int, int], cache: Path) -> Path:
@@ -57,15 +61,19 @@ CODE = """
 import sys
 from pathlib import Path
 from unveil_core.pipeline.run import run
+from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
-drive, workspace, quality, memory, until = sys.argv[1:]
+drive, workspace, quality, memory, until, length = sys.argv[1:]
+blocks.BLOCK_M = float(length)
 run(Path(drive), Path(workspace), RunSettings(quality=quality, memory=memory, remove=("vehicle",)), until=until)
 """
 
 
-def run_drive(drive: Path, workspace: Path, quality: str, memory: str) -> dict[str, Any]:
+def run_drive(
+    drive: Path, workspace: Path, quality: str, memory: str, *, until: str = UNTIL, block_m: float = BLOCK_M
+) -> dict[str, Any]:
     """Run the program; returns seconds, peak memory, and both by stage."""
-    command = [sys.executable, "-c", CODE, str(drive), str(workspace), quality, memory, UNTIL]
+    command = [sys.executable, "-c", CODE, str(drive), str(workspace), quality, memory, until, str(block_m)]
     environment = {**os.environ, "PYTHONPATH": str(HERE.parent), "OMP_WAIT_POLICY": "PASSIVE"}
     begun = time.perf_counter()
     process = subprocess.Popen(command, env=environment)
@@ -85,35 +93,53 @@ def run_drive(drive: Path, workspace: Path, quality: str, memory: str) -> dict[s
     }
 
 
-def borders(workspace: Path, truth: Path) -> dict[str, Any]:
-    """PSNR of the removed pixels of all frames, of those beside borders of blocks, and of the others."""
+def errors(workspace: Path, truth: Path, frames: str) -> tuple[np.ndarray, np.ndarray]:
+    """Squared error and number of values of each frame, over what was removed.
+
+    Args:
+        frames: folder of the pictures in the workspace.
+    """
     drive = read_imported(workspace / "drive")
-    blocks = cut_into_blocks(drive)
+    squared, values = np.zeros(len(drive.frames)), np.zeros(len(drive.frames))
+    for i, frame in enumerate(drive.frames):
+        removed = load_mask(frame_file(workspace / "masks/removed", frame))
+        ours, true = (read_image(frame_file(root, frame)) for root in (workspace / frames, truth))
+        squared[i] = np.square(ours[removed].astype(float) - true[removed]).sum()
+        values[i] = 3 * removed.sum()
+    return squared, values
+
+
+def psnr(squared: np.ndarray, values: np.ndarray) -> float | None:
+    """Of the error of some frames together."""
+    return round(float(10 * np.log10(255**2 / (squared.sum() / values.sum()))), 3) if values.any() else None
+
+
+def beside_borders(workspace: Path, block_m: float) -> tuple[np.ndarray, int]:
+    """(F,) which frames lie beside a border of blocks of a length, and how many blocks there are."""
+    drive = read_imported(workspace / "drive")
+    blocks = cut_into_blocks(drive, block_m)
     places = np.stack([f.camera.centre for f in drive.frames])
     block = blocks.of_places(places)
     change = (places[1:] + places[:-1])[block[1:] != block[:-1]] / 2
-    squared, pixels = np.zeros(len(places)), np.zeros(len(places))
-    for i, frame in enumerate(drive.frames):
-        removed = load_mask(frame_file(workspace / "masks/removed", frame))
-        ours, true = (read_image(frame_file(root, frame)) for root in (workspace / "frames", truth))
-        squared[i] = np.square(ours[removed].astype(float) - true[removed]).sum()
-        pixels[i] = 3 * removed.sum()
     beside = np.zeros(len(places), dtype=bool)
     if len(change):
         beside = np.linalg.norm(places[:, None] - change[None], axis=2).min(axis=1) < BESIDE_M
+    return beside, len(blocks.blocks)
 
-    def psnr(some: np.ndarray) -> float | None:
-        return (
-            None
-            if not pixels[some].any()
-            else round(float(10 * np.log10(255**2 / (squared[some].sum() / pixels[some].sum()))), 3)
-        )
+
+def borders(workspace: Path, other: Path, truth: Path) -> dict[str, Any]:
+    """PSNR of frames beside a border in one of two runs only: with that border, and without it in the other run."""
+    first, second = (errors(root, truth, "inpainted") for root in (workspace, other))
+    in_first, in_second = (beside_borders(root, m)[0] for root, m in ((workspace, BLOCK_M), (other, OTHER_BLOCK_M)))
+    of_first, of_second = in_first & ~in_second, in_second & ~in_first
+
+    def pooled(*parts: tuple[tuple[np.ndarray, np.ndarray], np.ndarray]) -> float | None:
+        return psnr(*(np.concatenate([run[k][some] for run, some in parts]) for k in (0, 1)))
 
     return {
-        "blocks": len(blocks.blocks),
-        "psnr": psnr(~beside | beside),
-        "psnr_beside_borders": psnr(beside),
-        "psnr_between": psnr(~beside),
+        "frames": int(of_first.sum() + of_second.sum()),
+        "psnr_beside_a_border": pooled((first, of_first), (second, of_second)),
+        "psnr_of_the_same_without": pooled((second, of_first), (first, of_second)),
     }
 
 
@@ -150,6 +176,7 @@ def main() -> None:
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("--memory", default="1G")
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()))
+    parser.add_argument("--borders", action="store_true", help="run drives of several blocks again with other blocks")
     parser.add_argument("--keep", type=Path, default=None, help="keep the workspaces here")
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
@@ -161,11 +188,14 @@ def main() -> None:
         workspace = folder / f"{width}x{height}_{frames}_{arguments.quality}"
         shutil.rmtree(workspace, ignore_errors=True)
         kind = {"frames": frames, "size": [width, height], "quality": arguments.quality, "memory": arguments.memory}
-        row = {
-            **kind,
-            **run_drive(drive, workspace, arguments.quality, arguments.memory),
-            **borders(workspace, drive / "truth/images"),
-        }
+        truth, run = drive / "truth/images", (arguments.quality, arguments.memory)
+        row = {**kind, **run_drive(drive, workspace, *run), "blocks": beside_borders(workspace, BLOCK_M)[1]}
+        row["psnr"] = psnr(*errors(workspace, truth, "frames"))
+        if arguments.borders and row["blocks"] > 1:
+            other = folder / f"{workspace.name}_other_blocks"
+            shutil.rmtree(other, ignore_errors=True)
+            run_drive(drive, other, *run, until="inpaint", block_m=OTHER_BLOCK_M)
+            row["borders"] = borders(workspace, other, truth)
         rows = [r for r in rows if any(r[k] != v for k, v in kind.items() if k != "memory")] + [row]
         rows.sort(key=lambda r: (r["size"], r["quality"], r["frames"]))
         write_json_atomic(arguments.output, {"machine": machine(), "rows": rows})

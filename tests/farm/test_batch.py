@@ -19,7 +19,7 @@ from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
-from unveil_core.farm.run import RETRIES, run_batch
+from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
 from unveil_core.farm.status import batch_status, status_lines
 from unveil_core.farm.task import state_of
 from unveil_core.farm.template import TEMPLATES, openjd_template
@@ -83,6 +83,8 @@ def test_the_template_is_one_by_the_open_job_description(planned: Batch) -> None
     assert [step.name for step in template.steps][:3] == ["street.prepare", "street.reconstruct", "street.inpaint"]
     job = model.create_job(job_template=template, job_parameter_values={})
     assert len(model.StepParameterSpaceIterator(space=job.steps[1].parameterSpace)) == 3
+    (memory,) = job.steps[1].hostRequirements.amounts
+    assert (memory.name, memory.min) == ("amount.worker.memory", planned.drives[0].memory_mb)
 
 
 def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -92,12 +94,17 @@ def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.Captu
         text = (planned.root / file).read_text()
         assert "street.inpaint" in text and "run-block" in text
     script = (planned.root / "batch.slurm.sh").read_text()
-    assert "--array=0-2" in script and script.count("sbatch ") == 6 and "afterok:$job0" in script
+    assert (
+        f"--mem={planned.drives[0].memory_mb}M" in script
+        and "--array=0-2" in script
+        and script.count("sbatch ") == 6
+        and "afterok:$job0" in script
+    )
     assert shutil.which("sh") is None or os.system(f"sh -n {planned.root / 'batch.slurm.sh'}") == 0
     capsys.readouterr()
 
 
-def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "") -> Batch:
+def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "", memory_mb: int = 0) -> Batch:
     """Drives of which only the import is run, in two tasks each."""
     drives, tasks = [], []
     for name in names:
@@ -105,7 +112,7 @@ def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "") -> 
         if name == broken:
             path.write_text("{")
         workspace = root / "drives" / name
-        drives.append(BatchDrive(name, str(path), str(workspace), 4, 1))
+        drives.append(BatchDrive(name, str(path), str(workspace), 4, 1, memory_mb))
         run = ("run", str(path), "-o", str(workspace), "--remove", "car")
         tasks.append(Task(f"{name}.objects", name, "objects", None, (*run, "--until", "objects"), ()))
         tasks.append(Task(f"{name}.choose", name, "choose", None, (*run, "--until", "choose"), (tasks[-1].id,)))
@@ -137,8 +144,14 @@ def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path
 
 def test_a_worker_that_dies_is_replaced_and_its_task_named(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    batch = cheap(tmp_path / "batch", ["one", "two"], tmp_path)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    batch = cheap(tmp_path / "batch", ["one", "two"], tmp_path, memory_mb=600)
+    memory = {MEMORY: 1000}
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, resources=memory
+    ) as cluster:
+        large = cheap(tmp_path / "large", ["three"], tmp_path, memory_mb=1200)
+        with pytest.raises(SettingsError, match="no worker has the memory that three needs, 1200 MB"):
+            run_batch(large, print, scheduler=cluster.scheduler_address)
         killed: list[int] = []
 
         def kill() -> None:
@@ -161,6 +174,14 @@ def test_a_worker_that_dies_is_replaced_and_its_task_named(tmp_path: Path) -> No
     assert status["tasks"]["done"] == 4
     assert [d["name"] for d in status["drives"] if d["tried_again"]]
     assert any("at try 2" in line for line in lines)
+
+
+def test_no_more_workers_are_started_than_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("unveil_core.farm.run.free_memory_mb", lambda: 5000.0)
+    lines: list[str] = []
+    assert workers_that_fit(4, 2000, lines.append) == 2 and "2 instead of 4, 2.0 GB each" in lines[0]
+    assert workers_that_fit(2, 2000, lines.append) == 2 and workers_that_fit(1, 9000, lines.append) == 1
+    assert len(lines) == 1
 
 
 def test_a_scheduler_that_is_not_there_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

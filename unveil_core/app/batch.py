@@ -9,6 +9,8 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+from unveil_core.base.wording import about_as_long, about_as_much
+
 __all__ = ["run_batch_part"]
 
 
@@ -30,7 +32,12 @@ def _plan(arguments: argparse.Namespace) -> int:
     batch.save()
     frames = sum(d.frames for d in batch.drives)
     blocks = sum(d.blocks for d in batch.drives)
-    print(f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}")
+    time = about_as_long(sum(d.seconds for d in batch.drives))
+    memory = about_as_much(max(d.memory_mb for d in batch.drives))
+    print(
+        f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}\n"
+        f"about {time} on one worker like this machine, {memory} of memory for each worker"
+    )
     return 0
 
 

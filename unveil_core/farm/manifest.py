@@ -21,9 +21,12 @@ from unveil_core.base.errors import DriveError, SettingsError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
-from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.forecast.forecast import forecast
+from unveil_core.forecast.machine import this_machine
+from unveil_core.forecast.workload import Workload
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.steps.import_ import work_side_of
 
 __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
 
@@ -36,6 +39,7 @@ class BatchDrive:
     name: of its workspace.
     drive: path of the drive; workspace: of the results.
     frames, blocks: how many it has.
+    memory_mb: that a task of it needs, as forecast; seconds: of all its tasks together, on this machine.
     """
 
     name: str
@@ -43,6 +47,8 @@ class BatchDrive:
     workspace: str
     frames: int
     blocks: int
+    memory_mb: int = 0
+    seconds: int = 0
 
 
 @dataclass(frozen=True)
@@ -129,18 +135,23 @@ def plan_batch(drives: Sequence[Path], root: Path, settings: RunSettings, option
         raise SettingsError("no drive to plan", mend="name one or more")
     planned: list[BatchDrive] = []
     tasks: list[Task] = []
+    machine = this_machine()
     for path in drives:
         opened = localized(open_drive(path, settings.drive_options))
+        if not opened.frames:
+            raise DriveError("has no frames", path=path)
+        work = Workload.of_drive(opened, settings.quality, work_side_of(settings), settings.memory_bytes)
+        expected = forecast(work, [stage.name for stage in STAGES], machine)
         name = _name(path, [d.name for d in planned])
         drive = BatchDrive(
             name,
             str(path.absolute()),
             str((root / "drives" / name).absolute()),
-            len(opened.frames),
-            len(cut_into_blocks(opened).blocks),
+            work.frames,
+            work.blocks,
+            round(expected.memory_mb),
+            round(sum(expected.seconds.values())),
         )
-        if not opened.frames:
-            raise DriveError("has no frames", path=path)
         planned.append(drive)
         tasks += _tasks_of(drive, tuple(options))
     return Batch(root, tuple(planned), tuple(tasks))

@@ -7,15 +7,20 @@ from contextlib import ExitStack
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.wording import about_as_much
 from unveil_core.farm.manifest import Batch, Task
 from unveil_core.farm.task import run_task, state_of
+from unveil_core.forecast.machine import free_memory_mb
 
-__all__ = ["RETRIES", "run_batch"]
+__all__ = ["MEMORY", "RETRIES", "run_batch", "workers_that_fit"]
 
 RETRIES = 2
 """How often a failed task is tried again."""
 PATIENCE = "20s"
 """How long a scheduler may take to answer."""
+MEMORY = "unveil_mb"
+"""Name of the resource by which workers of a cluster declare their memory, MB: ``dask worker --resources unveil_mb=8000``. No more
+tasks than fit run on such a worker at a time."""
 Teller = Callable[[str], None]
 
 
@@ -29,7 +34,7 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
         scheduler: address of a running Dask scheduler, whose workers see the same files; None = a cluster of ``workers`` local
             processes, for this call only.
     Raises:
-        SettingsError: Dask is not installed, or no scheduler answers.
+        SettingsError: Dask is not installed, no scheduler answers, or no worker has the memory that a task needs.
     """
     try:
         from distributed import Client, LocalCluster, as_completed
@@ -40,9 +45,11 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
     if not open_tasks:
         return []
     with ExitStack() as stack:
+        needs = {drive.name: drive.memory_mb for drive in batch.drives}
         if scheduler is None:
+            count = workers_that_fit(workers, max(needs[t.drive] for t in open_tasks), tell)
             cluster = stack.enter_context(
-                LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0")
+                LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=":0")
             )
             client = stack.enter_context(Client(cluster))
         else:
@@ -53,11 +60,34 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
                     f"no Dask scheduler answers at {scheduler}", mend="start one, or use --workers"
                 ) from error
         tell(f"dashboard: {client.dashboard_link}")
-        futures = _submitted(client, batch, open_tasks)
+        room = _declared_memory(client)
+        if room is not None and any(needs[t.drive] > room for t in open_tasks):
+            short = sorted({t.drive for t in open_tasks if needs[t.drive] > room})
+            raise SettingsError(
+                f"no worker has the memory that {short[0]} needs, {needs[short[0]]} MB",
+                mend=f"start workers with --resources {MEMORY}={needs[short[0]]}",
+            )
+        futures = _submitted(client, batch, open_tasks, needs if room is not None else None)
         return _watched(batch, as_completed(futures.values()), {f.key: t for t, f in futures.items()}, tell)
 
 
-def _submitted(client: Any, batch: Batch, tasks: list[Task]) -> dict[Task, Any]:
+def workers_that_fit(wanted: int, memory_mb: int, tell: Teller) -> int:
+    """How many workers of this machine have the memory that a task may need."""
+    free = free_memory_mb()
+    fitting = max(1, min(wanted, int(free // memory_mb))) if memory_mb else wanted
+    if fitting < wanted:
+        tell(f"workers: {fitting} instead of {wanted}, {about_as_much(memory_mb)} each; {about_as_much(free)} are free")
+    return fitting
+
+
+def _declared_memory(client: Any) -> float | None:
+    """The most memory that a worker of the cluster declares; None where none does: then it is not minded."""
+    workers = client.scheduler_info(n_workers=-1)["workers"].values()
+    declared = [worker.get("resources", {}).get(MEMORY) for worker in workers]
+    return max((d for d in declared if d is not None), default=None)
+
+
+def _submitted(client: Any, batch: Batch, tasks: list[Task], needs: dict[str, int] | None) -> dict[Task, Any]:
     by_id: dict[str, Any] = {}
     futures: dict[Task, Any] = {}
     for task in tasks:
@@ -70,6 +100,7 @@ def _submitted(client: Any, batch: Batch, tasks: list[Task]) -> dict[Task, Any]:
             key=f"{batch.root.name}-{task.id}",
             pure=False,
             retries=RETRIES,
+            resources=None if needs is None else {MEMORY: needs[task.drive]},
         )
         by_id[task.id] = futures[task] = future
     return futures

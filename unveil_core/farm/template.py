@@ -25,6 +25,10 @@ def _groups_before(batch: Batch, tasks: list[Task]) -> list[str]:
     return list(dict.fromkeys(of_task[i] for task in tasks for i in task.after))
 
 
+def _memory_mb(batch: Batch, tasks: list[Task]) -> int:
+    return next(d.memory_mb for d in batch.drives if d.name == tasks[0].drive)
+
+
 def openjd_template(batch: Batch) -> str:
     """A job template, ``jobtemplate-2023-09``: a step for each step of a drive, with the blocks as its tasks."""
     steps: list[dict[str, Any]] = []
@@ -38,6 +42,9 @@ def openjd_template(batch: Batch) -> str:
         before = _groups_before(batch, tasks)
         if before:
             step["dependencies"] = [{"dependsOn": _short(b)} for b in before]
+        memory = _memory_mb(batch, tasks)
+        if memory:
+            step["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": memory}]}
         step["script"] = {"actions": {"onRun": {"command": "unveil", "args": arguments}}}
         steps.append(step)
     return (
@@ -56,6 +63,8 @@ def slurm_script(batch: Batch) -> str:
     for k, (name, tasks) in enumerate(_groups(batch)):
         arguments = [shlex.quote(a) for a in tasks[0].arguments]
         options = f"--parsable --job-name={shlex.quote(name)}"
+        memory = _memory_mb(batch, tasks)
+        options += f" --mem={memory}M" if memory else ""
         if tasks[0].block is not None:
             arguments[-1] = '"$SLURM_ARRAY_TASK_ID"'
             options += f" --array=0-{len(tasks) - 1}"

@@ -97,6 +97,13 @@ class Camera:
         masked[inside] = mask[row, column]
         return inside, masked
 
+    @property
+    def longest_ray(self) -> float:
+        """Distance from the camera over depth along its axis, at most: that of the farthest corner."""
+        across = max(self.cx, self.width - self.cx) / self.fx
+        down = max(self.cy, self.height - self.cy) / self.fy
+        return float(np.sqrt(1 + across**2 + down**2))
+
     def rays(self) -> Float64:
         """(H, W, 3) float64 world directions through the pixel centres with unit component along the optical axis,
         so that ``centre + depth * ray`` is the point at that depth."""

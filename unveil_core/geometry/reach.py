@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["LONGEST_RAY", "CameraViews", "PointGrid", "cameras_near", "centres_of"]
+__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of"]
 
 T = TypeVar("T")
-LONGEST_RAY = 2.5
-"""Distance from the camera over depth along its axis, at most: in the corners of a picture of 130 degrees."""
 
 
 def centres_of(cameras: Sequence[Camera]) -> Float64:
@@ -43,15 +41,17 @@ class CameraViews(Generic[T]):
 
     Attributes:
         cameras: of the frames; frames: what each shows, asked for only where it matters.
-        centres: (V, 3) of the cameras.
+        centres: (V, 3) of the cameras; longest_ray: of any of them.
     """
 
     cameras: Sequence[Camera]
     frames: Sequence[T]
     centres: Float64 = field(init=False)
+    longest_ray: float = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centres", centres_of(self.cameras))
+        object.__setattr__(self, "longest_ray", max((c.longest_ray for c in self.cameras), default=1.0))
 
     def near(self, points: Float64, reach: float) -> NDArray[np.int64]:
         """Indices of the frames within ``reach`` of points, see :func:`cameras_near`."""

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import LONGEST_RAY, cameras_near, centres_of
+from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.mesh import tsdf_kernels as kernels
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 
@@ -217,7 +217,9 @@ def _fuse_region(
     ends = np.stack([blocks.min(axis=0) * size, (blocks.max(axis=0) + 1) * size])
     furthest = max_depth + band / kernels.SMALLEST_COSINE
     cameras = views.cameras
-    near = set(cameras_near(centres_of(cameras), ends, LONGEST_RAY * furthest).tolist())
+    # A block counts with its bounding sphere.
+    reach = max(c.longest_ray for c in cameras) * (furthest + size) + size
+    near = set(cameras_near(centres_of(cameras), ends, reach).tolist())
     volume = np.zeros((len(blocks), kernels.BLOCK**3, 6), dtype=np.float32)
     for done, camera in enumerate(cameras):
         if done in near and len(chosen := _blocks_in_view(blocks, camera, voxel, furthest)):

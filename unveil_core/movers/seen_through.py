@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.geometry.reach import LONGEST_RAY, CameraViews
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts
 
@@ -129,7 +129,7 @@ def count_evidence(places: Float64, visibility: DriveVisibility, frame: int, *, 
     through, covered = np.zeros(count, np.int64), np.zeros(count, np.int64)
     flat = places.reshape(-1, 3)
     most = farther * visibility.cameras[frame].project(flat)[1]
-    for other in visibility.near(flat, LONGEST_RAY * float(most.max(initial=0.0))):
+    for other in visibility.near(flat, visibility.longest_ray * float(most.max(initial=0.0))):
         if other == frame:
             continue
         camera = visibility.cameras[other]
