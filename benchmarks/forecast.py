@@ -12,7 +12,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ from unveil_core.pipeline.settings import QUALITIES, RunSettings  # noqa: E402
 from unveil_core.pipeline.steps.import_ import work_side_of  # noqa: E402
 
 RESULTS = HERE / "results" / "forecast.json"
+GUESS, PIXELS = 0.15, 2.5
+"""Weight of a guess beside a run, and how much more four times the pixels are taken to cost: part of the work does not see them."""
 LEAST_S, LEAST_MB = 0.5, 10.0
 """What is shorter or smaller counts as if it were so: its share of the whole is not worth a percentage."""
 
@@ -68,12 +71,29 @@ class Run:
         )
 
 
-def weights_of(terms: list[tuple[float, ...]], found: list[float], least: float) -> list[float]:
-    """Weights of 0 and more with the least squared relative error."""
-    scale = 1 / np.maximum(np.array(found), least)
-    rows = np.array(terms)
+def weights_of(
+    works: list[Workload], terms: Callable[[Workload], tuple[float, ...]], found: list[float], least: float
+) -> list[float]:
+    """Weights of 0 and more with the least squared relative error.
+
+    A few runs do not tell frames from pixels. So each run also says, with little weight, what it would have taken with twice the
+    frames (twice as much) and with four times the pixels (see :data:`PIXELS`).
+    """
+    more = [w.with_frames(2 * w.frames) for w in works], [w.with_side(2 * w.side) for w in map(_reducible, works)]
+    rows = np.array([terms(w) for part in (works, *more) for w in part])
+    values = np.array([v * times for times in (1.0, 2.0, PIXELS) for v in found])
+    weight = np.repeat((1.0, GUESS, GUESS), len(found)) / np.maximum(values, least)
     unit = rows.max(axis=0) + 1e-9
-    return [float(f"{w:.4g}") for w in nnls(rows / unit * scale[:, None], np.array(found) * scale)[0] / unit]
+    return [float(f"{w:.4g}") for w in nnls(rows / unit * weight[:, None], values * weight)[0] / unit]
+
+
+def _reducible(work: Workload) -> Workload:
+    """The same with images that were reduced to their own size: larger ones would be worked on larger."""
+    return (
+        replace(work, side=max(work.size), size=tuple(4 * n for n in work.size))
+        if work.side >= max(work.size)
+        else work
+    )
 
 
 def fit(runs: list[Run]) -> dict[str, Any]:
@@ -89,16 +109,17 @@ def fit(runs: list[Run]) -> dict[str, Any]:
         if quality != "standard" and len(some) < 2:
             add_scaled(table, quality, some)
             continue
-        times = [costs.time_terms(r.work) for r in some]
+        works = [r.work for r in some]
         table["seconds"][quality] = {}
         for stage in STAGES:
-            have = [k for k, r in enumerate(some) if stage.name in r.seconds]
+            have = [r for r in some if stage.name in r.seconds]
             table["seconds"][quality][stage.name] = weights_of(
-                [times[k] for k in have], [some[k].seconds[stage.name] for k in have], LEAST_S
+                [r.work for r in have], costs.time_terms, [r.seconds[stage.name] for r in have], LEAST_S
             )
-        memory, disk = [costs.memory_terms(r.work) for r in some], [costs.disk_terms(r.work) for r in some]
-        table["memory_mb"][quality] = weights_of(memory, [r.memory_mb for r in some], LEAST_MB)
-        table["disk_mb"][quality] = weights_of(disk, [r.disk_mb for r in some], LEAST_MB)
+        table["memory_mb"][quality] = weights_of(
+            works, costs.memory_terms, [r.memory_mb - costs.held_mb(r.work) for r in some], LEAST_MB
+        )
+        table["disk_mb"][quality] = weights_of(works, costs.disk_terms, [r.disk_mb for r in some], LEAST_MB)
     return table
 
 
@@ -114,13 +135,13 @@ def add_scaled(table: dict[str, Any], quality: str, runs: list[Run]) -> None:
         usual = float(np.dot(weights, terms))
         return [float(f"{w * found / usual:.4g}") for w in weights] if usual > 0 else weights
 
-    usual = table["seconds"]["standard"]
+    work, usual = run.work, table["seconds"]["standard"]
     times, memory, disk = (f(run.work) for f in (costs.time_terms, costs.memory_terms, costs.disk_terms))
     table["seconds"][quality] = {
         name: scaled(weights, times, run.seconds[name]) if name in run.seconds else weights
         for name, weights in usual.items()
     }
-    table["memory_mb"][quality] = scaled(table["memory_mb"]["standard"], memory, run.memory_mb)
+    table["memory_mb"][quality] = scaled(table["memory_mb"]["standard"], memory, run.memory_mb - costs.held_mb(work))
     table["disk_mb"][quality] = scaled(table["disk_mb"]["standard"], disk, run.disk_mb)
 
 

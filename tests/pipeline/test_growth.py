@@ -26,6 +26,7 @@ from unveil_core.optimize.in_blocks import block_of_drive
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.raster import api
+from unveil_core.remove import observed
 from unveil_core.remove.observed import SeenView, SeenViews, never_seen
 
 SIZE = (96, 64)
@@ -97,7 +98,7 @@ def line(frames: int) -> list[Camera]:
 def growth(work: Callable[[int], None], monkeypatch: pytest.MonkeyPatch) -> float:
     """By how much the number of projected points grows from 60 frames to 120, from 300 m to 600."""
     counts = []
-    project = Camera.project
+    project, shared_out = Camera.project, observed.in_parallel
     for frames in (60, 120):
         points = 0
 
@@ -106,8 +107,14 @@ def growth(work: Callable[[int], None], monkeypatch: pytest.MonkeyPatch) -> floa
             points += len(places)
             return project(self, places)
 
+        def counted_kernel(kernel: object, size: int, *arguments: object) -> None:
+            nonlocal points
+            points += size
+            shared_out(kernel, size, *arguments)  # type: ignore[arg-type]
+
         with monkeypatch.context() as patch:
             patch.setattr(Camera, "project", counted)
+            patch.setattr(observed, "in_parallel", counted_kernel)
             work(frames)
         counts.append(points)
     assert counts[0] > 0

@@ -13,7 +13,16 @@ from typing import Any
 
 from unveil_core.forecast.workload import Workload
 
-__all__ = ["disk_mb", "disk_terms", "memory_terms", "peak_memory_mb", "reference_seconds", "seconds_of", "time_terms"]
+__all__ = [
+    "disk_mb",
+    "disk_terms",
+    "held_mb",
+    "memory_terms",
+    "peak_memory_mb",
+    "reference_seconds",
+    "seconds_of",
+    "time_terms",
+]
 
 LONGEST_M = 150.0
 """Length of street that is read at once, metres: a block and its surroundings."""
@@ -32,16 +41,14 @@ def time_terms(work: Workload) -> tuple[float, ...]:
     return 1.0, float(work.frames), work.working_mpx, _larger(work)
 
 
+def held_mb(work: Workload) -> float:
+    """Of the room for frames, what they take."""
+    return min(work.memory_mb, work.working_mpx * PIXEL_BYTES * 1e6 / 2**20)
+
+
 def memory_terms(work: Workload) -> tuple[float, ...]:
-    """1, length of street read at once, room for frames that is used, millions of pixels of a frame as worked on and as it came."""
-    held = work.working_mpx * PIXEL_BYTES * 1e6 / 2**20
-    return (
-        1.0,
-        min(work.way_m, LONGEST_M),
-        min(work.memory_mb, held),
-        work.working_mpx / work.frames,
-        _larger(work) / work.frames,
-    )
+    """1, length of street read at once, and millions of pixels of a frame as worked on and as it came, beside the held frames."""
+    return 1.0, min(work.way_m, LONGEST_M), work.working_mpx / work.frames, _larger(work) / work.frames
 
 
 def disk_terms(work: Workload) -> tuple[float, ...]:
@@ -62,7 +69,7 @@ def seconds_of(work: Workload) -> dict[str, float]:
 
 def peak_memory_mb(work: Workload) -> float:
     """Largest resident size of the process."""
-    return _sum(_weights()["memory_mb"][work.quality], memory_terms(work))
+    return held_mb(work) + _sum(_weights()["memory_mb"][work.quality], memory_terms(work))
 
 
 def disk_mb(work: Workload) -> float:

@@ -58,7 +58,7 @@ class Forecast:
             way_out = _smaller_memory(self.workload, free_memory_mb) or "a machine with more"
             lack("memory", self.memory_mb, free_memory_mb, way_out)
         if self.disk_mb > free_disk_mb:
-            frames = int(self.workload.frames * free_disk_mb / self.disk_mb / self.workload.cameras)
+            frames = _fewer_frames(self.workload, free_disk_mb)
             fewer = f", or --frames 0:{frames}," if frames > 1 else ""
             lack("disk", self.disk_mb, free_disk_mb, f"a workspace on another disk{fewer}")
         return lines
@@ -73,6 +73,14 @@ def forecast(workload: Workload, stages: Sequence[str], machine: Machine) -> For
         peak_memory_mb(workload),
         disk_mb(workload),
     )
+
+
+def _fewer_frames(work: Workload, free_mb: float) -> int:
+    """How many frames of each camera fit on a disk."""
+    frames = work.frames // work.cameras
+    while frames > 1 and disk_mb(work.with_frames(frames * work.cameras)) > free_mb:
+        frames = min(frames - 1, int(0.95 * frames))
+    return frames
 
 
 def _smaller_memory(work: Workload, free_mb: float) -> str | None:

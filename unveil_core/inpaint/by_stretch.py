@@ -174,12 +174,16 @@ class StreetFill:
 
     def seen_from(self, stretch: Stretch) -> StreetChart:
         """The filled ground that a stretch's frames see: its own, and what of the next ones is near."""
+        reach = round(SEEN_M / TEXEL_M)
+        return self._gathered(self.own, stretch.rows[0] - reach, stretch.rows[1] + reach)
+
+    def _gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
+        """Rows of the drive's chart from ``first`` up to ``end``, as far as there are such, from the stretches that own them."""
         parts = []
         for other in self.stretches:
-            first = max(other.rows[0], stretch.rows[0] - round(SEEN_M / TEXEL_M))
-            end = min(other.rows[1], stretch.rows[1] + round(SEEN_M / TEXEL_M))
-            if first < end:
-                parts.append(self.own(other).part(first - other.rows[0], end - other.rows[0]))
+            low, high = max(other.rows[0], first), min(other.rows[1], end)
+            if low < high:
+                parts.append(chart_of(other).part(low - other.rows[0], high - other.rows[0]))
         if len(parts) == 1:
             return parts[0]
         planes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in PLANES}
@@ -202,6 +206,10 @@ class StreetFill:
 
     def _read(self, stretch: Stretch) -> StreetChart:
         """The ground of a stretch and of its surroundings as the frames show it."""
+        return self._gathered(self._read_own, *stretch.around)
+
+    def _read_own(self, stretch: Stretch) -> StreetChart:
+        """The ground of a stretch as the frames show it."""
 
         def make() -> dict[str, NDArray[Any]]:
             frames, views = stretch.frames, self.views
@@ -218,7 +226,7 @@ class StreetFill:
                 self.of_frames(stretch, views.images),
                 self.of_frames(stretch, views.labels),
                 Frames(len(frames), usable),
-                rows=stretch.around,
+                rows=stretch.rows,
                 progress=self._progress(stretch),
             ).arrays()
 

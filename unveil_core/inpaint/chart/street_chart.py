@@ -197,7 +197,8 @@ def read_chart(
         index = first + np.flatnonzero(inside[first:last])
         pixel, depth = camera.project(world[index])
         seen = camera.in_picture(pixel, depth, nearest=NEAREST_M) & (depth < READ_M)
-        texels.add(index[seen], pixel[seen], depth[seen], images[v], labels[v], usable[v])
+        if seen.any():  # else the view need not even be loaded
+            texels.add(index[seen], pixel[seen], depth[seen], images[v], labels[v], usable[v])
         progress(v + 1, len(cameras), "reading the street")
     known = texels.weight > 0
     return StreetChart(

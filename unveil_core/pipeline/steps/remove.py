@@ -129,7 +129,7 @@ def run(context: StageContext) -> None:
         return seen.max_visible_depth, mask_bits(seen.sky), mask_bits(seen.hidden)
 
     stored = context.cache.stored(context.scratch("seen"), len(frames), look)
-    views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: _seen(*stored[i])))
+    views = SeenViews([f.camera for f in frames], context.cache.frames(len(frames), lambda i: _seen(*stored[i])))
     for done, _ in enumerate(stored):
         context.progress(done + 1, 2 * len(frames), "finding what nobody saw")
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
