@@ -53,8 +53,9 @@ def test_the_car_goes_and_the_street_continues(done: Workspace, street: Path) ->
 
 
 def test_scale_and_up_are_estimated_and_said_first(done: Workspace) -> None:
-    first, second = done.events()[:2]
-    assert first["stage"] == "import" and first["level"] == "warning" and second["message"] == "started"
+    first, forecast, started = done.events()[:3]
+    assert first["stage"] == "import" and first["level"] == "warning" and started["message"] == "started"
+    assert "7 m of way" in forecast["message"], "in metres, whatever the drive's unit"
     assert first["message"].startswith("SCALE UNKNOWN: 1 m is taken as 0.0") or "0.1" in first["message"]
     placed = first["placement"]
     assert placed["units_per_metre"] == pytest.approx(0.1, rel=0.02) and placed["scale_source"] == "camera height"

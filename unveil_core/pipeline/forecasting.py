@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,11 +66,19 @@ class Expected:
 
 
 def expected_of(
-    drive: Drive, placement: Placement, workspace: Workspace, stages: Sequence[Stage], settings: RunSettings
+    drive: Drive,
+    placement: Placement,
+    workspace: Workspace,
+    stages: Sequence[Stage],
+    settings: RunSettings,
+    tell: Callable[[str], None],
 ) -> Expected | None:
     """The forecast of a run of some stages; None where all of them are up to date.
 
-    A machine that has not run anything yet is measured, which takes seconds.
+    A machine that has not run anything yet is measured: seconds, and half a minute where kernels must be compiled first.
+
+    Args:
+        tell: gets a line before that.
     """
     names = [stage.name for stage in stages]
     if workspace.state().get("stages"):
@@ -80,6 +88,7 @@ def expected_of(
         return None
     machine = this_machine()
     if not machine.known:
+        tell("measuring how fast this machine is")
         machine.speed = measured_seconds() / reference_seconds()
         machine.save()
     work = Workload.of_drive(

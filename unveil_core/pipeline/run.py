@@ -77,7 +77,7 @@ def run(
         notices.append(Notice("import", NO_LABELS_HELP, "warning"))
     space = Workspace.create(workspace)
     try:
-        expected = expected_of(opened, placed, space, stages, settings)
+        expected = expected_of(opened, placed, space, stages, settings, lambda line: reporter(_event(line)))
         notices += [] if expected is None else expected.notices(space.root)
         place = Path(drive).absolute()
         run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
@@ -96,10 +96,21 @@ def _every_second(reporter: Reporter) -> Progress:
         nonlocal last
         if time.monotonic() - last >= 1.0:
             last = time.monotonic()
-            event = {"t": round(time.time(), 3), "stage": "import", "done": done, "total": total}
-            reporter({**event, "message": message, "level": "info"})
+            reporter(_event(message, done, total))
 
     return progress
+
+
+def _event(message: str, done: int = 0, total: int = 0) -> dict[str, object]:
+    """An event before the first stage, which no workspace logs."""
+    return {
+        "t": round(time.time(), 3),
+        "stage": "import",
+        "done": done,
+        "total": total,
+        "message": message,
+        "level": "info",
+    }
 
 
 def run_verb(
