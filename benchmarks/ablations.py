@@ -41,29 +41,17 @@ def row(measured: dict) -> dict[str, float | str | None]:
     """What the table shows of a run."""
     held, geometry = measured["held_out"], measured["geometry"]
     return {
-        "drive": measured["drive"],
-        "cpu_seconds": measured["cpu_seconds"],
-        "surfels": measured["surfels"],
-        "psnr": held["psnr"],
-        "ssim": held["ssim"],
-        "miou": held["miou"],
-        "f_score_0.25": geometry["f_score_0.25"],
-        "f_score_0.05": geometry["f_score_0.05"],
-        "chamfer_m": geometry["chamfer_m"],
-        "unobserved_iou": geometry.get("unobserved_iou"),
-        "iterations": measured["choices"]["iterations"]["chosen"],
+        "drive": measured["drive"], "cpu_seconds": measured["cpu_seconds"], "surfels": measured["surfels"], "psnr": held["psnr"],
+        "ssim": held["ssim"], "miou": held["miou"], "f_score_0.25": geometry["f_score_0.25"],
+        "f_score_0.05": geometry["f_score_0.05"], "chamfer_m": geometry["chamfer_m"],
+        "unobserved_iou": geometry.get("unobserved_iou"), "iterations": measured["choices"]["iterations"]["chosen"]
     }
 
 
 def plot(rows: list[dict], target: Path) -> None:
     """Bars: each figure's difference from the whole method, by scene."""
-    figures = [
-        ("psnr", "PSNR, dB"),
-        ("miou", "mIoU"),
-        ("f_score_0.05", "F at 0.05 m"),
-        ("unobserved_iou", "unobserved IoU"),
-        ("cpu_seconds", "seconds of a core"),
-    ]
+    figures = [("psnr", "PSNR, dB"), ("miou", "mIoU"), ("f_score_0.05", "F at 0.05 m"), ("unobserved_iou", "unobserved IoU"),
+               ("cpu_seconds", "seconds of a core")]
     names = [n for n in ROWS if n != "all" and any(r["row"] == n for r in rows)]
     figure, axes = plt.subplots(1, len(figures), figsize=(3.1 * len(figures), 0.36 * len(names) + 1.2), sharey=True)
     for axis, (key, title) in zip(axes, figures, strict=True):

@@ -167,8 +167,7 @@ def main() -> None:
         "not_fitted_on": {s.name: reliability(p, r, certain) for s, (p, r) in zip(samples, by_others, strict=True)},
         "fitted_on": {s.name: reliability(p, s.right, certain) for s, p in zip(samples, fitted_levels, strict=True)},
         "checked": {
-            s.name: reliability(certainty_levels(expected_right(s.origin, s.doubts, models)), s.right, certain)
-            for s in checks
+            s.name: reliability(certainty_levels(expected_right(s.origin, s.doubts, models)), s.right, certain) for s in checks
         },
         "origins": {
             s.name: {

@@ -129,11 +129,7 @@ def measure(name: str, street: Street, folder: Path) -> dict[str, Any]:
     command = [sys.executable, "-m", "unveil_core", "run", str(path), "-o", str(workspace)]
     begun = time.perf_counter()
     ran = subprocess.run(
-        [*command, "--quality", "draft", "--work-side", "192"],
-        cwd=HERE.parent,
-        capture_output=True,
-        text=True,
-        check=False,
+        [*command, "--quality", "draft", "--work-side", "192"], cwd=HERE.parent, capture_output=True, text=True, check=False
     )
     seconds = round(time.perf_counter() - begun, 1)
     (own / "said.txt").write_text(ran.stdout + ran.stderr)

@@ -89,74 +89,51 @@ def cases() -> dict[str, Case]:
     passer = glass.corner + 1.2 * glass.along + 1.0 * glass.out
     return {
         "border": Case(
-            "a bus beside the path, cut by the border of the image in all frames",
-            range(8, 16),
-            (Staged(box(8, 2.2, -3.4, (13.0, 2.5, 3.0)), "bus", 1),),
-            11,
+            "a bus beside the path, cut by the border of the image in all frames", range(8, 16),
+            (Staged(box(8, 2.2, -3.4, (13.0, 2.5, 3.0)), "bus", 1),), 11,
         ),
         "huge": Case(
-            "a lorry ahead that fills more than half of the image in the end",
-            range(8, 17),
-            (Staged(box(16, 2.6, 0.3, (7.0, 2.5, 3.4)), "truck", 1),),
-            15,
+            "a lorry ahead that fills more than half of the image in the end", range(8, 17),
+            (Staged(box(16, 2.6, 0.3, (7.0, 2.5, 3.4)), "truck", 1),), 15,
         ),
         "overlapping": Case(
-            "two cars, the nearer one goes, the one that it partly hides stays",
-            range(8, 17),
+            "two cars, the nearer one goes, the one that it partly hides stays", range(8, 17),
             (
                 Staged(car(8, 14.0, -2.6, 1), "car", 1),
                 Staged(car(8, 20.0, -3.0, 2), "car", 2, goes=False),
-            ),
-            11,
-            by_instance=True,
+            ), 11, by_instance=True,
         ),
         "overlapping, behind": Case(
-            "two cars, the one that is partly hidden goes, the nearer one stays",
-            range(8, 17),
+            "two cars, the one that is partly hidden goes, the nearer one stays", range(8, 17),
             (
                 Staged(car(8, 14.0, -2.6, 1), "car", 1, goes=False),
                 Staged(car(8, 20.0, -3.0, 2), "car", 2),
-            ),
-            11,
-            by_instance=True,
+            ), 11, by_instance=True,
         ),
         "glass": Case(
-            "a person before a glass front, which mirrors the street",
-            range(1, 11),
-            (Staged(Person(passer), "person", 1),),
-            6,
-            glass,
+            "a person before a glass front, which mirrors the street", range(1, 11), (Staged(Person(passer), "person", 1),),
+            6, glass,
         ),
         "whole frame": Case(
-            "a lorry ahead that fills the whole last image",
-            range(8, 17),
-            (Staged(box(16, 0.8, 0.0, (7.0, 2.6, 3.4)), "truck", 1),),
-            16,
+            "a lorry ahead that fills the whole last image", range(8, 17),
+            (Staged(box(16, 0.8, 0.0, (7.0, 2.6, 3.4)), "truck", 1),), 16,
         ),
         "passing": Case(
-            "a bus close before the camera in one frame only, which it fills",
-            range(8, 17),
-            (Staged(box(12, 0.9, 0.0, (2.5, 9.0, 3.4)), "bus", 1, frames=frozenset({12})),),
-            12,
+            "a bus close before the camera in one frame only, which it fills", range(8, 17),
+            (Staged(box(12, 0.9, 0.0, (2.5, 9.0, 3.4)), "bus", 1, frames=frozenset({12})),), 12,
         ),
         "few frames": Case(
-            "a car beside the start, seen in the first frames only",
-            range(8, 18),
-            (Staged(car(8, 5.0, -3.2, 3), "car", 1),),
-            8,
+            "a car beside the start, seen in the first frames only", range(8, 18), (Staged(car(8, 5.0, -3.2, 3), "car", 1),), 8
         ),
         "speck": Case(
-            "a car of which one frame shows a few pixels",
-            range(8, 17),
-            (Staged(car(8, 1.45, -3.3, 3), "car", 1),),
-            8,
+            "a car of which one frame shows a few pixels", range(8, 17),
+            (Staged(car(8, 1.45, -3.3, 3), "car", 1),), 8,
         ),
         "no surroundings": Case(
             "lorries along the whole right side: the hole reaches the border and no view shows what lies beyond it",
             range(8, 16),
-            tuple(Staged(box(8 + 6 * k, -3.0, -3.6, (6.7, 2.4, 3.3)), "truck", k + 1) for k in range(4)),
-            10,
-        ),
+            tuple(Staged(box(8 + 6 * k, -3.0, -3.6, (6.7, 2.4, 3.3)), "truck", k + 1) for k in range(4)), 10,
+        )
     }
 
 
@@ -182,11 +159,8 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
         error, similar = squared_error(clean, true), ssim_map(clean, true)
         differs = (clean != photograph).any(axis=2)
         for region, mask in (
-            ("gone", gone),
-            ("beside", ~gone),
-            ("beside, changed", differs & ~gone),
-            ("kept, behind what goes", kept & gone),
-            ("kept, seen", kept & ~gone),
+            ("gone", gone), ("beside", ~gone), ("beside, changed", differs & ~gone),
+            ("kept, behind what goes", kept & gone), ("kept, seen", kept & ~gone)
         ):
             sums.setdefault(region, []).append((error[mask].sum(), similar[mask].sum(), int(mask.sum())))
         changed += int((differs & ~gone).sum())

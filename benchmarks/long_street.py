@@ -108,13 +108,9 @@ def measure(row: dict) -> dict:
         beside = np.maximum(np.maximum(low - vertices, vertices - high), 0)
         error = np.minimum(error, np.linalg.norm(beside, axis=1))
     return {
-        **measured,
-        "seconds": round(seconds, 1),
-        "peak_memory_mb": peak,
-        "blocks": int(blocks),
-        "triangles": len(mesh.faces),
-        "error_median_mm": round(1000 * float(np.median(error)), 3),
-        "error_95_percent_mm": round(1000 * float(np.quantile(error, 0.95)), 3),
+        **measured, "seconds": round(seconds, 1), "peak_memory_mb": peak, "blocks": int(blocks),
+        "triangles": len(mesh.faces), "error_median_mm": round(1000 * float(np.median(error)), 3),
+        "error_95_percent_mm": round(1000 * float(np.quantile(error, 0.95)), 3)
     }
 
 

@@ -29,20 +29,8 @@ def measure(scene: str, row: str, quality: str, folder: Path) -> dict:
     """One row on one scene."""
     target = folder / "measured.json"
     command = [
-        sys.executable,
-        "-m",
-        "unveil_core",
-        "bench",
-        "pipeline",
-        str(HERE.parent / "sample_scenes" / scene),
-        "--quality",
-        quality,
-        "--rows",
-        row,
-        "--scene",
-        str(folder / f"{scene}_{quality}"),
-        "-o",
-        str(target),
+        sys.executable, "-m", "unveil_core", "bench", "pipeline", str(HERE.parent / "sample_scenes" / scene),
+        "--quality", quality, "--rows", row, "--scene", str(folder / f"{scene}_{quality}"), "-o", str(target)
     ]
     if os.environ.get("UNVEIL_KEEP"):
         command += ["--keep", str(Path(os.environ["UNVEIL_KEEP"]) / scene / quality)]

@@ -261,12 +261,9 @@ def stage(folder: Path, frames: Sequence[int], objects: Sequence[Staged], glass:
         size = view.image.shape[:2]
         name = f"{number:04d}.png"
         for target, picture in (
-            (f"images/{name}", layers["image"].reshape(*size, 3)),
-            (f"semantics/{name}", layers["labels"].reshape(size)),
-            (f"instances/{name}", instances.reshape(size)),
-            (f"truth/images/{name}", true.reshape(*size, 3)),
-            (f"truth/removed/{name}", _mask(removed, size)),
-            (f"truth/kept/{name}", _mask(kept, size)),
+            (f"images/{name}", layers["image"].reshape(*size, 3)), (f"semantics/{name}", layers["labels"].reshape(size)),
+            (f"instances/{name}", instances.reshape(size)), (f"truth/images/{name}", true.reshape(*size, 3)),
+            (f"truth/removed/{name}", _mask(removed, size)), (f"truth/kept/{name}", _mask(kept, size))
         ):
             write_image_atomic(folder / target, picture)
         files = {
