@@ -31,9 +31,9 @@ from unveil_core.drives.scale_and_up import place_drive  # noqa: E402
 from unveil_core.forecast import costs  # noqa: E402
 from unveil_core.forecast.machine import measured_seconds  # noqa: E402
 from unveil_core.forecast.workload import Workload  # noqa: E402
+from unveil_core.pipeline.forecasting import workload_of  # noqa: E402
 from unveil_core.pipeline.graph import STAGES  # noqa: E402
 from unveil_core.pipeline.settings import QUALITIES, RunSettings  # noqa: E402
-from unveil_core.pipeline.steps.import_ import work_side_of  # noqa: E402
 
 RESULTS = HERE / "results" / "forecast.json"
 GUESS, PIXELS = 0.15, 2.5
@@ -58,9 +58,7 @@ class Run:
         settings = RunSettings.from_json(state["settings"])
         drive = open_drive(Path(state["drive"]), settings.drive_options)
         placement = place_drive(drive, scale=settings.scale, up=settings.up)
-        work = Workload.of_drive(
-            localized(drive, placement), settings.quality, work_side_of(settings), settings.memory_bytes
-        )
+        work = workload_of(localized(drive, placement), settings)
         stages = {name: s for name, s in state["stages"].items() if "seconds" in s}
         return Run(
             f"{Path(state['drive']).name} {settings.quality}",
@@ -89,11 +87,9 @@ def weights_of(
 
 def _reducible(work: Workload) -> Workload:
     """The same with images that were reduced to their own size: larger ones would be worked on larger."""
-    return (
-        replace(work, side=max(work.size), size=tuple(4 * n for n in work.size))
-        if work.side >= max(work.size)
-        else work
-    )
+    if work.side < max(work.size):
+        return work
+    return replace(work, side=max(work.size), size=(4 * work.size[0], 4 * work.size[1]))
 
 
 def fit(runs: list[Run]) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from sample_scenes.long_street import long_street, long_way  # noqa: E402
 from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
+from unveil_core.evaluate.metrics import psnr_of_mse  # noqa: E402
 from unveil_core.ground.blocks import BLOCK_M, cut_into_blocks  # noqa: E402
 from unveil_core.workspace.files import frame_file, load_mask  # noqa: E402
 
@@ -111,7 +112,7 @@ def errors(workspace: Path, truth: Path, frames: str) -> tuple[np.ndarray, np.nd
 
 def psnr(squared: np.ndarray, values: np.ndarray) -> float | None:
     """Of the error of some frames together."""
-    return round(float(10 * np.log10(255**2 / (squared.sum() / values.sum()))), 3) if values.any() else None
+    return round(psnr_of_mse(float(squared.sum() / values.sum()) / 255**2), 3) if values.any() else None
 
 
 def beside_borders(workspace: Path, block_m: float) -> tuple[np.ndarray, int]:

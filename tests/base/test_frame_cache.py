@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unveil_core.base.frame_cache import FrameCache, Frames, chosen, nbytes_of
+from unveil_core.base.frame_cache import FrameCache, Frames, nbytes_of, subset
 
 PICTURE_BYTES = 800
 
@@ -68,7 +68,7 @@ def test_frames_are_a_sequence() -> None:
 
 
 def test_some_frames_are_those_frames() -> None:
-    some = chosen(Frames(9, lambda i: 10 * i), (7, 2, 2))
+    some = subset(Frames(9, lambda i: 10 * i), (7, 2, 2))
     assert list(some) == [70, 20, 20] and len(some) == 3
 
 

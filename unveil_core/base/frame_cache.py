@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checkpoint import Kept
 
-__all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "chosen", "nbytes_of"]
+__all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "nbytes_of", "subset"]
 
 T = TypeVar("T")
 DEFAULT_BYTES = 1 << 30
@@ -61,7 +61,7 @@ class Frames(Sequence[T], Generic[T]):
         return self._make(index)
 
 
-def chosen(values: Sequence[T], frames: Sequence[int]) -> Frames[T]:
+def subset(values: Sequence[T], frames: Sequence[int]) -> Frames[T]:
     """The values of some frames only, in their order."""
     return Frames(len(frames), lambda k: values[frames[k]])
 

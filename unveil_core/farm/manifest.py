@@ -23,10 +23,9 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.forecast.forecast import forecast
 from unveil_core.forecast.machine import this_machine
-from unveil_core.forecast.workload import Workload
+from unveil_core.pipeline.forecasting import workload_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.steps.import_ import work_side_of
 
 __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
 
@@ -140,7 +139,7 @@ def plan_batch(drives: Sequence[Path], root: Path, settings: RunSettings, option
         opened = localized(open_drive(path, settings.drive_options))
         if not opened.frames:
             raise DriveError("has no frames", path=path)
-        work = Workload.of_drive(opened, settings.quality, work_side_of(settings), settings.memory_bytes)
+        work = workload_of(opened, settings)
         expected = forecast(work, [stage.name for stage in STAGES], machine)
         name = _name(path, [d.name for d in planned])
         drive = BatchDrive(

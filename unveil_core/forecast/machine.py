@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shutil
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -173,7 +174,5 @@ def free_memory_mb() -> float:
 
 def free_disk_mb(folder: Path) -> float:
     """Room on the disk of a folder that may not be there yet."""
-    import psutil
-
     there = next(p for p in (folder.absolute(), *folder.absolute().parents) if p.exists())
-    return float(psutil.disk_usage(str(there)).free) / 2**20
+    return float(shutil.disk_usage(there).free) / 2**20

@@ -47,7 +47,7 @@ class Workload:
             side: longer image side that larger images are reduced to, pixels; memory_bytes: room for frames.
         """
         cameras = [f.camera for f in drive.frames]
-        sizes = Counter((c.width, c.height) for c in cameras)
+        size = Counter((c.width, c.height) for c in cameras).most_common(1)[0][0]
         track = longest_track(drive)
         return Workload(
             quality,
@@ -55,10 +55,10 @@ class Workload:
             len({f.camera_name for f in drive.frames}),
             len(cut_into_blocks(drive).blocks),
             way_of(centres_of([cameras[i] for i in track])),
-            sizes.most_common(1)[0][0],
+            size,
             side,
-            sum(n * w * h for (w, h), n in sizes.items()) / 1e6,
-            sum(n * _pixels(cameras, size, side) for size, n in sizes.items()) / 1e6,
+            sum(c.width * c.height for c in cameras) / 1e6,
+            sum(c.width * c.height for c in (working_camera(c, side) for c in cameras)) / 1e6,
             memory_bytes / 2**20,
         )
 
@@ -84,8 +84,3 @@ class Workload:
             given_mpx=self.given_mpx * share,
             working_mpx=self.working_mpx * share,
         )
-
-
-def _pixels(cameras: list, size: tuple[int, int], side: int) -> int:  # type: ignore[type-arg]
-    camera = working_camera(next(c for c in cameras if (c.width, c.height) == size), side)
-    return camera.width * camera.height

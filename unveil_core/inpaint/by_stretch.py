@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.checkpoint import Kept
-from unveil_core.base.frame_cache import FrameCache, Frames, chosen
+from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -238,7 +238,7 @@ class StreetFill:
 
     def of_frames(self, stretch: Stretch, frames: Sequence[T]) -> Sequence[T]:
         """What of all frames belongs to those that see a stretch."""
-        return chosen(frames, stretch.frames)
+        return subset(frames, stretch.frames)
 
     def _near(self, stretch: Stretch) -> tuple[Surfels, Surfels]:
         """Surfels of what stays and of what is removed, near a stretch."""

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.checkpoint import Kept
-from unveil_core.base.frame_cache import FrameCache, chosen
+from unveil_core.base.frame_cache import FrameCache, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.types import Float64, Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -85,7 +85,7 @@ class BlockwiseReconstruction:
             hidden, frames = self.hidden, block.frames
             done = self._reconstruct(
                 block_of_drive(self.drive, block),
-                None if hidden is None else chosen(hidden, frames),
+                None if hidden is None else subset(hidden, frames),
                 own,
                 part_of(self.progress, block.number, len(self.blocks.blocks)),
                 sky=self._sky[0],
@@ -230,7 +230,7 @@ class BlockwiseReoptimization:
                 self.surfels.select(torch.from_numpy(near)),
                 moves[near],
                 self.sky,
-                chosen(self.targets, block.frames),
+                subset(self.targets, block.frames),
                 self.settings.scaled(len(block.own)),
                 near=NEAR_M,
                 far=FAR_M,

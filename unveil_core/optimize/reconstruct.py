@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.checkpoint import Checkpoint, Kept
-from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -209,7 +209,7 @@ def sky_of_labels(
         return None, {}
     some = range(0, len(drive.frames), max(1, len(drive.frames) // MANY_FRAMES))
     part = replace(drive, frames=tuple(drive.frames[i] for i in some))
-    without = None if hidden is None else Frames(len(some), lambda k: hidden[some[k]])
+    without = None if hidden is None else subset(hidden, some)
     images, labels = _pictures(part, scene, exposures, without, cache)
     return start_sky(part, scene, images, labels, None, _sky_rows(settings), without, cache)
 
@@ -378,7 +378,7 @@ class _Course:
         return taken
 
     def _of_probed(self, views: Sequence[TrainingView]) -> Sequence[TrainingView]:
-        return Frames(len(self.probed), lambda k: views[self.probed[k]])
+        return subset(views, self.probed)
 
     def _shown(self, views: Sequence[TrainingView]) -> Sequence[TrainingView]:
         return Frames(len(views), lambda i: hide(views[i]) if i in self.probed else views[i])

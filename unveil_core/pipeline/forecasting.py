@@ -26,7 +26,7 @@ from unveil_core.pipeline.status import stage_states
 from unveil_core.pipeline.steps.import_ import work_side_of
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Expected", "expected_of"]
+__all__ = ["Expected", "expected_of", "workload_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +65,11 @@ class Expected:
         self.machine.note(work.quality, stage, seconds, seconds_of(work)[stage])
 
 
+def workload_of(drive: Drive, settings: RunSettings) -> Workload:
+    """The work of a run on a drive in metres."""
+    return Workload.of_drive(drive, settings.quality, work_side_of(settings), settings.memory_bytes)
+
+
 def expected_of(
     drive: Drive,
     placement: Placement,
@@ -91,8 +96,5 @@ def expected_of(
         tell("measuring how fast this machine is")
         machine.speed = measured_seconds() / reference_seconds()
         machine.save()
-    work = Workload.of_drive(
-        localized(drive, placement), settings.quality, work_side_of(settings), settings.memory_bytes
-    )
-    found = forecast(work, names, machine)
+    found = forecast(workload_of(localized(drive, placement), settings), names, machine)
     return Expected(found, machine, RunClock(found.seconds))

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.frame_cache import chosen
+from unveil_core.base.frame_cache import subset
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path
@@ -149,9 +149,9 @@ def rectified_path(
         chart = read_chart(
             ground,
             [cameras[i] for i in near],
-            chosen(images, near),
-            chosen(labels, near),
-            chosen(usable, near),
+            subset(images, near),
+            subset(labels, near),
+            subset(usable, near),
             rows=(first, end),
         )
         pieces.append(RowBins.of_chart(chart.color, chart.source == OBSERVED, texels_per_m=per_m))

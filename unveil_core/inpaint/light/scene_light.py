@@ -48,7 +48,8 @@ def light_of_scene(
     if sun is None:
         return None
     # Between two cars there is little else than what lies beside them.
-    ground = evidence.light_seen(CONTACT_M / 4)
+    observed = evidence.mask(CONTACT_M / 4)
+    ground = evidence.light_seen(observed, evidence.dark(observed))
     solid_ones = _with_solid_houses(evidence, casters.kept, casters.gone, kinds.solid, sun, ground)
     of_kept, of_gone = (cast_on_chart(chart, surfels, sun.towards) for surfels in (solid_ones, casters.gone))
     return Light(sun, of_kept, of_gone)

@@ -104,16 +104,17 @@ def find_suns(
     casters = casters[:: max(1, len(casters) // MOST_CASTERS)]
     groups = [np.unique(m.alike[known], return_inverse=True)[1] for m in measures]
     wanted = [_centred(m.fall[known], group) for m, group in zip(measures, groups, strict=True)]
-    if any(_spread(w) < 1e-4 for w in wanted):
+    scales = [_spread(w) for w in wanted]
+    if min(scales) < 1e-4:
         return []
 
     def score(azimuth: float, elevation: float) -> float:
         shadow = _shadow(casters, sun_towards(azimuth, elevation), s, t, ground)[known]
         total = 0.0
-        for want, group in zip(wanted, groups, strict=True):
+        for want, scale, group in zip(wanted, scales, groups, strict=True):
             found = _centred(shadow, group)
             spread = _spread(found)
-            total += float((found * want).mean()) / (_spread(want) * spread) if spread > 1e-4 else -1.0
+            total += float((found * want).mean()) / (scale * spread) if spread > 1e-4 else -1.0
         return total / len(wanted)
 
     def tried(start: tuple[float, float, float], turn: tuple[float, float, float]) -> list[tuple[float, float, float]]:

@@ -69,10 +69,9 @@ class Evidence:
             observed &= ((s >= way.min() - reach) & (s <= way.max() + reach))[:, None]
         return observed
 
-    def dark(self, contact_m: float) -> NDArray[np.bool_]:
-        """(A, B) ground of the :meth:`mask` that lies in shade, wherever the sun stands."""
-        chart, observed = self.chart, self.mask(contact_m)
-        per_m = 1.0 / chart.texel
+    def dark(self, observed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(A, B) of the ``observed`` ground (A, B), see :meth:`mask`, what lies in shade, wherever the sun stands."""
+        chart, per_m = self.chart, 1.0 / self.chart.texel
 
         def profile(color: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
             return lateral_profile(color, usable, window=int(BORDER_M * per_m), hop=int(0.8 * BORDER_M * per_m))[0]
@@ -81,23 +80,17 @@ class Evidence:
         return read_shade(chart.color, observed, start, profile, texels_per_m=per_m, belief=0.0).dark
 
     def light_seen(
-        self, contact_m: float, dark: NDArray[np.bool_] | None = None
+        self, observed: NDArray[np.bool_], dark: NDArray[np.bool_]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """World points (P, 3) on the ground of the :meth:`mask`, and whether it is dark there (P,).
-
-        Args:
-            dark: where that is known already, see :meth:`dark`.
-        """
-        rows, columns = np.nonzero(self.mask(contact_m))
-        dark = self.dark(contact_m) if dark is None else dark
+        """World points (P, 3) on the ``observed`` ground (A, B), and whether it is ``dark`` there (P,)."""
+        rows, columns = np.nonzero(observed)
         step = max(1, round(CLOSER_M / self.chart.texel))
         some = (rows % step == 0) & (columns % step == 0)
         return self.chart.world(rows[some], columns[some]), dark[rows[some], columns[some]]
 
-    def light_at_borders(self, dark: NDArray[np.bool_]) -> float:
+    def light_at_borders(self, observed: NDArray[np.bool_], dark: NDArray[np.bool_]) -> float:
         """Brightness right inside the borders of what is ``dark`` (A, B), as a share of that right outside: the median over all
-        borders in sight, 1 where there are none."""
-        observed = self.mask(CONTACT_M)
+        borders on the ``observed`` ground (A, B), 1 where there are none."""
         per_m = 1.0 / self.chart.texel
         from_border = [cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (dark, ~dark)]
         near, far = (m * per_m for m in BESIDE_M)
@@ -116,22 +109,21 @@ class Evidence:
 
 def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
     """The sun; None where there is none, or it cannot be told."""
-    dark = evidence.dark(CONTACT_M)
-    if evidence.light_at_borders(dark) >= MOST_LIGHT:
+    observed = evidence.mask(CONTACT_M)
+    dark = evidence.dark(observed)
+    if evidence.light_at_borders(observed, dark) >= MOST_LIGHT:
         return None
     everything = concatenate([casters.kept, casters.gone])
-    suns = _coarse_suns(evidence, everything)
-    places, is_dark = evidence.light_seen(CONTACT_M, dark)
+    suns = _coarse_suns(evidence.chart, observed, everything)
+    places, is_dark = evidence.light_seen(observed, dark)
     if not suns or is_dark.sum() < LEAST_DARK:
         return suns[0] if suns else None
     return _refined_sun(places, is_dark, everything, suns)
 
 
-def _coarse_suns(evidence: Evidence, casters: Surfels) -> list[Sun]:
-    """Where the sun may stand, to a few degrees, the likeliest first, by cast shadows and the ground's darkness."""
-    chart = evidence.chart
+def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels) -> list[Sun]:
+    """Where the sun may stand, to a few degrees, the likeliest first, by cast shadows and the darkness of ``observed`` ground."""
     step = max(1, round(COARSE_M / chart.texel))
-    observed = evidence.mask(CONTACT_M)
     log = np.log(np.maximum(luminance(chart.color), 0.02))
     levels = [level(chart, observed) for level in (level_by_offset, level_by_label)]
     falls = [np.clip(np.log(np.maximum(np.nan_to_num(p, nan=0.0), 0.01)) - log, 0, DARKEST_FALL) for p in levels]
