@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 import weakref
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 from tests.mesh.street import HALF_WIDTH, Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, SettingsError
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.parallel import threads
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import DepthView, Mesh, fuse
@@ -206,19 +206,17 @@ def test_views_of_a_long_drive_are_not_kept() -> None:
     alive: weakref.WeakSet[DepthView] = weakref.WeakSet()
     most = 0
 
-    def stream() -> Iterator[DepthView]:
+    def make(i: int) -> DepthView:
         nonlocal most
-        for i in range(6):
-            camera = street_camera(1.5 * i)
-            seen = cast(camera)
-            weight = None if i % 2 else np.full(seen["depth"].shape, 0.5)
-            view = DepthView(camera, seen["depth"], seen["rgb"], weight)
-            alive.add(view)
-            most = max(most, len(alive))
-            yield view
-            del view
+        camera = street_camera(1.5 * i)
+        seen = cast(camera)
+        weight = None if i % 2 else np.full(seen["depth"].shape, 0.5)
+        view = DepthView(camera, seen["depth"], seen["rgb"], weight)
+        alive.add(view)
+        most = max(most, len(alive))
+        return view
 
-    mesh = fuse(stream(), voxel_size=0.2, max_depth=10.0)
+    mesh = fuse(Frames(6, make), voxel_size=0.2, max_depth=10.0)
     assert len(mesh.faces) > 1000
     assert most <= 2
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
@@ -55,6 +57,18 @@ def test_thinning_keeps_one_point_per_cell() -> None:
     assert len({tuple(c) for c in np.floor(points[keep] / 0.25).astype(int)}) == 64
     finer = thin_points(points, np.where(points[:, 0] < 0.5, 0.125, 0.25))
     assert len(keep) < len(finer) < 5000
+
+
+@given(st.integers(0, 400), st.floats(0.02, 3.0), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_first_point_of_each_cell(count: int, side: float, seed: int) -> None:
+    """Against sorting, for cells of several sizes and on both sides of the origin."""
+    generator = np.random.default_rng(seed)
+    points, cell = generator.normal(0, 2, (count, 3)), side * 2.0 ** generator.integers(0, 3, count)
+    smallest = cell.min(initial=np.inf)
+    level = np.round(np.log2(np.maximum(cell / smallest, 1.0)))
+    key = np.column_stack([np.floor(points / (smallest * 2.0**level)[:, None]), level])
+    expected = np.sort(np.unique(key, axis=0, return_index=True)[1]) if count else np.zeros(0, dtype=np.int64)
+    np.testing.assert_array_equal(thin_points(points, cell), expected)
 
 
 def test_colour_comes_back() -> None:

@@ -9,7 +9,7 @@ for the triangles.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import IO
 
@@ -52,10 +52,17 @@ class DepthView:
 
 @dataclass(frozen=True, eq=False)
 class _Prepared:
-    """A view as the kernels want it, 7 to 11 bytes a pixel."""
+    """A view as the kernels want it, 11 to 15 bytes a pixel.
+
+    Attributes:
+        camera: the view.
+        inverse_depth: (H, W), 0 where there is none; factor: (H, W), see ``kernels.inverse_depth_slopes``.
+        rgb: (H, W, 3); weight: (H, W), None for 1 everywhere.
+    """
 
     camera: Camera
     inverse_depth: NDArray[np.float32]
+    factor: NDArray[np.float32]
     rgb: NDArray[np.uint8]
     weight: NDArray[np.float32] | None
 
@@ -63,41 +70,41 @@ class _Prepared:
 class _Spool:
     """Prepared views in a file, for fusing goes through them twice: those of a long drive need gigabytes."""
 
-    def __init__(self, file: IO[bytes], views: Iterable[_Prepared]) -> None:
+    def __init__(self, file: IO[bytes]) -> None:
         self._file = file
         self._views: list[tuple[Camera, bool, int]] = []
-        for view in views:
-            self._views.append((view.camera, view.weight is not None, file.tell()))
-            for plane in (view.inverse_depth, view.rgb, view.weight):
-                if plane is not None:
-                    file.write(plane.data)
 
     def __len__(self) -> int:
         return len(self._views)
-
-    def __iter__(self) -> Iterator[_Prepared]:
-        return (self.read(i) for i in range(len(self._views)))
 
     @property
     def cameras(self) -> list[Camera]:
         """Of all views."""
         return [camera for camera, _, _ in self._views]
 
+    def add(self, view: _Prepared) -> None:
+        """One more view, behind the others."""
+        self._views.append((view.camera, view.weight is not None, self._file.tell()))
+        for plane in (view.inverse_depth, view.factor, view.rgb, view.weight):
+            if plane is not None:
+                self._file.write(plane.data)
+
     def read(self, index: int) -> _Prepared:
         """One view."""
         camera, weighted, place = self._views[index]
         self._file.seek(place)
         size = (camera.height, camera.width)
-        inverse, rgb = np.empty(size, np.float32), np.empty((*size, 3), np.uint8)
+        inverse, factor = np.empty((2, *size), np.float32)
+        rgb = np.empty((*size, 3), np.uint8)
         weight = np.empty(size, np.float32) if weighted else None
-        for plane in (inverse, rgb, weight):
+        for plane in (inverse, factor, rgb, weight):
             if plane is not None and self._file.readinto(plane.data) != plane.nbytes:  # type: ignore[attr-defined]
                 raise OSError("the temporary file of depth views is cut short")
-        return _Prepared(camera, inverse, rgb, weight)
+        return _Prepared(camera, inverse, factor, rgb, weight)
 
 
 def fuse(
-    views: Iterable[DepthView],
+    views: Sequence[DepthView],
     *,
     voxel_size: float,
     truncation: float | None = None,
@@ -113,7 +120,7 @@ def fuse(
     there is no surface.
 
     Args:
-        views: posed depth images; consumed once, one at a time, and kept in a temporary file of 7 to 11 bytes a pixel.
+        views: posed depth images; each is asked for once, one after the other, and kept in a file of 11 to 15 bytes a pixel.
         voxel_size: edge of a voxel in metres.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
@@ -140,10 +147,13 @@ def fuse(
         raise SettingsError("bounds must be a lowest and a highest corner", mend="give two rows of three")
 
     with tempfile.TemporaryFile() as file:
-        prepared = _Spool(file, (_prepare(view, index) for index, view in enumerate(views)))
-        total = 2 * len(prepared) + 1
-        most = LARGEST_BLOCKS if region_of is None else MOST_KEYS
-        keys = _allocate(prepared, voxel, band, max_depth, box, most, progress, total)
+        prepared = _Spool(file)
+        found = _SeenBlocks(voxel, band, float(max_depth), box, LARGEST_BLOCKS if region_of is None else MOST_KEYS)
+        total = 2 * len(views) + 1
+        for index, view in enumerate(views):
+            prepared.add(_prepare(view, index, found))
+            progress(index + 1, total, "finding surfaces")
+        keys = found.keys
         if not len(keys):
             progress(total, total, "fusing depth")
             return Mesh.empty()
@@ -224,15 +234,13 @@ def _fuse_region(
     for done, camera in enumerate(cameras):
         if done in near and len(chosen := _blocks_in_view(blocks, camera, voxel, furthest)):
             view = views.read(done)
-            w = view.inverse_depth
-            _, factor = kernels.inverse_depth_slopes(w, camera.fx, camera.fy, camera.cx, camera.cy)
-            weight = np.ones_like(w) if view.weight is None else view.weight
+            weight = np.ones_like(view.factor) if view.weight is None else view.weight
             kernels.integrate(
                 volume,
                 blocks,
                 chosen,
-                w,
-                factor,
+                view.inverse_depth,
+                view.factor,
                 weight,
                 view.rgb,
                 camera.fx,
@@ -267,7 +275,8 @@ def _joined(parts: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices[kept], index[same[faces]].astype(np.int32), colors[kept])
 
 
-def _prepare(view: DepthView, index: int) -> _Prepared:
+def _prepare(view: DepthView, index: int, found: _SeenBlocks) -> _Prepared:
+    """A view as the kernels want it; its blocks are added to those ``found``."""
     size = (view.camera.height, view.camera.width)
     depth = np.asarray(view.depth)
     if depth.shape != size or view.rgb.shape != (*size, 3):
@@ -281,53 +290,50 @@ def _prepare(view: DepthView, index: int) -> _Prepared:
     if rgb.dtype != np.uint8:
         rgb = np.round(np.clip(np.nan_to_num(rgb), 0, 1) * 255).astype(np.uint8)
     weight = None if view.weight is None else np.maximum(np.nan_to_num(view.weight).astype(np.float32), 0)
-    return _Prepared(view.camera, inverse, np.ascontiguousarray(rgb), weight)
+    camera = view.camera
+    normals, factor = kernels.inverse_depth_slopes(inverse, camera.fx, camera.fy, camera.cx, camera.cy)
+    found.add(camera, inverse, normals, factor)
+    return _Prepared(camera, inverse, factor, np.ascontiguousarray(rgb), weight)
 
 
-def _allocate(
-    views: _Spool,
-    voxel: float,
-    band: float,
-    max_depth: float,
-    box: NDArray[np.float64],
-    most: int,
-    progress: Progress,
-    total: int,
-) -> NDArray[np.int64]:
-    """Sorted keys of all blocks near a seen surface."""
-    table = np.full(1 << 16, -1, dtype=np.int64)
-    count = 0
-    for done, view in enumerate(views):
-        camera = view.camera
-        normals, factor = kernels.inverse_depth_slopes(view.inverse_depth, camera.fx, camera.fy, camera.cx, camera.cy)
+class _SeenBlocks:
+    """The blocks near surfaces that were seen, in a hash table.
+
+    Args:
+        voxel, band: edge of a voxel and truncation, metres; max_depth: of the pixels that count.
+        box: (2, 3) the space to keep; most: blocks at most.
+    """
+
+    def __init__(self, voxel: float, band: float, max_depth: float, box: NDArray[np.float64], most: int) -> None:
+        self._space = (voxel, band, max_depth, box[0], box[1])
+        self._voxel, self._most = voxel, most
+        self._table = np.full(1 << 16, -1, dtype=np.int64)
+        self._count = 0
+
+    def add(
+        self,
+        camera: Camera,
+        inverse_depth: NDArray[np.float32],
+        normals: NDArray[np.float32],
+        factor: NDArray[np.float32],
+    ) -> None:
+        """Those that a view sees, see ``kernels.allocate``."""
+        lens = (camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world)
         while True:
-            result = kernels.allocate(
-                view.inverse_depth,
-                normals,
-                factor,
-                camera.fx,
-                camera.fy,
-                camera.cx,
-                camera.cy,
-                camera.camera_to_world,
-                voxel,
-                band,
-                float(max_depth),
-                box[0],
-                box[1],
-                table,
-                count,
-            )
-            if result >= 0:
-                count = result
-                break
-            count = int(np.count_nonzero(table != -1))
-            if count > most:
-                raise _too_fine(voxel, most)
-            table = kernels.rehash(table, 2 * len(table))
-        progress(done + 1, total, "finding surfaces")
-    keys: NDArray[np.int64] = np.sort(table[table != -1])
-    return keys
+            count = kernels.allocate(inverse_depth, normals, factor, *lens, *self._space, self._table, self._count)
+            if count >= 0:
+                self._count = count
+                return
+            self._count = int(np.count_nonzero(self._table != -1))
+            if self._count > self._most:
+                raise _too_fine(self._voxel, self._most)
+            self._table = kernels.rehash(self._table, 2 * len(self._table))
+
+    @property
+    def keys(self) -> NDArray[np.int64]:
+        """(B,), rising."""
+        keys: NDArray[np.int64] = np.sort(self._table[self._table != -1])
+        return keys
 
 
 def _blocks_in_view(blocks: NDArray[np.int64], camera: Camera, voxel: float, furthest: float) -> NDArray[np.int64]:

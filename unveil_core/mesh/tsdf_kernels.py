@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.hashing import slot_of
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float32, Float64
 
@@ -138,7 +139,7 @@ def _key(bx, by, bz):
 def _insert(table, key):
     """Open addressing in a power-of-two table of -1 for free slots; 1 where the key is new."""
     mask = table.size - 1
-    slot = ((key * 0x9E3779B97F4A7C1) >> 20) & mask
+    slot = slot_of(key, table.size)
     while True:
         found = table[slot]
         if found == key:

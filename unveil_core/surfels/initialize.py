@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.hashing import slot_of
+from unveil_core.base.parallel import thread_count
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["SH_C0", "estimate_normals", "quats_from_normals", "surfels_from_points", "thin_points"]
@@ -30,13 +33,27 @@ def thin_points(positions: NDArray[np.float64], cell: NDArray[np.float64] | floa
     level = np.round(np.log2(np.maximum(size / max(size.min(initial=np.inf), 1e-12), 1.0)))
     size = size.min(initial=np.inf) * 2.0**level
     key = np.floor(positions / size[:, None]).astype(np.int64)
-    columns = (*key.T, level.astype(np.int64))
-    # Stable, so that the first point of a run of equal cells is the first in the given order; np.unique over rows is
-    # several times slower, for it compares them as opaque bytes.
-    order = np.lexsort(columns)
-    first = np.ones(len(order), dtype=bool)
-    first[1:] = np.any([c[order[1:]] != c[order[:-1]] for c in columns], axis=0)
-    return np.sort(order[first])
+    key = np.column_stack([key, level.astype(np.int64)])
+    table = np.full(1 << int(2 * len(key)).bit_length(), -1, dtype=np.int64)
+    return np.flatnonzero(_firsts(key, table))
+
+
+@njit(cache=True)
+def _firsts(keys, table):  # type: ignore[no-untyped-def]
+    """(P,) which of the keys (P, 4) are the first of their kind; ``table``: twice as many free slots, -1."""
+    first = np.zeros(len(keys), dtype=np.bool_)
+    for i in range(len(keys)):
+        x, y, z, level = keys[i, 0], keys[i, 1], keys[i, 2], keys[i, 3]
+        slot = slot_of(slot_of(x, 1 << 62) ^ (y << 21) ^ (z << 42) ^ level, table.size)
+        while True:
+            other = table[slot]
+            if other < 0:
+                table[slot], first[i] = i, True
+                break
+            if keys[other, 0] == x and keys[other, 1] == y and keys[other, 2] == z and keys[other, 3] == level:
+                break
+            slot = (slot + 1) & (table.size - 1)
+    return first
 
 
 def estimate_normals(
@@ -56,7 +73,7 @@ def estimate_normals(
     if k < 3:
         toward = viewpoints.mean(axis=0) - positions
         return toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-12), np.full(count, 0.1)
-    distance, index = cKDTree(positions).query(positions, k=k + 1, workers=1)
+    distance, index = cKDTree(positions).query(positions, k=k + 1, workers=thread_count())
     spacing = np.sqrt(np.mean(distance[:, 1:4] ** 2, axis=1))
     local = positions[index] - positions[index].mean(axis=1, keepdims=True)
     covariance = np.einsum("pki,pkj->pij", local, local)
