@@ -20,3 +20,9 @@ import torch  # noqa: E402
 if not torch.cuda.is_available():
     # Triton's kernels run in its interpreter, on the processor, exactly as written.
     os.environ.setdefault("TRITON_INTERPRET", "1")
+
+from hypothesis import settings  # noqa: E402
+
+# The first example of a kernel waits for its compilation, and machines have other work.
+settings.register_profile("unveil", deadline=None)
+settings.load_profile("unveil")

@@ -23,3 +23,21 @@ def test_a_point_is_in_the_picture_where_its_pixel_exists(x: float, y: float, z:
 def test_borders_belong_to_the_picture_on_two_sides() -> None:
     pixels = np.array([[0.0, 0.0], [95.99, 63.99], [96.0, 10.0], [10.0, 64.0], [-1e-9, 10.0], [np.nan, 10.0]])
     assert CAMERA.in_picture(pixels, np.ones(6)).tolist() == [True, True, False, False, False, False]
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 300))
+def test_shown_points_are_those_that_fall_into_the_picture(seed: int, count: int) -> None:
+    """Points around, behind and in the plane of the camera: the same as by :meth:`Camera.project`, in the same order."""
+    generator = np.random.default_rng(seed)
+    pose = np.eye(4)
+    pose[:3, :3] = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+    pose[:3, 3] = generator.normal(0, 5, 3)
+    camera = Camera(64, 48, 50.0, 45.0, 30.0, 25.0, pose)
+    points = generator.normal(0, 8, (count, 3))
+    points[::7] = camera.centre
+    pixels, depth = camera.project(points)
+    expected = np.flatnonzero(camera.in_picture(pixels, depth, nearest=0.2) & (depth < 9.0))
+    index, found, away = camera.shown(points, nearest=0.2, furthest=9.0)
+    np.testing.assert_array_equal(index, expected)
+    np.testing.assert_allclose(found, pixels[expected], atol=1e-9)
+    np.testing.assert_allclose(away, depth[expected], atol=1e-12)

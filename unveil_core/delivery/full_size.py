@@ -210,8 +210,8 @@ def _seen_in(
     """
     found, quality = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
     some = np.flatnonzero(asked)
-    seen, depth = sees(drive.views.frames[j], points[some])
-    some, depth = some[seen], depth[seen]
+    seen, _, depth = sees(drive.views.frames[j], points[some])
+    some = some[seen]
     if len(some):
         pixels, _ = footage_positions(drive.lenses[j], points[some])
         found[some] = as_color(sample_at(drive.footage(j), pixels, cv2.INTER_CUBIC)[None])[0]
@@ -248,9 +248,9 @@ def _ground_grain(
     found = np.full(len(street), np.nan, np.float32)
     for j in (index, *sources[:GRAIN_SOURCES]):
         open_ = np.flatnonzero(np.isnan(found[some]))
-        seen, _ = sees(drive.views.frames[j], points[open_])
-        if seen.any():
-            pixels, _ = footage_positions(drive.lenses[j], points[open_[seen]])
-            found[some[open_[seen]]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]
+        open_ = open_[sees(drive.views.frames[j], points[open_])[0]]
+        if len(open_):
+            pixels, _ = footage_positions(drive.lenses[j], points[open_])
+            found[some[open_]] = sample_at(drive.grain(j, FINER_THAN * scale), pixels, cv2.INTER_CUBIC)[:, 0]
     grain[removed] = found
     return grain

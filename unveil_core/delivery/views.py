@@ -61,13 +61,16 @@ def others_near(views: EmptyViews, own: int) -> list[int]:
     return [int(j) for j in views.by_distance(views.near(here[None], ASKED_M), here) if j != own]
 
 
-def sees(view: EmptyView, points: Float64) -> tuple[Mask, Float64]:
-    """Which world points (P, 3) a view shows, itself and not what is before it, and their depth (P,)."""
-    pixels, depth = view.camera.project(points)
-    seen = view.camera.in_picture(pixels, depth, nearest=NEAREST_M)
-    row, column = view.at(np.where(seen[:, None], pixels, 0.0))
-    there = view.depth[row, column]
-    return seen & ~view.barred[row, column] & (np.abs(there - depth) < SAME_DEPTH * depth), depth
+def sees(view: EmptyView, points: Float64) -> tuple[NDArray[np.int64], Float64, Float64]:
+    """Which world points (P, 3) a view shows, itself and not what is before it.
+
+    Returns:
+        their indices (N,), rising; their pixels (N, 2); their depth (N,).
+    """
+    index, pixels, depth = view.camera.shown(points, nearest=NEAREST_M)
+    row, column = view.at(pixels)
+    seen = ~view.barred[row, column] & (np.abs(view.depth[row, column] - depth) < SAME_DEPTH * depth)
+    return index[seen], pixels[seen], depth[seen]
 
 
 def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> list[int]:
@@ -90,17 +93,18 @@ def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> l
         if len(asked) == MOST_ASKED_VIEWS:
             break
         camera = views.cameras[j]
-        if not camera.in_picture(*camera.project(points), nearest=NEAREST_M).any():
+        if not len(camera.shown(points, nearest=NEAREST_M)[0]):
             continue
-        seen, depth = sees(views.frames[j], points)
-        if not seen.any():
+        seen, _, depth = sees(views.frames[j], points)
+        if not len(seen):
             continue
-        finer = own_size / np.maximum(depth / camera.fx, 1e-9)
+        finer = own_size[seen] / np.maximum(depth / camera.fx, 1e-9)
         # A view from far aside shows other sides of things.
         apart = float(np.linalg.norm(camera.centre - here.centre))
         aside = 1.0 / (1.0 + apart / np.maximum(depth, 1.0))
         asked.append(j)
-        quality.append(seen * np.minimum(finer, FINER) * aside)
+        quality.append(np.zeros(len(points)))
+        quality[-1][seen] = np.minimum(finer, FINER) * aside
     chosen: list[int] = []
     best = np.zeros(len(points))
     while quality and len(chosen) < most:

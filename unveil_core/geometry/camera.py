@@ -11,10 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float64
+from unveil_core.geometry.projection import project_shown
 from unveil_core.geometry.transforms import rigid_inverse
 
 __all__ = ["Camera"]
+
+POINTS = 16_384
+"""That a thread projects at a time: some tenths of a millisecond of work."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +93,40 @@ class Camera:
         inside: NDArray[np.bool_] = (depth > nearest) & (pixels >= 0).all(axis=1)
         return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)
 
+    @property
+    def lens(self) -> tuple[float, float, float, float, int, int]:
+        """fx, fy, cx, cy, width, height: what the kernels of ``geometry.projection`` ask for."""
+        return self.fx, self.fy, self.cx, self.cy, self.width, self.height
+
+    @property
+    def pose(self) -> tuple[Float64, Float64]:
+        """(3, 3) rotation and (3,) translation from world to camera."""
+        return np.ascontiguousarray(self.world_to_camera[:3, :3]), self.world_to_camera[:3, 3].copy()
+
+    def shown(
+        self, points: Float64, *, nearest: float = 1e-6, furthest: float = np.inf
+    ) -> tuple[NDArray[np.int64], Float64, Float64]:
+        """The world points that fall into the picture: of many of which few do, faster than :meth:`project`.
+
+        Args:
+            points: (N, 3).
+            nearest, furthest: depths between which they lie, metres.
+        Returns:
+            which (M,), rising; their pixels (M, 2); their depth (M,).
+        """
+        found = np.empty((len(points), 3))
+        places = np.ascontiguousarray(points, dtype=np.float64)
+        in_parallel(project_shown, len(places), POINTS, places, *self.pose, self.lens, nearest, furthest, found)
+        index = np.flatnonzero(found[:, 2])
+        found = found[index]
+        return index, found[:, :2], found[:, 2]
+
     def fall_in(self, points: Float64, mask: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which world points (N, 3) lie in the picture, and which of these in the ``mask`` (H, W); each (N,) bool."""
-        pixels, depth = self.project(points)
-        inside = self.in_picture(pixels, depth)
-        masked = np.zeros(len(points), dtype=bool)
-        column, row = pixels[inside].astype(np.int64).T
-        masked[inside] = mask[row, column]
+        index, pixels, _ = self.shown(points)
+        inside, masked = np.zeros((2, len(points)), dtype=bool)
+        column, row = pixels.astype(np.int64).T
+        inside[index], masked[index] = True, mask[row, column]
         return inside, masked
 
     @property

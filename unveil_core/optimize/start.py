@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
@@ -104,8 +104,9 @@ def _measured(seen: PointsInView, camera: Camera) -> NDArray[np.bool_]:
 
     The lonely points of structure from motion measure no surface.
     """
-    count = np.zeros((camera.height, camera.width), np.float32)
-    np.add.at(count, (seen.rows, seen.columns), 1.0)
+    pixel = seen.rows * camera.width + seen.columns
+    count = np.bincount(pixel, minlength=camera.height * camera.width).astype(np.float32)
+    count = count.reshape(camera.height, camera.width)
     side = 2 * max(1, round(MEASURED_SHARE * camera.width)) + 1
     around = cv2.boxFilter(count, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
     dense: NDArray[np.bool_] = around > MEASURED_POINTS - 0.5
@@ -152,8 +153,8 @@ def start_scene(
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
         found, footprint = sweep_points(
             [cameras[i] for i in track],
-            _of_track(images, track),
-            _of_track(Frames(len(cameras), unmeasured), track),
+            subset(images, track),
+            subset(Frames(len(cameras), unmeasured), track),
             SweepSettings(),
             near=10 * NEAR_M,
             far=FAR_M,
@@ -197,11 +198,6 @@ def start_scene(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
     return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP)
-
-
-def _of_track(frames: Sequence[NDArray[Any]], track: Sequence[int]) -> Sequence[NDArray[Any]]:
-    """The frames of one camera."""
-    return Frames(len(track), lambda k: frames[track[k]])
 
 
 def random_scene(

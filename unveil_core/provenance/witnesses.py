@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask, Picture
 from unveil_core.delivery.views import EmptyView, EmptyViews, others_near, sees
@@ -57,15 +58,16 @@ def seen_by(witnesses: Witnesses, own: int, pixels: Mask) -> Seen:
     color, square = np.zeros((len(points), 3)), np.zeros(len(points))
     for j in _asked(witnesses, own):
         other = witnesses.views.frames[j]
-        shown, far = sees(other, points)
-        at, _ = other.camera.project(points)
+        index, at, far = sees(other, points)
         if sky.any():
-            shown[sky] = _shows_sky(other, points[sky])
-        index = np.flatnonzero(shown)
+            ground = ~sky[index]
+            there, place, away = _shows_sky(other, points[sky])
+            index = np.concatenate([index[ground], np.flatnonzero(sky)[there]])
+            at, far = np.concatenate([at[ground], place]), np.concatenate([far[ground], away])
         if not len(index):
             continue
-        found = sample_at(witnesses.pictures[j], at[index]).astype(np.float64)
-        weight = 1.0 / far[index]
+        found = sample_at(witnesses.pictures[j], at).astype(np.float64)
+        weight = 1.0 / far
         count[index] += 1
         total[index] += weight
         color[index] += weight[:, None] * found
@@ -82,10 +84,9 @@ def _asked(witnesses: Witnesses, own: int) -> list[int]:
     return near[:: max(1, -(-len(near) // MOST_WITNESSES))]
 
 
-def _shows_sky(view: EmptyView, points: Float64) -> Mask:
-    """(P,) which far points (P, 3) a view shows as sky."""
-    pixels, depth = view.camera.project(points)
-    inside = view.camera.in_picture(pixels, depth)
-    row, column = view.at(np.where(inside[:, None], pixels, 0.0))
-    shown: Mask = inside & (view.depth[row, column] == 0) & ~view.barred[row, column]
-    return shown
+def _shows_sky(view: EmptyView, points: Float64) -> tuple[NDArray[np.int64], Float64, Float64]:
+    """Which far points (P, 3) a view shows as sky, as :func:`delivery.views.sees` gives them."""
+    index, pixels, depth = view.camera.shown(points)
+    row, column = view.at(pixels)
+    sky = (view.depth[row, column] == 0) & ~view.barred[row, column]
+    return index[sky], pixels[sky], depth[sky]

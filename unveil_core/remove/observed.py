@@ -100,10 +100,10 @@ def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
     points, seen = np.ascontiguousarray(points), np.zeros(len(points), dtype=np.uint8)
     for v in views.by_distance(views.near(points, ASKED_M), place):
         camera, view = views.cameras[v], views.frames[v]
-        turn, shift = _pose(camera)
         depth = view.max_visible_depth.view(np.uint16)
-        lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-        in_parallel(mark_shown, len(points), AT_ONCE, points, seen, turn, shift, *lens, depth, view.hidden, DEPTHS)
+        in_parallel(
+            mark_shown, len(points), AT_ONCE, points, seen, *camera.pose, camera.lens, depth, view.hidden, DEPTHS
+        )
         if seen.all():
             break
     return seen.astype(bool)
@@ -118,18 +118,11 @@ def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
     directions, seen = np.ascontiguousarray(directions), np.zeros(len(directions), dtype=np.uint8)
     for v in views.by_distance(views.near(place[None], ASKED_M), place) if len(directions) else ():
         camera, view = views.cameras[v], views.frames[v]
-        lens = (camera.fx, camera.fy, camera.cx, camera.cy)
-        in_parallel(
-            mark_sky, len(directions), AT_ONCE, directions, seen, _pose(camera)[0], *lens, view.sky, view.hidden
-        )
+        turn, _ = camera.pose
+        in_parallel(mark_sky, len(directions), AT_ONCE, directions, seen, turn, camera.lens, view.sky, view.hidden)
         if seen.all():
             break
     return seen.astype(bool)
-
-
-def _pose(camera: Camera) -> tuple[Float64, Float64]:
-    """Rotation (3, 3) and translation (3,) from the world into the camera's frame."""
-    return np.ascontiguousarray(camera.world_to_camera[:3, :3]), np.ascontiguousarray(camera.world_to_camera[:3, 3])
 
 
 def depth_behind(

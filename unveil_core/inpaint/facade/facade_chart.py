@@ -159,10 +159,11 @@ def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> Fa
     occluded = np.zeros(len(rows), dtype=bool)
     for view in views:
         here = float(chart.ground.path.to_street(view.camera.centre[None])[0, 0])
-        part = np.flatnonzero(np.abs(along - here) < reach_m)
-        pixel, z = view.camera.project(world[part])
-        inside = view.camera.in_picture(pixel, z, nearest=NEAREST_M)
-        part, pixel, z = part[inside], pixel[inside], z[inside]
+        first, last = np.searchsorted(along, (here - reach_m, here + reach_m))
+        shown, pixel, z = view.camera.shown(world[first:last], nearest=NEAREST_M)
+        if not len(shown):
+            continue
+        part = first + shown
         x, y = pixel.astype(np.int64).T
         occluded[part[view.removed[y, x]]] = True
         # At the border of what is removed pixels are mixed.

@@ -177,8 +177,7 @@ def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray
     """(P,) bool, whether a point (P, 3) lies in some camera's image, occlusion aside."""
     seen = np.zeros(len(points), dtype=bool)
     for camera in cameras:
-        pixel, depth = camera.project(points)
-        seen |= camera.in_picture(pixel, depth)
+        seen[camera.shown(points)[0]] = True
     return seen
 
 
