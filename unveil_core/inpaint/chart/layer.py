@@ -11,10 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32
+from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px
-from unveil_core.inpaint.chart.street_chart import OUTSIDE, RELIT_GAIN, StreetChart, blur_levels, sample_chart
+from unveil_core.inpaint.chart.sampling import blur_levels, sample_levels
+from unveil_core.inpaint.chart.street_chart import OUTSIDE, RELIT_GAIN, StreetChart
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
@@ -70,21 +71,24 @@ class GroundLayer:
     ground_labels: tuple[int, ...] = ()
 
     @cached_property
-    def _colors(self) -> list[Float32]:
-        return blur_levels(self.chart.color)
+    def _levels(self) -> list[Float32]:
+        """Colour and gain together (A, B, 6): they are asked for at the same places."""
+        colors, gains = blur_levels(self.chart.color), blur_levels(self.chart.gain)
+        return [np.concatenate(both, axis=2) for both in zip(colors, gains, strict=True)]
 
     @cached_property
-    def _gains(self) -> list[Float32]:
-        return blur_levels(self.chart.gain)
+    def _relit(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64]:
+        """Rows and columns of relit texels, and their world positions."""
+        rows, columns = np.nonzero((self.chart.gain.max(axis=2) > RELIT_GAIN) | self.chart.replaced)
+        return rows, columns, self.chart.world(rows, columns)
 
     def foot_pixels(self, camera: Camera, depth: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(H, W) pixels that show one of the ``feet``, where the depth (H, W) says that nothing is before it."""
         mask = np.zeros(depth.shape, dtype=np.uint8)
         if len(self.feet):
-            pixel, z = camera.project(self.feet)
-            inside = camera.in_picture(pixel, z)
-            x, y = pixel[inside].astype(np.int64).T
-            seen = np.abs(depth[y, x] - z[inside]) < FOOT_DEPTH * z[inside]
+            _, pixel, z = camera.shown(self.feet)
+            x, y = pixel.astype(np.int64).T
+            seen = np.abs(depth[y, x] - z) < FOOT_DEPTH * z
             mask[y[seen], x[seen]] = 1
             side = 2 * max(2, round(FOOT_GAP * camera.width)) + 1
             mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
@@ -93,11 +97,11 @@ class GroundLayer:
     def shadow_pixels(self, camera: Camera) -> NDArray[np.bool_]:
         """(H, W) pixels that may show relit ground, found by projecting its texels."""
         mask = np.zeros((camera.height, camera.width), dtype=np.uint8)
-        rows, columns = np.nonzero((self.chart.gain.max(axis=2) > RELIT_GAIN) | self.chart.replaced)
+        rows, columns, places = self._relit
         if len(rows):
-            pixel, depth = camera.project(self.chart.world(rows, columns))
-            inside = camera.in_picture(pixel, depth, nearest=0.3)
-            mask[pixel[inside, 1].astype(int), pixel[inside, 0].astype(int)] = 1
+            _, pixel, _ = camera.shown(places, nearest=0.3)
+            mask[pixel[:, 1].astype(int), pixel[:, 0].astype(int)] = 1
+            depth = places @ camera.forward - camera.centre @ camera.forward
             large = (depth > 0) & (depth * SMALL_TEXEL_PX < max(camera.fx, camera.fy) * self.chart.texel)
             self._draw_texels(camera, rows[large], columns[large], mask)
             # Texels that are drawn as points lie some pixels apart.
@@ -145,11 +149,12 @@ class GroundLayer:
             steep = np.abs(direction[:, 2] - ahead * direction[:, 0] - aside * direction[:, 1])
             grazing = np.maximum(steep / np.sqrt(1 + ahead**2 + aside**2), LEAST_SINE)
             across = z / camera.fx
-            extent[hit] = across / grazing / self.chart.texel
+            extent[hit] = reach = across / grazing / self.chart.texel
             level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)
-            footprint = direction[:, :2] * (across / grazing / level)[:, None]
-            color[hit] = sample_chart(self._colors, self.chart, at, footprint, across)
-            gain[hit] = sample_chart(self._gains, self.chart, at, footprint, across)
+            footprint = direction[:, :2] * (reach / level)[:, None]
+            place = (at[:, :2] - (self.chart.s_start, self.chart.t_start)) / self.chart.texel
+            found = sample_levels(self._levels, place, footprint, across / self.chart.texel)
+            color[hit], gain[hit] = found[:, :3], found[:, 3:]
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)
             covered = source != OUTSIDE

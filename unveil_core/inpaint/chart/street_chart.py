@@ -31,10 +31,8 @@ __all__ = [
     "TEXEL_M",
     "StreetChart",
     "arc_lengths",
-    "blur_levels",
     "read_chart",
     "rows_of",
-    "sample_chart",
     "usable_pixels",
 ]
 
@@ -51,10 +49,6 @@ TEXEL_M = 0.04
 """Size of a texel, metres: joints of paving are 1 to 2 cm wide, kerbs and paint 10."""
 READ_M = 45.0
 """How far a view is read, metres: farther off a pixel of 384 across covers metres of street."""
-TAPS = 7
-"""Samples along a pixel's footprint, as in anisotropic texture filtering."""
-LONGEST_TEXELS = 100.0
-"""Longest footprint that is sampled, texels (4 m): the blur levels bridge the distance between its taps up to there."""
 
 
 PLANES = ("color", "label", "source", "gain", "nearest", "replaced")
@@ -140,16 +134,22 @@ def usable_pixels(
         label: (H, W) compact labels; hidden: (H, W) pixels that show something that goes, with their borders.
         depth: (H, W) of the full scene, with which the ground's must agree; only asked where ``labels`` know no ground.
     """
-    met = ground.intersect(camera, camera.rays().reshape(-1, 3))[0].reshape(label.shape)
-    usable = ~hidden & np.isfinite(met)
+    possible = ~hidden
     wanted = labels.indices(GROUND_CLASSES)
     if wanted:
-        # Labels say it; depth only has to be no contradiction. The border mixes two things.
+        # The border mixes two things.
         side = 2 * border_px(camera.width, 1) + 1
-        return usable & cv2.erode(np.isin(label, wanted).astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+        shown = cv2.erode(np.isin(label, wanted).astype(np.uint8), np.ones((side, side), np.uint8))
+        possible &= shown.astype(bool)
+    usable = np.zeros_like(possible)
+    met = ground.intersect(camera, camera.rays()[possible])[0]
+    usable[possible] = np.isfinite(met)
+    if wanted:  # labels say it; depth only has to be no contradiction
+        return usable
     assert depth is not None
     with np.errstate(invalid="ignore"):
-        return usable & (np.abs(depth - met) < ALIKE * met)
+        usable[possible] &= np.abs(depth[possible] - met) < ALIKE * met
+    return usable
 
 
 def rows_of(ground: Ground) -> int:
@@ -194,11 +194,11 @@ def read_chart(
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
         first = np.searchsorted(s, here - READ_M) * width
         last = np.searchsorted(s, here + READ_M) * width
-        index = first + np.flatnonzero(inside[first:last])
-        pixel, depth = camera.project(world[index])
-        seen = camera.in_picture(pixel, depth, nearest=NEAREST_M) & (depth < READ_M)
-        if seen.any():  # else the view need not even be loaded
-            texels.add(index[seen], pixel[seen], depth[seen], images[v], labels[v], usable[v])
+        shown, pixel, depth = camera.shown(world[first:last], nearest=NEAREST_M, furthest=READ_M)
+        ground_there = inside[first + shown]
+        index, pixel, depth = first + shown[ground_there], pixel[ground_there], depth[ground_there]
+        if len(index):  # else the view need not even be loaded
+            texels.add(index, pixel, depth, images[v], labels[v], usable[v])
         progress(v + 1, len(cameras), "reading the street")
     known = texels.weight > 0
     return StreetChart(
@@ -267,51 +267,3 @@ class _Texels:
         """(T, 3) mean colours in [0, 1], black where nothing was seen."""
         mean = self.total / np.maximum(self.weight, 1e-300)[:, None] / 255
         return np.where((self.weight > 0)[:, None], mean, 0).astype(np.float32)
-
-
-def sample_chart(
-    layers: Sequence[Float32], chart: StreetChart, street: Float64, footprint: Float64, across: Float64
-) -> Float32:
-    """Filtered look-up: taps along a pixel's footprint, blur levels across it.
-
-    Args:
-        layers: a blur pyramid of one picture in chart coordinates, of :func:`blur_levels`.
-        street: (N, 2+) street coordinates of pixel centres.
-        footprint: (N, 2) extent of a pixel along its ray, as a vector in street coordinates; across: (N,) extent across that;
-            metres.
-    Returns:
-        (N, C) float32.
-    """
-    level = np.clip(np.log2(np.maximum(across / chart.texel, 1.0)), 0, len(layers) - 1.001)
-    lower = level.astype(int)
-    blend = (level - lower).astype(np.float32)[:, None]
-    result = np.zeros((len(street), layers[0].shape[2]), dtype=np.float32)
-    length = np.maximum(np.hypot(footprint[:, 0], footprint[:, 1]), 1e-12)
-    spread = footprint * np.minimum(1.0, LONGEST_TEXELS * chart.texel / length)[:, None]
-    for tap in np.linspace(-0.5, 0.5, 2 * TAPS + 1)[1::2]:
-        row = (street[:, 0] + tap * spread[:, 0] - chart.s_start) / chart.texel
-        column = (street[:, 1] + tap * spread[:, 1] - chart.t_start) / chart.texel
-        for k in range(len(layers)):
-            use = (lower == k) | (lower + 1 == k)
-            if not use.any():
-                continue
-            value = _remap_float(layers[k], row[use], column[use])
-            share = np.where((lower[use] == k)[:, None], 1 - blend[use], blend[use])
-            result[use] += value * share * np.float32(1 / TAPS)
-    return result
-
-
-def blur_levels(picture: Float32, count: int = 4) -> list[Float32]:
-    """The picture and its blurs with doubling width, all at full size."""
-    return [picture, *(cv2.GaussianBlur(picture, (0, 0), 0.5 * 2.0**k) for k in range(1, count))]
-
-
-def _remap_float(picture: Float32, row: Float64, column: Float64) -> Float32:
-    """Bilinear look-up (N, C) by gathering: charts may be longer than remap's limit."""
-    rows, columns = picture.shape[:2]
-    r, c = np.clip(row, 0, rows - 1.001), np.clip(column, 0, columns - 1.001)
-    i, j = r.astype(np.int64), c.astype(np.int64)
-    u, v = (r - i).astype(np.float32)[:, None], (c - j).astype(np.float32)[:, None]
-    top = picture[i, j] * (1 - v) + picture[i, j + 1] * v
-    bottom = picture[i + 1, j] * (1 - v) + picture[i + 1, j + 1] * v
-    return (top * (1 - u) + bottom * u).astype(np.float32)
