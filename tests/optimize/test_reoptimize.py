@@ -86,7 +86,7 @@ def test_an_interrupted_re_optimization_comes_to_the_same_end(tmp_path: Path) ->
     assert steps == [] or steps[0] > 23
 
 
-def test_each_frame_of_a_long_drive_has_its_turn() -> None:
+def test_each_frame_has_its_turn_and_steps_grow_with_the_drive() -> None:
     for preset in REOPTIMIZE_PRESETS.values():
-        assert preset.scaled(28) == preset and preset.scaled(100) == preset
+        assert preset.scaled(28) == preset and preset.scaled(100).iterations == max(100, preset.iterations)
         assert preset.scaled(1000).iterations >= max(1000, 10 * preset.iterations)

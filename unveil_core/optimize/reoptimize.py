@@ -45,10 +45,11 @@ class ReoptimizeSettings:
     weights: LossWeights = field(default_factory=lambda: LossWeights(semantic=0.0, label_distortion=0.0, opacity=0.0))
 
     def scaled(self, frames: int) -> ReoptimizeSettings:
-        """These settings for a number of frames; each frame of a long drive has its turn."""
-        if frames <= MANY_FRAMES or not self.iterations:
+        """These settings for a number of frames; each frame has its turn at least once."""
+        if not self.iterations:
             return self
-        return replace(self, iterations=max(frames, round(self.iterations * frames / MANY_FRAMES)))
+        factor = max(1.0, frames / MANY_FRAMES)
+        return replace(self, iterations=max(frames, round(self.iterations * factor)))
 
 
 REOPTIMIZE_PRESETS: dict[str, ReoptimizeSettings] = {
