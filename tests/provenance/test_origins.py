@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.inpaint.walls import before_wall, shows, wall_without
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.provenance.origins import frame_origins, rendered_origins, scene_origins
+from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins, scene_origins
 
 WINDOW = (-0.6, 0.6, -0.6, 0.6)
 
@@ -21,7 +21,7 @@ def test_a_pixel_is_what_most_of_its_surfels_are_and_the_sky_was_seen() -> None:
     wall = wall_without(WINDOW)
     left = wall.means[:, 0].numpy() < 0
     camera = before_wall(0.0, 3.0)
-    origin, depth = rendered_origins(wall, np.where(left, CONTINUED, INVENTED).astype(np.uint8), camera)
+    origin, depth = rendered_origins(marked_by(wall, np.where(left, CONTINUED, INVENTED).astype(np.uint8)), camera)
     inside, halves = (
         shows(camera, (-0.4, 0.4, -0.4, 0.4)),
         (shows(camera, (-2, -0.8, -1, 1)), shows(camera, (0.8, 2, -1, 1))),

@@ -179,15 +179,22 @@ class StreetFill:
 
     def _gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
         """Rows of the drive's chart from ``first`` up to ``end``, as far as there are such, from the stretches that own them."""
-        parts = []
-        for other in self.stretches:
-            low, high = max(other.rows[0], first), min(other.rows[1], end)
-            if low < high:
-                parts.append(chart_of(other).part(low - other.rows[0], high - other.rows[0]))
-        if len(parts) == 1:
-            return parts[0]
-        planes = {name: np.concatenate([getattr(part, name) for part in parts]) for name in PLANES}
-        return StreetChart(self.ground, parts[0].texel, parts[0].s_start, parts[0].t_start, **planes)
+        own = [s for s in self.stretches if max(s.rows[0], first) < min(s.rows[1], end)]
+        first, end = max(first, own[0].rows[0]), min(end, own[-1].rows[1])
+        planes: dict[str, NDArray[Any]] = {}
+        for stretch in own:  # only one chart at a time is held beside what is gathered
+            chart = chart_of(stretch)
+            low, high = max(stretch.rows[0], first), min(stretch.rows[1], end)
+            part = chart.part(low - stretch.rows[0], high - stretch.rows[0])
+            if len(own) == 1:
+                return part
+            for name in PLANES:
+                plane = getattr(part, name)
+                if name not in planes:
+                    planes[name] = np.empty((end - first, *plane.shape[1:]), plane.dtype)
+                planes[name][low - first : high - first] = plane
+        s_start = self.ground.s_start + TEXEL_M * first
+        return StreetChart(self.ground, chart.texel, s_start, chart.t_start, **planes)
 
     def sources(self) -> ChartSources:
         """Where the texels of the whole street come from."""

@@ -21,7 +21,7 @@ from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
 from unveil_core.inpaint.frames.compose import optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL, RELIT
 from unveil_core.provenance.doubts import find_doubts
-from unveil_core.provenance.origins import frame_origins, rendered_origins, scene_origins
+from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins, scene_origins
 from unveil_core.provenance.witnesses import Witnesses, seen_by
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
@@ -64,10 +64,11 @@ def provenance_of(
             path=root / "surfels/empty.ply",
             mend="run `unveil inpaint` and `unveil reoptimize` again",
         )
+    marked = marked_by(surfels, origins)
     exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
 
     def look(i: int) -> tuple[NDArray[Any], ...]:
-        shown, depth = rendered_origins(surfels, origins, frames[i].camera)
+        shown, depth = rendered_origins(marked, frames[i].camera)
         origin, barred = _origin_of(root, frames[i], shown, moving)
         return origin, mask_bits(barred), depth
 

@@ -13,9 +13,10 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.origin import CONTINUED, ORIGIN_COUNT, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["frame_origins", "rendered_origins", "scene_origins"]
+__all__ = ["frame_origins", "marked_by", "rendered_origins", "scene_origins"]
 
 Origins = NDArray[np.uint8]
 
@@ -29,18 +30,22 @@ def scene_origins(stays: Mask, relit: Mask, of_seeds: Origins) -> Origins:
     return np.concatenate([np.where(relit[stays], RELIT, SEEN_ELSEWHERE).astype(np.uint8), of_seeds])
 
 
-def rendered_origins(surfels: Surfels, origins: Origins, camera: Camera) -> tuple[Origins, NDArray[np.float32]]:
+def marked_by(surfels: Surfels, origins: Origins) -> Surfels:
+    """The surfels with their origins (M,) as labels."""
+    return replace(surfels, labels=torch.from_numpy(origins.astype(np.int64)))
+
+
+def rendered_origins(marked: Surfels, camera: Camera) -> tuple[Origins, NDArray[np.float32]]:
     """(H, W) the origin that has most weight in each pixel of a rendered scene, and (H, W) the depth there, 0 for the sky.
 
     The sky counts as seen elsewhere: it is a panorama of what all frames show of it.
 
     Args:
-        origins: (M,) of the surfels.
+        marked: M surfels, see :func:`marked_by`.
     """
-    marked = replace(surfels, labels=torch.from_numpy(origins.astype(np.int64)))
     planes = ("alpha", "depth", "semantics")
     with torch.no_grad():
-        out = render(marked, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
+        out = render(near_camera(marked, camera), camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
     assert out.alpha is not None and out.depth is not None and out.semantics is not None
     weight, alpha = out.semantics.numpy().copy(), out.alpha.numpy()
     weight[..., SEEN_ELSEWHERE] += 1 - alpha

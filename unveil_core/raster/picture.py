@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
@@ -26,7 +27,7 @@ def with_sky(rgb: NDArray[np.float32], alpha: NDArray[np.float32], sky: Sky, cam
 def picture_of(surfels: Surfels, sky: Sky, camera: Camera, *, near: float, far: float) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: metres, as ``render`` takes them."""
     with torch.no_grad():
-        out = render(surfels, camera, ("rgb", "alpha"), near=near, far=far)
+        out = render(near_camera(surfels, camera), camera, ("rgb", "alpha"), near=near, far=far)
     assert out.rgb is not None and out.alpha is not None
     return with_sky(out.rgb.numpy(), out.alpha.numpy(), sky, camera)
 
@@ -40,6 +41,7 @@ def render_numpy(
         apart: labels; where there are any, ``kinds`` (H, W, 2) tells the weight of all others, and of these.
     """
     planes = ["rgb", "alpha", "depth"]
+    surfels = near_camera(surfels, camera)
     if apart:
         planes.append("semantics")
         surfels = replace(surfels, labels=torch.isin(surfels.labels, torch.tensor(apart)).long())

@@ -13,6 +13,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import DriveGround
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
 from unveil_core.surfels.surfels import Surfels
@@ -46,7 +47,8 @@ class EmptyStreet:
         else:
             with torch.no_grad():
                 # The median depth: a pole before a wall stands at one of their depths, not between them.
-                upright = render(self.standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
+                standing = near_camera(self.standing, camera)
+                upright = render(standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
             assert upright.alpha is not None and upright.median_depth is not None
             behind = depth_behind(
                 (left["alpha"], left["depth"]),

@@ -71,10 +71,12 @@ class GroundLayer:
     ground_labels: tuple[int, ...] = ()
 
     @cached_property
-    def _levels(self) -> list[Float32]:
-        """Colour and gain together (A, B, 6): they are asked for at the same places."""
-        colors, gains = blur_levels(self.chart.color), blur_levels(self.chart.gain)
-        return [np.concatenate(both, axis=2) for both in zip(colors, gains, strict=True)]
+    def _colors(self) -> list[Float32]:
+        return blur_levels(self.chart.color)
+
+    @cached_property
+    def _gains(self) -> list[Float32]:
+        return blur_levels(self.chart.gain)
 
     @cached_property
     def _relit(self) -> tuple[NDArray[np.int64], NDArray[np.int64], Float64]:
@@ -153,8 +155,9 @@ class GroundLayer:
             level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)
             footprint = direction[:, :2] * (reach / level)[:, None]
             place = (at[:, :2] - (self.chart.s_start, self.chart.t_start)) / self.chart.texel
-            found = sample_levels(self._levels, place, footprint, across / self.chart.texel)
-            color[hit], gain[hit] = found[:, :3], found[:, 3:]
+            width = across / self.chart.texel
+            color[hit] = sample_levels(self._colors, place, footprint, width)
+            gain[hit] = sample_levels(self._gains, place, footprint, width)
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)
             covered = source != OUTSIDE

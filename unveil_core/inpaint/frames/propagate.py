@@ -38,6 +38,7 @@ from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -334,6 +335,7 @@ def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.f
 
 def _nearest_label(scene: Surfels, camera: Camera, mask: NDArray[np.bool_], label_count: int) -> NDArray[np.int64]:
     """(H, W) the rendered label, continued into ``mask`` from the nearest pixel outside."""
+    scene = near_camera(scene, camera)
     with torch.no_grad():
         out = render(scene, camera, ("alpha", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M)
     assert out.semantics is not None and out.alpha is not None

@@ -210,15 +210,20 @@ class _Cleaning:
         seeds: list[Surfels] = []
         plans: list[tuple[Plan | None, tuple[int, ...]]] = []
         for block in reversed(blocks.blocks):
-            known = replace(self.known, ground=self._layer(stretches[block.number]) if stretches else None)
-            known = replace(known, surfels=concatenate([known.surfels, *seeds]))
-            plan, new = self._clean(block, known, part_of(self.context.progress, len(plans), len(blocks.blocks)))
+            stretch = stretches[block.number] if stretches else None
+            progress = part_of(self.context.progress, len(plans), len(blocks.blocks))
+            plan, new = self._clean(block, self._known(stretch, seeds), progress)
             plans.append((plan, block.own))
             seeds += [] if new is None else [new]
         settings, frames = self.context.settings, self.given.drive.frames
         record = plan_json(plans, frames, order=settings.order, given=bool(settings.keyframes))
         write_json_atomic(self.context.output("inpaint/keyframes.json"), record)
         return concatenate(seeds) if seeds else None
+
+    def _known(self, stretch: Stretch | None, seeds: list[Surfels]) -> RemainingScene:
+        """What is known of the scene before a block is cleaned; only one block's ground is held at a time."""
+        surfels = concatenate([self.known.surfels, *seeds])
+        return replace(self.known, surfels=surfels, ground=None if stretch is None else self._layer(stretch))
 
     def _layer(self, stretch: Stretch) -> GroundLayer:
         assert self.fill is not None and self.completed is not None

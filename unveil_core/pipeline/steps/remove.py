@@ -24,6 +24,7 @@ from unveil_core.ground.street import Ground
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.missed import missed_pixels
@@ -116,7 +117,7 @@ def run(context: StageContext) -> None:
         frame = frames[i]
         planes = ("rgb", "alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(told, frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
+            full = render(near_camera(told, frame.camera), frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
         assert full.rgb is not None and full.alpha is not None and full.depth is not None and full.semantics is not None
         share = full.semantics.numpy()
         own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)

@@ -1,0 +1,40 @@
+"""What of a long drive's scene a camera is given to render: the rest is too far to be more than a speck."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import torch
+
+from unveil_core.geometry.camera import Camera
+from unveil_core.surfels.surfels import Surfels
+
+__all__ = ["REACH_M", "near_camera"]
+
+REACH_M = 200.0
+"""How far a camera is given surfels, metres: as far as a block's frames see. A house fills five pixels there."""
+CELL_M = 25.0
+"""Side of the cells whose cameras are given the same surfels, metres: some twenty frames of a drive."""
+
+_chosen: WeakKeyDictionary[Surfels, tuple[tuple[int, int], Surfels | None]] = WeakKeyDictionary()
+"""For each scene the last cell that was asked for, and its surfels; None for all, for its own entry must not keep a scene."""
+
+
+def near_camera(surfels: Surfels, camera: Camera) -> Surfels:
+    """The surfels that a camera may show: all within ``REACH_M``, and some beyond; those of a short drive all.
+
+    The time of a frame then does not grow with the length of the drive. For rendering only: what is not given gets no gradient.
+    """
+    east, north = np.floor(camera.centre[:2] / CELL_M).astype(int).tolist()
+    cell = east, north
+    known = _chosen.get(surfels)
+    if known is not None and known[0] == cell:
+        return surfels if known[1] is None else known[1]
+    middle = torch.tensor([(c + 0.5) * CELL_M for c in cell])
+    # Half of the diagonal: whatever is within reach of some place in the cell.
+    reach = REACH_M + CELL_M / 2**0.5
+    near = (surfels.means.detach()[:, :2] - middle).norm(dim=1) < reach
+    given = None if bool(near.all()) else surfels.select(near)
+    _chosen[surfels] = (cell, given)
+    return surfels if given is None else given
