@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.bench.timing import machine
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import DepthView, fuse

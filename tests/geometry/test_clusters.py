@@ -149,7 +149,7 @@ def test_what_is_given_stays_as_it_is() -> None:
 FIVE_MILLION = """
 import sys, time
 import numpy as np
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.semantics.instances import cluster_points, fit_box
 
 def car(rng, count, x):

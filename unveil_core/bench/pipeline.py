@@ -11,7 +11,7 @@ from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_image_atomic
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.bench.measure import measure_frames

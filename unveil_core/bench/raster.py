@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench import rivals
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
 from unveil_core.drives import open_drive

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.bench import rivals
 from unveil_core.bench.raster import plane_gradients
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera

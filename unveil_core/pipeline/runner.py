@@ -22,7 +22,7 @@ from typing import Any
 from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
 from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.peak_memory import peak_memory_mb
+from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
@@ -34,6 +34,9 @@ from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run_block", "run_stages"]
+
+TRIM_EVERY_S = 1.0
+"""Seconds between returns of freed memory, each of which takes some milliseconds."""
 
 
 @contextmanager
@@ -197,6 +200,7 @@ class _Attempt:
     reporter: Reporter
     expected: Expected | None = None
     last_logged: float = 0.0
+    last_trimmed: float = 0.0
 
     def make(self, wanted: str, follows: dict[str, str]) -> None:
         """Run the stage and commit its outputs under the input hash ``wanted``."""
@@ -258,6 +262,9 @@ class _Attempt:
             rounded: dict[str, Any] = {k: round(v, 5) for k, v in metrics.items()}
             left = self._left(done, total)
             self.reporter(self.workspace.log(self.stage.name, message, done=done, total=total, **rounded, **left))
+        if now - self.last_trimmed > TRIM_EVERY_S:
+            return_free_memory()
+            self.last_trimmed = time.monotonic()
 
     def _left(self, done: int, total: int) -> dict[str, Any]:
         """Time left of the whole run, seconds, as part of an event; nothing where that is not known."""
