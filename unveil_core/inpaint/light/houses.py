@@ -85,7 +85,11 @@ def solid_columns(
         on, high = GOES_ON_M, end.typical
         if judge is not None:
             high = max((high, *NEXT_HIGH_M), key=lambda h: score(on, h))
-            on = max((on, *NEXT_AFTER_M), key=lambda o: score(o, high))
+            by_start = {o: score(o, high) for o in (on, *NEXT_AFTER_M)}
+            best = max(by_start.values())
+            # Of what explains the dark places equally well, that which darkens least: a house that begins as late as it may.
+            if best > 0 or by_start[on] < best:
+                on = max(o for o, found in by_start.items() if found == best)
         drawn, height = end.drawn_out(on, high)
         parts.append(drawn)
         tops.append(height)
