@@ -34,8 +34,8 @@ def _c_library() -> ctypes.CDLL | None:
 def return_free_memory() -> None:
     """Give memory that was freed back to the system.
 
-    glibc keeps what lies between pieces in use. Pictures of a few megabytes come and go by the thousand, so that half of a
-    long run's memory was such gaps. Takes some milliseconds; does nothing where the C library is another.
+    glibc keeps what lies between pieces in use. Pictures of a few megabytes come and go by the thousand, and the gaps
+    add up. Takes some milliseconds; does nothing where the C library is another.
     """
     library = _c_library()
     if library is not None:

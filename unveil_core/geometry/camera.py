@@ -94,11 +94,6 @@ class Camera:
         return inside & (pixels[:, 0] < self.width) & (pixels[:, 1] < self.height)
 
     @property
-    def lens(self) -> tuple[float, float, float, float, int, int]:
-        """fx, fy, cx, cy, width, height: what the kernels of ``geometry.projection`` ask for."""
-        return self.fx, self.fy, self.cx, self.cy, self.width, self.height
-
-    @property
     def pose(self) -> tuple[Float64, Float64]:
         """(3, 3) rotation and (3,) translation from world to camera."""
         return np.ascontiguousarray(self.world_to_camera[:3, :3]), self.world_to_camera[:3, 3].copy()
@@ -116,7 +111,7 @@ class Camera:
         """
         found = np.empty((len(points), 3))
         places = np.ascontiguousarray(points, dtype=np.float64)
-        in_parallel(project_shown, len(places), POINTS, places, *self.pose, self.lens, nearest, furthest, found)
+        in_parallel(project_shown, len(places), POINTS, places, *self.pose, self.intrinsics, nearest, furthest, found)
         index = np.flatnonzero(found[:, 2])
         found = found[index]
         return index, found[:, :2], found[:, 2]

@@ -11,14 +11,14 @@ __all__ = ["pixel_of", "project_shown"]
 
 
 @njit(**EXACT)
-def pixel_of(x, y, z, turn, shift, lens, nearest):
+def pixel_of(x, y, z, turn, shift, intrinsics, nearest):
     """Pixel and depth of a place; depth 0 where it is not before the camera or not in its picture.
 
     Args:
         x, y, z: world coordinates; turn (3, 3), shift (3,): from there to the camera's.
-        lens: fx, fy, cx, cy, width, height; nearest: depth that must be exceeded, 0 or more.
+        intrinsics: see ``Camera.intrinsics``; nearest: depth that must be exceeded, 0 or more.
     """
-    fx, fy, cx, cy, width, height = lens
+    width, height, fx, fy, cx, cy = intrinsics
     depth = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2]
     if not depth > nearest:
         return 0.0, 0.0, 0.0
@@ -30,10 +30,10 @@ def pixel_of(x, y, z, turn, shift, lens, nearest):
 
 
 @njit(**EXACT)
-def project_shown(first, stop, points, turn, shift, lens, nearest, furthest, found):
+def project_shown(first, stop, points, turn, shift, intrinsics, nearest, furthest, found):
     """Pixel and depth of points (P, 3) into ``found`` (P, 3); depth 0 where the picture does not show them."""
     for i in range(first, stop):
-        u, v, depth = pixel_of(points[i, 0], points[i, 1], points[i, 2], turn, shift, lens, nearest)
+        u, v, depth = pixel_of(points[i, 0], points[i, 1], points[i, 2], turn, shift, intrinsics, nearest)
         found[i, 2] = 0.0
         if 0 < depth < furthest:
             found[i, 0], found[i, 1], found[i, 2] = u, v, depth

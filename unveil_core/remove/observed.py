@@ -102,7 +102,7 @@ def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
         camera, view = views.cameras[v], views.frames[v]
         depth = view.max_visible_depth.view(np.uint16)
         in_parallel(
-            mark_shown, len(points), AT_ONCE, points, seen, *camera.pose, camera.lens, depth, view.hidden, DEPTHS
+            mark_shown, len(points), AT_ONCE, points, seen, *camera.pose, camera.intrinsics, depth, view.hidden, DEPTHS
         )
         if seen.all():
             break
@@ -119,7 +119,9 @@ def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
     for v in views.by_distance(views.near(place[None], ASKED_M), place) if len(directions) else ():
         camera, view = views.cameras[v], views.frames[v]
         turn, _ = camera.pose
-        in_parallel(mark_sky, len(directions), AT_ONCE, directions, seen, turn, camera.lens, view.sky, view.hidden)
+        in_parallel(
+            mark_sky, len(directions), AT_ONCE, directions, seen, turn, camera.intrinsics, view.sky, view.hidden
+        )
         if seen.all():
             break
     return seen.astype(bool)

@@ -18,26 +18,26 @@ NEAREST = 1e-6
 
 
 @njit(**EXACT)
-def mark_shown(first, end, points, seen, turn, shift, lens, depth_bits, hidden, depths):
+def mark_shown(first, end, points, seen, turn, shift, intrinsics, depth_bits, hidden, depths):
     """Mark the points (P, 3) that the frame shows: with no surface and no removed object in front.
 
     ``depth_bits`` (H, W) uint16: half floats, depth up to which something is visible.
     """
     for i in range(first, end):
         if not seen[i]:
-            u, v, z = pixel_of(points[i, 0], points[i, 1], points[i, 2], turn, shift, lens, NEAREST)
+            u, v, z = pixel_of(points[i, 0], points[i, 1], points[i, 2], turn, shift, intrinsics, NEAREST)
             row, column = int(v), int(u)
             if z > 0 and not hidden[row, column] and depths[depth_bits[row, column]] > z:
                 seen[i] = 1
 
 
 @njit(**EXACT)
-def mark_sky(first, end, directions, seen, turn, lens, sky, hidden):
+def mark_sky(first, end, directions, seen, turn, intrinsics, sky, hidden):
     """Mark the directions (P, 3) in which the frame shows sky, and no removed object."""
     here = np.zeros(3)
     for i in range(first, end):
         if not seen[i]:
-            u, v, z = pixel_of(directions[i, 0], directions[i, 1], directions[i, 2], turn, here, lens, NEAREST)
+            u, v, z = pixel_of(directions[i, 0], directions[i, 1], directions[i, 2], turn, here, intrinsics, NEAREST)
             row, column = int(v), int(u)
             if z > 0 and sky[row, column] and not hidden[row, column]:
                 seen[i] = 1

@@ -88,11 +88,11 @@ def _draw(x, y, depth, half_x, half_y, buffer):  # type: ignore[no-untyped-def]
 
 
 @njit(**EXACT)
-def _discs(start, stop, positions, spacing, normals, turn, shift, lens, near, widest, found):  # type: ignore[no-untyped-def]
+def _discs(start, stop, positions, spacing, normals, turn, shift, intrinsics, near, widest, found):  # type: ignore[no-untyped-def]
     """Pixel x, y, depth, and half the width and height of each point's projected disc, (P, 5); depth 0 outside the picture."""
-    fx, fy, cx, cy, _, _ = lens
+    _, _, fx, fy, cx, cy = intrinsics
     for i in range(start, stop):
-        x, y, z = pixel_of(positions[i, 0], positions[i, 1], positions[i, 2], turn, shift, lens, near)
+        x, y, z = pixel_of(positions[i, 0], positions[i, 1], positions[i, 2], turn, shift, intrinsics, near)
         found[i, 2] = z
         if z == 0:
             continue
@@ -136,7 +136,9 @@ def points_in_view(
     toward = np.empty((0, 3)) if normals is None else np.ascontiguousarray(normals, dtype=np.float64)
     found = np.empty((len(positions), 5))
     places, apart = (np.ascontiguousarray(a, dtype=np.float64) for a in (positions, spacing))
-    in_parallel(_discs, len(places), POINTS, places, apart, toward, *camera.pose, camera.lens, near, widest, found)
+    in_parallel(
+        _discs, len(places), POINTS, places, apart, toward, *camera.pose, camera.intrinsics, near, widest, found
+    )
     index = np.flatnonzero(found[:, 2] > 0)
     x, y, z, *half = found[index].T.copy()
     nearest = _NearestDepth(x, y, z, (half[0], half[1]), (camera.height, camera.width))
