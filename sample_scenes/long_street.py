@@ -9,7 +9,9 @@ from sample_scenes.box_worlds import BUILDING, CAR, TRUCK, Box, Lens, Way, World
 __all__ = ["long_street", "long_way"]
 
 FACADE_M, KERB_M = 9.0, 4.5
-BEYOND_M = 70.0
+REACH_M = 400.0
+"""How far the pictures show the street, metres: a drive of several blocks must see the houses of the next ones, as cameras do."""
+BEYOND_M = 400.0
 """How far the street goes on behind the first and the last camera, metres."""
 
 
@@ -34,7 +36,7 @@ def long_street(length: float, seed: int = 0) -> World:
             centre = (x, side * (KERB_M - 1.2), size[2] / 2 + 0.05)
             boxes.append(Box(centre, size, TRUCK if lorry else CAR, color, removed=True))  # type: ignore[arg-type]
             x += size[0] + generator.choice([1.2, 6.0, 15.0])
-    return World(sorted(boxes, key=lambda b: b.centre[0]))
+    return World(sorted(boxes, key=lambda b: b.centre[0]), reach=REACH_M)
 
 
 def long_way(frames: int, step_m: float = 1.0, size: tuple[int, int] = (480, 320)) -> Way:

@@ -58,6 +58,14 @@ def test_a_long_drive_has_a_task_for_each_block_and_each_waits_for_what_it_needs
     assert read_batch(planned.root) == planned
 
 
+def test_blocks_are_counted_in_metres_that_the_user_gave(
+    long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
+    batch = plan_batch([long_drive], tmp_path / "batch", RunSettings(scale=4.0))
+    assert [d.blocks for d in batch.drives] == [1]
+
+
 def test_two_drives_of_one_name_have_two_workspaces(tmp_path: Path) -> None:
     paths = [make_tiny_drive(tmp_path / k / "my drive!") for k in ("a", "b")]
     batch = plan_batch(paths, tmp_path / "batch", RunSettings())

@@ -21,6 +21,7 @@ from unveil_core.base.errors import DriveError, SettingsError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.forecast.forecast import forecast
 from unveil_core.forecast.machine import this_machine
 from unveil_core.pipeline.forecasting import workload_of
@@ -136,10 +137,11 @@ def plan_batch(drives: Sequence[Path], root: Path, settings: RunSettings, option
     tasks: list[Task] = []
     machine = this_machine()
     for path in drives:
-        opened = localized(open_drive(path, settings.drive_options))
+        opened = open_drive(path, settings.drive_options)
         if not opened.frames:
             raise DriveError("has no frames", path=path)
-        work = workload_of(opened, settings)
+        placement = place_drive(opened, scale=settings.scale, up=settings.up)
+        work = workload_of(localized(opened, placement), settings)
         expected = forecast(work, [stage.name for stage in STAGES], machine)
         name = _name(path, [d.name for d in planned])
         drive = BatchDrive(
