@@ -23,7 +23,8 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
-from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, usable_pixels
+from unveil_core.inpaint.chart.seen_rows import seen_rows
+from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
@@ -173,9 +174,10 @@ class StreetFill:
         return self._filled(stretch, self._sun, self._shadows)
 
     def seen_from(self, stretch: Stretch) -> StreetChart:
-        """The filled ground that a stretch's frames see: its own, and what of the next ones is near."""
+        """The filled ground that a stretch's frames see: of its own, and what of the next ones is near."""
         reach = round(SEEN_M / TEXEL_M)
-        return self._gathered(self.own, stretch.rows[0] - reach, stretch.rows[1] + reach)
+        near = max(stretch.rows[0] - reach, 0), min(stretch.rows[1] + reach, rows_of(self.ground))
+        return self._gathered(self.own, *seen_rows(self.ground, [self.cameras[i] for i in stretch.own], *near))
 
     def _gathered(self, chart_of: Callable[[Stretch], StreetChart], first: int, end: int) -> StreetChart:
         """Rows of the drive's chart from ``first`` up to ``end``, as far as there are such, from the stretches that own them."""

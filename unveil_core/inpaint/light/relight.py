@@ -20,6 +20,9 @@ __all__ = [
     "under_an_even_sky",
 ]
 
+STRIP_M, REACH_M = 20.0, 3.0
+"""Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it and
+what they are masked by, half a metre each."""
 PENUMBRA_M = 0.2
 """Width on either side of a shadow's border within which sun and shade may be mixed, metres. The sun is half a degree wide: a
 roof 20 m away along the light has a penumbra of 0.2 m."""
@@ -157,12 +160,38 @@ def relighting_gain(
 ) -> Float32:
     """(A, B, 3) factor that takes ``shadow`` away: what the street should be by what it is, both smooth.
 
+    Made in strips across the street, for a dozen planes of its size are needed on the way.
+
     Args:
         color, target: (A, B, 3) as seen, and as it should be.
         seen: (A, B); shadow: (A, B) that goes; wide: (A, B) with its penumbra; relit: (A, B) of it, seen and kept.
         paint: (A, B) shaded texels that are brighter than the ground of their offset, as bars of a crossing are.
         per_m: texels per metre.
     """
+    gain = np.ones_like(color)
+    rows, strip, around = len(color), int(STRIP_M * per_m), int(np.ceil(REACH_M * per_m))
+    for first in range(0, rows, strip):
+        end = min(first + strip, rows)
+        near = slice(max(first - around, 0), end + around)
+        if shadow[near].any() or wide[near].any():
+            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit))
+            part = _gain_of_strip(*planes, None if paint is None else paint[near], per_m=per_m)
+            gain[first:end] = part[first - near.start :][: end - first]
+    return gain
+
+
+def _gain_of_strip(
+    color: Float32,
+    target: Float32,
+    seen: Mask,
+    shadow: Mask,
+    wide: Mask,
+    relit: Mask,
+    paint: Mask | None,
+    *,
+    per_m: float,
+) -> Float32:
+    """:func:`relighting_gain` of some rows; right where ``REACH_M`` of rows lie around."""
     soft = cv2.GaussianBlur(wide.astype(np.float32), (0, 0), 0.03 * per_m)
     ring = disc(PENUMBRA_M * per_m)
     # Paint that is not on the offset's profile says nothing of the light; it gets what the ground beside it gets.

@@ -1,0 +1,35 @@
+"""The gain that takes shadows away is the same however many rows are relit at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from unveil_core.geometry.images import grow
+from unveil_core.inpaint.light import relight
+
+PER_M = 20.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_strips_leave_no_seam(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = np.random.default_rng(seed)
+    rows, columns = 700, 80
+    shadow = np.zeros((rows, columns), bool)
+    for row, column, size in generator.integers((0, 0, 10), (300, columns, 60), (6, 3)):
+        shadow[row : row + 2 * size, column : column + size] = True
+    wide = grow(shadow, 0.12 * PER_M)
+    target = generator.uniform(0.2, 0.6, (rows, columns, 3)).astype(np.float32)
+    color = np.where(shadow[..., None], 0.5, 1.0).astype(np.float32) * target
+    seen = generator.uniform(size=shadow.shape) < 0.9
+    relit = shadow & seen & (generator.uniform(size=shadow.shape) < 0.95)
+    paint = relit & (generator.uniform(size=shadow.shape) < 0.02)
+
+    def gain() -> np.ndarray:
+        return relight.relighting_gain(color, target, seen, shadow, wide, relit, paint, per_m=PER_M)
+
+    monkeypatch.setattr(relight, "STRIP_M", rows / PER_M)
+    whole = gain()
+    assert whole[shadow].mean() > 1.5 and (whole[-100:] == 1.0).all()
+    monkeypatch.setattr(relight, "STRIP_M", 2.35)
+    np.testing.assert_allclose(gain(), whole, rtol=0, atol=1e-6)
