@@ -13,8 +13,8 @@ from unveil_core.inpaint.chart.street_chart import TEXEL_M
 __all__ = ["seen_rows"]
 
 STEP_M, MARGIN_M = 1.0, 3.0
-"""Raster of the ground on which cameras are asked, and what is held beyond the first and last place that they show, metres: a picture
-is wider than a step where the ground comes into it, and pixels sample half of their footprint around them."""
+"""Raster of the ground on which cameras are asked, and what is held beyond the first and last place that they show, metres: a
+picture is wider than a step where the ground comes into it, and pixels sample half of their footprint around them."""
 
 
 def seen_rows(

@@ -21,8 +21,8 @@ __all__ = [
 ]
 
 STRIP_M, REACH_M = 20.0, 3.0
-"""Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it and
-what they are masked by, half a metre each."""
+"""Length of the strips that are relit one after the other, metres, and how far a texel's gain looks: two blurs with 1 m around it
+and what they are masked by, half a metre each."""
 PENUMBRA_M = 0.2
 """Width on either side of a shadow's border within which sun and shade may be mixed, metres. The sun is half a degree wide: a
 roof 20 m away along the light has a penumbra of 0.2 m."""
@@ -174,8 +174,16 @@ def relighting_gain(
         end = min(first + strip, rows)
         near = slice(max(first - around, 0), end + around)
         if shadow[near].any() or wide[near].any():
-            planes = (plane[near] for plane in (color, target, seen, shadow, wide, relit))
-            part = _gain_of_strip(*planes, None if paint is None else paint[near], per_m=per_m)
+            part = _gain_of_strip(
+                color[near],
+                target[near],
+                seen[near],
+                shadow[near],
+                wide[near],
+                relit[near],
+                None if paint is None else paint[near],
+                per_m=per_m,
+            )
             gain[first:end] = part[first - near.start :][: end - first]
     return gain
 
