@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,10 +13,13 @@ import pytest
 
 from tests.evaluate.street_workspace import build_workspace
 from tests.mesh.street import cast, street_camera
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import Cancelled, WorkspaceError
 from unveil_core.base.files import read_image, read_label_image, write_image_atomic
-from unveil_core.evaluate import psnr, run_evaluation, ssim, write_metrics
+from unveil_core.drives.drive import Frame
+from unveil_core.evaluate import evaluation, psnr, run_evaluation, ssim, write_metrics
 from unveil_core.evaluate.baselines import telea
+from unveil_core.evaluate.frame_scores import FrameScores, Sources
 
 
 @pytest.fixture(scope="module")
@@ -223,3 +227,38 @@ def test_nothing_is_written(finished: Path) -> None:
     before = sorted((p, p.stat().st_mtime_ns) for p in finished.rglob("*"))
     run_evaluation(finished)
     assert sorted((p, p.stat().st_mtime_ns) for p in finished.rglob("*")) == before
+
+
+def test_it_goes_on_where_it_was_interrupted(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation, "TOGETHER", 2)
+    score_frame, scored = evaluation.score_frame, []
+
+    def counted(sources: Sources, frame: Frame, with_baselines: bool) -> FrameScores:
+        scored.append(frame.name)
+        return score_frame(sources, frame, with_baselines)
+
+    monkeypatch.setattr(evaluation, "score_frame", counted)
+    whole = without_seconds(run_evaluation(finished))
+    frames = len(scored)
+
+    def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
+        if (done, message) == (3, "measuring"):
+            raise Cancelled
+
+    kept = Kept(tmp_path, every_s=0.0)
+    with pytest.raises(Cancelled):
+        run_evaluation(finished, progress=stop, kept=kept)
+    scored.clear()
+    assert without_seconds(run_evaluation(finished, kept=kept)) == whole
+    assert len(scored) == frames - 2 > 0
+
+
+def without_seconds(metrics: dict[str, Any]) -> str:
+    """All figures but those that a clock gives."""
+
+    def bare(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {k: bare(v) for k, v in value.items() if "seconds" not in k}
+        return [bare(v) for v in value] if isinstance(value, list) else value
+
+    return json.dumps(bare(metrics), sort_keys=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import Cancelled
 from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.drive import Frame
@@ -204,3 +205,26 @@ def test_it_can_be_cancelled() -> None:
 
     with pytest.raises(Cancelled):
         measure_flicker(frames_at([0.0, 0.0]), plane_depth, everywhere, lambda f: {}, stop)
+
+
+@pytest.mark.parametrize("after", [1, 2, 3, 5, 6])
+def test_it_goes_on_where_it_was_interrupted(after: int, tmp_path: Path) -> None:
+    frames = frames_at([0.0, 0.1, 0.25, 0.0, 0.2, 0.4])
+    frames = [replace(f, camera_name="left" if i < 3 else "right") for i, f in enumerate(frames)]
+    looked: list[str] = []
+
+    def pictures(frame: Frame) -> dict[str, np.ndarray]:
+        looked.append(frame.name)
+        return {"ours": wall(frame.camera, seed=int(frame.name))}
+
+    def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
+        if done == after:
+            raise Cancelled
+
+    whole = measure_flicker(frames, plane_depth, everywhere, pictures)
+    checkpoint = Kept(tmp_path, every_s=0.0).checkpoint("flicker")
+    with pytest.raises(Cancelled):
+        measure_flicker(frames, plane_depth, everywhere, pictures, stop, checkpoint)
+    looked.clear()
+    assert measure_flicker(frames, plane_depth, everywhere, pictures, checkpoint=checkpoint) == whole
+    assert len(looked) <= len(frames) - max(0, after - 3)

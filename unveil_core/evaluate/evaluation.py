@@ -12,6 +12,9 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
+from unveil_core.base.checkpoint import Checkpoint, Kept
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
@@ -25,6 +28,7 @@ from unveil_core.evaluate.detail.objects import read_object_names
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker, read_depth, rendered_depth
 from unveil_core.evaluate.frame_scores import FrameScores, Networks, Sources, score_frame
 from unveil_core.evaluate.free_views import measure_free_views
+from unveil_core.evaluate.kept_scores import scores_from_arrays, scores_to_arrays
 from unveil_core.evaluate.metrics import rounded
 from unveil_core.evaluate.perceptual import FeatureModel, LpipsModel
 from unveil_core.evaluate.pictures import fitted, truth_file, truth_mask, workspace_mask
@@ -37,6 +41,8 @@ __all__ = ["METHODS", "run_evaluation", "write_metrics"]
 
 WORKERS = min(4, os.cpu_count() or 1)
 """Frames measured at a time; each holds a few float64 images."""
+TOGETHER = 16
+"""Frames whose scores are kept together: at 1920x1080 the single-image baselines take a minute for them."""
 
 
 def run_evaluation(
@@ -46,8 +52,9 @@ def run_evaluation(
     *,
     lpips: Path | None = None,
     fid: Path | None = None,
+    kept: Kept | None = None,
 ) -> dict[str, Any]:
-    """Measure the delivery of a workspace; nothing is written.
+    """Measure the delivery of a workspace; of the workspace nothing is written.
 
     Args:
         workspace_root: a workspace whose ``frames/`` are there.
@@ -57,6 +64,7 @@ def run_evaluation(
         progress: called once per frame.
         lpips: a network for LPIPS (see :class:`unveil_core.evaluate.perceptual.LpipsModel`), or None.
         fid: a network for FID (see :class:`unveil_core.evaluate.perceptual.FeatureModel`), or None.
+        kept: where measured frames are kept, so that a call that was interrupted goes on; of the same workspace and arguments.
     Returns:
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``provenance`` and ``certainty`` (see
         :func:`unveil_core.evaluate.provenance.provenance_figures`), ``per_frame`` and, with truth, ``truth`` with
@@ -87,7 +95,8 @@ def run_evaluation(
     networks = Networks(None if lpips is None else LpipsModel(lpips), None if fid is None else FeatureModel(fid))
     _check_networks(networks, drive, truth, workspace_root)
     names = read_object_names(workspace_root)
-    scores = _score_frames(Sources(workspace_root, truth, networks, names.kept), drive, progress)
+    kept = kept or Kept()
+    scores = _score_frames(Sources(workspace_root, truth, networks, names.kept), drive, kept.within("scores"), progress)
     if truth_root is not None and not any(s.scores for s in scores):
         raise WorkspaceError(
             "none of the drive's frames has a true image here",
@@ -97,7 +106,7 @@ def run_evaluation(
     metrics = summary(scores, names.classes)
     recorded = metrics.get("truth", {}).get("regions", {})
     by_frame = {f: s for f, s in zip(drive.frames, scores, strict=True)}
-    flicker = _flicker(workspace_root, drive, truth, by_frame, progress)
+    flicker = _flicker(workspace_root, drive, truth, by_frame, kept.checkpoint("flicker"), progress)
     free = measure_free_views(workspace_root, drive, truth, recorded, progress)
     for name, found in (("flicker", flicker), ("free_views", free)):
         if found:
@@ -119,20 +128,28 @@ def _check_networks(networks: Networks, drive: Drive, truth: Path | None, root: 
         )
 
 
-def _score_frames(sources: Sources, drive: Drive, progress: Progress) -> list[FrameScores]:
+def _score_frames(sources: Sources, drive: Drive, kept: Kept, progress: Progress) -> list[FrameScores]:
     """The scores of all frames, in their order."""
-    results: dict[int, FrameScores] = {}
-    filled = with_neighbours(range(len(drive.frames)))
-    with ThreadPoolExecutor(WORKERS) as pool:
-        jobs = {pool.submit(score_frame, sources, f, i in filled): i for i, f in enumerate(drive.frames)}
-        try:
-            for done, job in enumerate(as_completed(jobs)):
-                results[jobs[job]] = job.result()
-                progress(done + 1, len(drive.frames), "measuring")
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    return [results[i] for i in range(len(drive.frames))]
+    frames, scores = drive.frames, []
+    filled = with_neighbours(range(len(frames)))
+    for first in range(0, len(frames), TOGETHER):
+        some = range(first, min(first + TOGETHER, len(frames)))
+
+        def make(some: range = some) -> dict[str, NDArray[Any]]:
+            results: dict[int, FrameScores] = {}
+            with ThreadPoolExecutor(WORKERS) as pool:
+                jobs = {pool.submit(score_frame, sources, frames[i], i in filled): i for i in some}
+                try:
+                    for done, job in enumerate(as_completed(jobs)):
+                        results[jobs[job]] = job.result()
+                        progress(some.start + done + 1, len(frames), "measuring")
+                except BaseException:
+                    pool.shutdown(cancel_futures=True)
+                    raise
+            return scores_to_arrays([results[i] for i in some])
+
+        scores += scores_from_arrays(kept.once(f"{first:06d}", make))
+    return scores
 
 
 def write_metrics(metrics: dict[str, Any], path: Path) -> None:
@@ -141,7 +158,12 @@ def write_metrics(metrics: dict[str, Any], path: Path) -> None:
 
 
 def _flicker(
-    root: Path, drive: Drive, truth: Path | None, results: Mapping[Frame, FrameScores], progress: Progress
+    root: Path,
+    drive: Drive,
+    truth: Path | None,
+    results: Mapping[Frame, FrameScores],
+    checkpoint: Checkpoint,
+    progress: Progress,
 ) -> dict[str, Any]:
     """Flicker of each method; empty where no depth of the street is known."""
     exact = truth is not None and any(truth_file(truth / "depth", f) is not None for f in drive.frames)
@@ -174,5 +196,5 @@ def _flicker(
             pictures[name][with_border(region)] = colors
         return pictures
 
-    found = measure_flicker(drive.frames, depth_of, region_of, pictures_of, progress)
+    found = measure_flicker(drive.frames, depth_of, region_of, pictures_of, progress, checkpoint)
     return {"depth": "truth" if exact else "scene", **found} if found else {}

@@ -10,7 +10,7 @@ in the same way: their value is the floor.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.files import read_instance_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
@@ -189,6 +190,7 @@ def measure_flicker(
     region_of: Callable[[Frame], Mask | None],
     pictures_of: Callable[[Frame], Mapping[str, Picture]],
     progress: Progress = no_progress,
+    checkpoint: Checkpoint | None = None,
 ) -> dict[str, Any]:
     """The warping error of several methods over the consecutive frames of each camera, warped into each other both ways.
 
@@ -198,15 +200,24 @@ def measure_flicker(
         region_of: (H, W) pixels that count, None or all False for none.
         pictures_of: (H, W, 3) by method; a method that lacks either frame of a pair is not measured there.
         progress: called per frame.
+        checkpoint: of the sums; a call that was interrupted goes on with them.
     Returns:
         ``pairs`` of frames, ``pixels`` compared, and per method of ``methods`` the means over pixels and channels
         ``absolute`` (levels of 255) and ``squared`` (levels squared) with its own number of ``pairs``. Empty where no two
         frames show the same place of the region.
     """
     sums: dict[str, _Sums] = {}
-    pairs = pixels = 0
-    for done, (before, now) in enumerate(_neighbours(frames, depth_of, region_of, pictures_of)):
+    first = pairs = pixels = 0
+    checkpoint = checkpoint or Checkpoint()
+    if saved := checkpoint.load():
+        first, pairs, pixels = (saved[1][name] for name in ("first", "pairs", "pixels"))
+        sums = {name: _Sums(**values) for name, values in saved[1]["sums"].items()}
+    views = _neighbours(frames, first, depth_of, region_of, pictures_of)
+    for done, (before, now) in enumerate(views, start=first):
         progress(done + 1, len(frames), "measuring flicker")
+        if checkpoint.due():
+            by_method = {name: asdict(of) for name, of in sums.items()}
+            checkpoint.save({}, {"first": done, "pairs": pairs, "pixels": pixels, "sums": by_method})
         if before is None or now is None:
             continue
         found = [(before, now, match_pixels(before.grid, now.grid, before.region))]
@@ -234,16 +245,26 @@ def measure_flicker(
 
 def _neighbours(
     frames: Sequence[Frame],
+    first: int,
     depth_of: Callable[[Frame], DepthGrid | None],
     region_of: Callable[[Frame], Mask | None],
     pictures_of: Callable[[Frame], Mapping[str, Picture]],
 ) -> Iterator[tuple[_View | None, _View | None]]:
-    """Each frame with the one before it of the same camera; only two frames' pictures are held at a time."""
-    for camera in dict.fromkeys(f.camera_name for f in frames):
-        before: _View | None = None
-        for frame in (f for f in frames if f.camera_name == camera):
-            region, grid = region_of(frame), depth_of(frame)
-            usable = region is not None and grid is not None
-            now = _View(grid, region, pictures_of(frame)) if usable else None  # type: ignore[arg-type]
-            yield before, now
-            before = now
+    """Each frame with the one before it of the same camera; only two frames' pictures are held at a time.
+
+    Args:
+        first: of them, camera after camera, to begin with.
+    """
+    in_order = [f for camera in dict.fromkeys(f.camera_name for f in frames) for f in frames if f.camera_name == camera]
+
+    def view(frame: Frame) -> _View | None:
+        region, grid = region_of(frame), depth_of(frame)
+        return None if region is None or grid is None else _View(grid, region, pictures_of(frame))
+
+    before: _View | None = view(in_order[first - 1]) if first else None
+    for k in range(first, len(in_order)):
+        if k and in_order[k].camera_name != in_order[k - 1].camera_name:
+            before = None
+        now = view(in_order[k])
+        yield before, now
+        before = now

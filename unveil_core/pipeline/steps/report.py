@@ -16,7 +16,7 @@ __all__ = ["STAGE"]
 
 def run(context: StageContext) -> None:
     """metrics.json and report/."""
-    metrics = run_evaluation(context.workspace.root, None, context.progress)
+    metrics = run_evaluation(context.workspace.root, None, context.progress, kept=context.kept)
     write_metrics(metrics, context.output("metrics.json"))
     write_report(context.workspace.root, context.output("report"), metrics, context.progress)
 
