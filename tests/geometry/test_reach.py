@@ -6,8 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 
-from unveil_core.geometry.reach import PointGrid, cameras_near
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import CameraViews, PointGrid, cameras_near
 
 PLACES = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats(-50, 50))
 
@@ -32,3 +34,24 @@ def test_the_grid_misses_no_near_point(points: np.ndarray, place: np.ndarray, re
     gap = np.linalg.norm(points - place, axis=1)
     assert set(np.flatnonzero(gap < reach * (1 - 1e-12)).tolist()) <= set(found.tolist())
     assert (np.linalg.norm((points - place)[found, :2], axis=1) <= reach + 7.0 * np.sqrt(2)).all()
+
+
+@given(st.integers(0, 10_000))
+def test_a_box_of_which_a_place_is_shown_may_be_shown(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    cameras = []
+    for _ in range(4):
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.random(random_state=generator.integers(1 << 30)).as_matrix()
+        pose[:3, 3] = generator.uniform(-20, 20, 3)
+        cameras.append(Camera(60, 40, 50.0, 40.0, 20.0, 25.0, pose))
+    points = generator.uniform(-20, 20, (6, 1, 3)) + generator.uniform(0, 1, (6, 1, 1)) * generator.normal(
+        size=(6, 9, 3)
+    )
+    views = CameraViews(cameras, cameras)
+    may = views.may_show(np.arange(4), points.min(axis=1), points.max(axis=1), 15.0)
+    for v, camera in enumerate(cameras):
+        shown = camera.in_picture(*camera.project(points.reshape(-1, 3))).reshape(6, 9)
+        near = np.linalg.norm(points - camera.centre, axis=2) < 15.0
+        assert may[v][(shown & near).any(axis=1)].all()
+    assert not views.may_show(np.arange(4), points.min(axis=1), points.max(axis=1), 0.0)[:, :3].all()

@@ -125,7 +125,7 @@ def visibility_of(frames: int) -> None:
     cameras, shape = line(frames), (16, 24)
     hidden = np.zeros(shape, dtype=bool)
     hidden[8:12, 10:14] = True
-    nothing = SeenView(np.full(shape, 3, np.float16), np.zeros(shape, dtype=bool), hidden)
+    nothing = SeenView(np.where(hidden, 0, 3).astype(np.float16))
     views = SeenViews(cameras, [nothing] * frames)
     for camera in cameras:
         assert never_seen(camera, hidden, np.full(shape, 12.0), views).sum() == hidden.sum()

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
+from unveil_core.base.frame_cache import Frames
 from unveil_core.geometry.camera import Camera
-from unveil_core.remove.observed import SeenView, SeenViews, depth_behind, never_seen, places_seen, seen_view, sky_seen
+from unveil_core.remove.observed import SeenView, SeenViews, depth_behind, never_seen, seen_by_some, seen_view
 
 HEIGHT, WIDTH, WALL = 40, 60, 10.0
 
@@ -27,6 +31,17 @@ def seen_from(x: float, *planes: object) -> Look:
 
 def together(looks: list[Look]) -> SeenViews:
     return SeenViews([c for c, _ in looks], [v for _, v in looks])
+
+
+NONE = np.zeros((0, 3))
+
+
+def places_seen(places: np.ndarray, views: SeenViews) -> np.ndarray:
+    return seen_by_some(places, NONE, views, HERE)[0]
+
+
+def sky_seen(directions: np.ndarray, views: SeenViews) -> np.ndarray:
+    return seen_by_some(NONE, directions, views, HERE)[1]
 
 
 def wall_view(x: float, hidden: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,8 +73,8 @@ def test_what_is_in_front_hides_a_place() -> None:
     view = seen_from(0, *wall_view(0))
     places = np.array([[0.0, 2.0, 9.9], [0.0, 2.0, 5.0], [0.0, 2.0, 14.0], [0.0, 2.0, -5.0], [90.0, 2.0, 9.0]])
     # On the wall; in front of it, where nothing hides it; behind it; behind the camera; outside the picture.
-    assert places_seen(places, together([view]), HERE).tolist() == [True, True, False, False, False]
-    assert not places_seen(places, together([]), HERE).any()
+    assert places_seen(places, together([view])).tolist() == [True, True, False, False, False]
+    assert not places_seen(places, together([])).any()
 
 
 def test_sky_is_seen_by_direction() -> None:
@@ -68,7 +83,7 @@ def test_sky_is_seen_by_direction() -> None:
     view = seen_from(3, *wall_view(3, hidden))
     directions = np.array([[0.3, -0.2, 1.0], [-0.3, -0.2, 1.0], [0.3, 0.2, 1.0], [0.0, -0.2, -1.0]])
     # Open sky; behind the object; the wall; behind the camera.
-    assert sky_seen(directions, together([view]), HERE).tolist() == [True, False, False, False]
+    assert sky_seen(directions, together([view])).tolist() == [True, False, False, False]
 
 
 def test_the_ground_counts_where_nothing_is_left() -> None:
@@ -101,9 +116,9 @@ def test_ground_seen_at_a_grazing_angle_does_not_hide_itself() -> None:
     # Anywhere in their pixels: up to metres from what the pixels' centres show.
     depth = rng.uniform(4, 40, 3000)
     places = np.stack([rng.uniform(-0.5, 0.5, 3000) * depth, np.full(3000, 1.6), depth], axis=1)
-    assert places_seen(places, together([view]), HERE).all()
+    assert places_seen(places, together([view])).all()
     # Below the ground by a tenth of the camera's height and more, nothing is seen.
-    assert not places_seen(places[depth < 8] * (1, 1.4, 1), together([view]), HERE).any()
+    assert not places_seen(places[depth < 8] * (1, 1.4, 1), together([view])).any()
 
 
 def test_the_reach_of_a_pixel_stops_at_edges_of_depth() -> None:
@@ -114,7 +129,7 @@ def test_the_reach_of_a_pixel_stops_at_edges_of_depth() -> None:
     column = np.arange(WIDTH)
     places = np.stack([(column + 0.5 - WIDTH / 2) / 40 * 7, np.zeros(WIDTH), np.full(WIDTH, 7.0)], axis=1)
     post = (column >= 28) & (column < 32)
-    assert np.array_equal(places_seen(places, together([view]), HERE), ~post)
+    assert np.array_equal(places_seen(places, together([view])), ~post)
 
 
 def test_ground_by_label_hides_only_across_a_crest() -> None:
@@ -123,7 +138,7 @@ def test_ground_by_label_hides_only_across_a_crest() -> None:
     places = np.array([[0.0, 0.0, 10.5], [0.0, 0.0, 14.0], [0.0, 0.0, 25.0]])
 
     def shown(told: tuple[np.ndarray, np.ndarray] | None) -> list[bool]:
-        return list(places_seen(places, together([seen_from(0, depth, alpha, hidden, told)]), HERE))
+        return list(places_seen(places, together([seen_from(0, depth, alpha, hidden, told)])))
 
     assert shown((everywhere, everywhere)) == [True, True, False]
     assert shown((everywhere, ~everywhere)) == [True, False, False]
@@ -140,3 +155,44 @@ def test_what_stands_or_the_terrain_lies_behind() -> None:
     # Terrain; what stands before it; terrain before what stands; no terrain: the chart; nothing: the sky.
     assert depth_behind(left, chart, standing, terrain).tolist() == [9, 6, 9, 12, np.inf]
     assert depth_behind(left, chart).tolist() == [12, 12, 12, 12, np.inf]
+
+
+def looking(generator: np.random.Generator) -> Camera:
+    """Anywhere, in any direction."""
+    turn = Rotation.random(random_state=generator.integers(1 << 30)).as_matrix()
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, -turn @ generator.uniform(-60, 60, 3)
+    return Camera(WIDTH, HEIGHT, 40.0, 35.0, 0.3 * WIDTH, 0.6 * HEIGHT, pose)
+
+
+@given(st.integers(0, 10_000))
+def test_asking_some_frames_finds_what_asking_all_finds(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    cameras = [looking(generator) for _ in range(12)]
+    depths = generator.choice([0.0, 5.0, 40.0, np.inf], (12, HEIGHT, WIDTH)).astype(np.float16)
+    views = SeenViews(cameras, [SeenView(depth) for depth in depths])
+    points, directions = generator.uniform(-50, 50, (80, 3)), generator.normal(size=(generator.integers(0, 5), 3))
+    shown, sky = np.zeros(len(points), bool), np.zeros(len(directions), bool)
+    for camera_, depth in zip(cameras, depths, strict=True):
+        for places, found, is_sky in ((points, shown, False), (camera_.centre + directions, sky, True)):
+            pixel, z = camera_.project(places)
+            inside = camera_.in_picture(pixel, z)
+            x, y = pixel[inside].astype(int).T
+            found[inside] |= np.isinf(depth[y, x]) if is_sky else depth[y, x] > z[inside]
+    for found, expected in zip(seen_by_some(points, directions, views, cameras[0].centre), (shown, sky), strict=True):
+        assert np.array_equal(found, expected)
+
+
+def test_frames_that_look_elsewhere_are_not_asked() -> None:
+    ahead = camera(0)
+    turned = np.diag([-1.0, 1.0, -1.0, 1.0])
+    behind = Camera(WIDTH, HEIGHT, 40.0, 40.0, WIDTH / 2, HEIGHT / 2, turned)
+
+    def look(i: int) -> SeenView:
+        assert i == 0, "asked a frame that looks back"
+        return SeenView(np.full((HEIGHT, WIDTH), 3, np.float16))
+
+    views = SeenViews([ahead, behind], Frames(2, look))
+    points, up = np.array([[0.0, 0.0, 9.0], [1.0, 0.5, 2.0]]), np.array([[0.0, -0.1, 1.0]])
+    shown, sky = seen_by_some(points, up, views, HERE)
+    assert shown.tolist() == [False, True] and not sky.any()

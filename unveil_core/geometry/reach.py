@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float64
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of"]
@@ -42,16 +42,20 @@ class CameraViews(Generic[T]):
     Attributes:
         cameras: of the frames; frames: what each shows, asked for only where it matters.
         centres: (V, 3) of the cameras; longest_ray: of any of them.
+        edges: (V, 5, 3) of each camera, directions of which no place in the picture lies on the far side: those of the view and,
+            inward, of the picture's four edges.
     """
 
     cameras: Sequence[Camera]
     frames: Sequence[T]
     centres: Float64 = field(init=False)
     longest_ray: float = field(init=False)
+    edges: Float64 = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "centres", centres_of(self.cameras))
         object.__setattr__(self, "longest_ray", max((c.longest_ray for c in self.cameras), default=1.0))
+        object.__setattr__(self, "edges", np.stack([_edges(c) for c in self.cameras] or [np.zeros((5, 3))]))
 
     def near(self, points: Float64, reach: float) -> NDArray[np.int64]:
         """Indices of the frames within ``reach`` of points, see :func:`cameras_near`."""
@@ -62,9 +66,44 @@ class CameraViews(Generic[T]):
         apart = np.linalg.norm(self.centres[candidates] - place, axis=1)
         return candidates[np.argsort(apart, kind="stable")]
 
+    def may_show(self, candidates: NDArray[np.int64], low: Float64, high: Float64, reach: float) -> Mask:
+        """(N, C) bool, False where a frame surely shows nothing of a box, or nothing within ``reach`` of its camera.
+
+        Args:
+            candidates: (N,) frames; low, high: (C, 3) corners of the boxes.
+        """
+        centres = self.centres[candidates][:, None]
+        gap = np.maximum(np.maximum(low - centres, centres - high), 0.0)
+        near: Mask = (gap * gap).sum(axis=2) <= reach * reach
+        return near & self.may_look(candidates, low[None] - centres, high[None] - centres)
+
+    def may_look(self, candidates: NDArray[np.int64], low: Float64, high: Float64) -> Mask:
+        """(N, C) bool, False where none of the directions in a box lies in a frame's picture.
+
+        Args:
+            candidates: (N,) frames; low, high: (1 or N, C, 3) corners of boxes of directions, of any length.
+        """
+        edges = self.edges[candidates][:, None]
+        # The farthest that a box reaches along an edge's normal is at one of its corners.
+        farthest = np.where(edges > 0, high[:, :, None] * edges, low[:, :, None] * edges).sum(axis=3)
+        inside: Mask = (farthest >= 0).all(axis=2)
+        return inside
+
+
+def _edges(camera: Camera) -> Float64:
+    """(5, 3) see :class:`CameraViews`, in world axes."""
+    width, height, fx, fy, cx, cy = camera.intrinsics
+    normals = np.array([[0, 0, 1], [fx, 0, cx], [-fx, 0, width - cx], [0, fy, cy], [0, -fy, height - cy]])
+    return normals @ camera.pose[0]
+
 
 class PointGrid:
     """Points in the cells of a grid on the horizontal plane, to find those near a place without looking at all of them.
+
+    Attributes:
+        cell: side of the cells, metres.
+        order: (N,) indices of the points, cell after cell; first: (C,) where in it each cell begins.
+        low, high: (C, 3) ends of the box around each cell's points.
 
     Args:
         points: (N, 3), z up; cell: side of the cells, metres.
@@ -74,8 +113,14 @@ class PointGrid:
         self.cell = cell
         places = np.floor(points[:, :2] / cell).astype(np.int64)
         self._cells, of_point = np.unique(places, axis=0, return_inverse=True)
-        self._order = np.argsort(of_point.ravel(), kind="stable")
-        self._first = np.searchsorted(of_point.ravel()[self._order], np.arange(len(self._cells) + 1))
+        self.order = np.argsort(of_point.ravel(), kind="stable")
+        self._ends = np.searchsorted(of_point.ravel()[self.order], np.arange(len(self._cells) + 1))
+        self.first = self._ends[:-1]
+        in_order = points[self.order]
+        self.low, self.high = (
+            extreme.reduceat(in_order, self.first) if len(points) else np.zeros((0, 3))
+            for extreme in (np.minimum, np.maximum)
+        )
 
     @property
     def middles(self) -> Float64:
@@ -84,7 +129,7 @@ class PointGrid:
 
     def of_cells(self, cells: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Indices, rising, of the points in some of the cells (C,)."""
-        parts = [self._order[self._first[k] : self._first[k + 1]] for k in np.flatnonzero(cells)]
+        parts = [self.order[self._ends[k] : self._ends[k + 1]] for k in np.flatnonzero(cells)]
         return np.sort(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
 
     def near(self, place: Float64, reach: float) -> NDArray[np.int64]:

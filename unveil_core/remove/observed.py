@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.drives.depth_range import ASKED_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import CameraViews
+from unveil_core.geometry.reach import CameraViews, PointGrid
 from unveil_core.remove.observed_kernels import DEPTHS, mark_shown, mark_sky
 
-__all__ = ["SeenView", "SeenViews", "depth_behind", "never_seen", "places_seen", "seen_view", "sky_seen"]
+__all__ = ["SeenView", "SeenViews", "depth_behind", "never_seen", "seen_by_some", "seen_view"]
 
 AGREEMENT, GROUND_AGREEMENT, UNLABELLED_AGREEMENT = 0.1, 0.5, 0.25
 """Share of a point's depth by which the surface that a frame shows may be nearer and still not count as in front of the point:
@@ -27,6 +27,10 @@ the accuracy of rendered depth. Ground occludes a point only across a crest, so 
 at a grazing angle its rendered depth is far less accurate. Unlabelled pixels get a value in between."""
 AT_ONCE = 4096
 """Points that a thread takes at a time: some tens of microseconds."""
+FARTHEST_M = 60_000.0
+"""Depth for surfaces that reach to the horizon, metres: half floats go to 65,504."""
+CELL_M = 20.0
+"""Side of the cells of the ground whose places are given up together where a frame cannot show them, metres."""
 SKY_ALPHA, SURFACE = 0.3, 0.5
 """Alpha: a pixel of the full scene below the first shows sky, one of the empty scene above the second a surface."""
 
@@ -36,15 +40,17 @@ class SeenView:
     """What a frame shows: how far it sees in each pixel.
 
     Attributes:
-        max_visible_depth: (H, W) float16, depth along the optical axis beyond which points in a pixel are occluded, inf for none:
-            its error is a hundredth of what the tests allow.
-        sky: (H, W) bool, pixels that show sky.
-        hidden: (H, W) bool, pixels that show a removed object.
+        depth: (H, W) float16, depth along the optical axis beyond which points in a pixel are occluded; 0 where a removed object
+            hides all, inf where the sky is seen. A half float's error is a hundredth of what the tests allow.
     """
 
-    max_visible_depth: NDArray[np.float16]
-    sky: Mask
-    hidden: Mask
+    depth: NDArray[np.float16]
+
+    @property
+    def hidden(self) -> Mask:
+        """(H, W) pixels that show a removed object."""
+        nothing: Mask = self.depth == 0
+        return nothing
 
 
 SeenViews = CameraViews[SeenView]
@@ -68,8 +74,8 @@ def seen_view(
     if known_and_ground is not None:
         known, ground = known_and_ground
         agreement[known] = np.where(ground, GROUND_AGREEMENT, AGREEMENT)[known]
-    with np.errstate(over="ignore"):  # beyond 65 km is as far as can be
-        return SeenView((reach / (1 - agreement)).astype(np.float16), sky, hidden)
+    farthest = np.clip(reach / (1 - agreement), NEAR_M, FARTHEST_M)
+    return SeenView(np.where(hidden, 0.0, np.where(sky, np.inf, farthest)).astype(np.float16))
 
 
 def _pixel_reach(depth: NDArray[np.floating]) -> Float64:
@@ -91,40 +97,45 @@ def _pixel_reach(depth: NDArray[np.floating]) -> Float64:
     return np.where(reach > 1e-9, 1 / np.maximum(reach, 1e-9), np.inf)
 
 
-def places_seen(points: Float64, views: SeenViews, place: Float64) -> Mask:
-    """(P,) bool, whether some view shows the point (P, 3), world, and no surface in front of it.
+def seen_by_some(points: Float64, directions: Float64, views: SeenViews, place: Float64) -> tuple[Mask, Mask]:
+    """(P,) bool, whether some view shows the point and no surface in front of it; (D,) bool, whether one shows sky there.
+
+    Views are asked that may show something that none before has shown, and that are near: a place within ``ASKED_M`` of their
+    camera, the sky if they are within that of ``place``.
 
     Args:
+        points: (P, 3), world; directions: (D, 3), world.
         place: (3,) near which frames are asked first.
     """
-    points, seen = np.ascontiguousarray(points), np.zeros(len(points), dtype=np.uint8)
-    for v in views.by_distance(views.near(points, ASKED_M), place):
-        camera, view = views.cameras[v], views.frames[v]
-        depth = view.max_visible_depth.view(np.uint16)
-        in_parallel(
-            mark_shown, len(points), AT_ONCE, points, seen, *camera.pose, camera.intrinsics, depth, view.hidden, DEPTHS
-        )
-        if seen.all():
+    grid = PointGrid(points, CELL_M)
+    points, directions = np.ascontiguousarray(points[grid.order]), np.ascontiguousarray(directions)
+    shown, sky = np.zeros(len(points), dtype=np.uint8), np.zeros(len(directions), dtype=np.uint8)
+    close = views.near(place[None], ASKED_M) if len(directions) else np.zeros(0, dtype=np.int64)
+    asked = views.by_distance(np.union1d(views.near(points, ASKED_M), close), place)
+    may_show = views.may_show(asked, grid.low, grid.high, ASKED_M)
+    may_show_sky = np.isin(asked, close)
+    if len(directions):
+        box = directions.min(axis=0)[None, None], directions.max(axis=0)[None, None]
+        may_show_sky &= views.may_look(asked, *box)[:, 0]
+    left, sky_left = np.ones(len(grid.first), dtype=bool), len(directions) > 0
+    for k, v in enumerate(asked):
+        ask_points, ask_sky = bool((may_show[k] & left).any()), bool(may_show_sky[k]) and sky_left
+        if not (ask_points or ask_sky):
+            continue
+        camera, depth = views.cameras[v], views.frames[v].depth.view(np.uint16)
+        turn, shift = camera.pose
+        if ask_points:
+            looks = turn, shift, camera.intrinsics, depth, DEPTHS
+            in_parallel(mark_shown, len(points), AT_ONCE, points, shown, *looks)
+            left = ~np.logical_and.reduceat(shown, grid.first)
+        if ask_sky:
+            in_parallel(mark_sky, len(directions), AT_ONCE, directions, sky, turn, camera.intrinsics, depth, DEPTHS)
+            sky_left = not sky.all()
+        if not (sky_left or left.any()):
             break
-    return seen.astype(bool)
-
-
-def sky_seen(directions: Float64, views: SeenViews, place: Float64) -> Mask:
-    """(P,) bool, whether some view shows sky in the direction (P, 3), world.
-
-    Args:
-        place: (3,) near which frames are asked.
-    """
-    directions, seen = np.ascontiguousarray(directions), np.zeros(len(directions), dtype=np.uint8)
-    for v in views.by_distance(views.near(place[None], ASKED_M), place) if len(directions) else ():
-        camera, view = views.cameras[v], views.frames[v]
-        turn, _ = camera.pose
-        in_parallel(
-            mark_sky, len(directions), AT_ONCE, directions, seen, turn, camera.intrinsics, view.sky, view.hidden
-        )
-        if seen.all():
-            break
-    return seen.astype(bool)
+    seen = np.zeros(len(points), dtype=bool)
+    seen[grid.order] = shown
+    return seen, sky.astype(bool)
 
 
 def depth_behind(
@@ -165,9 +176,9 @@ def never_seen(camera: Camera, hidden: Mask, depth: Float64, views: SeenViews) -
     rays = camera.rays()[hidden]
     behind = depth[hidden]
     place = np.isfinite(behind)
+    points = camera.centre + behind[place, None] * rays[place]
     seen = np.zeros(len(rays), dtype=bool)
-    seen[place] = places_seen(camera.centre + behind[place, None] * rays[place], views, camera.centre)
-    seen[~place] = sky_seen(rays[~place], views, camera.centre)
+    seen[place], seen[~place] = seen_by_some(points, rays[~place], views, camera.centre)
     mask = np.zeros(hidden.shape, dtype=bool)
     mask[hidden] = ~seen
     return mask

@@ -18,26 +18,24 @@ NEAREST = 1e-6
 
 
 @njit(**EXACT)
-def mark_shown(first, end, points, seen, turn, shift, intrinsics, depth_bits, hidden, depths):
+def mark_shown(first, end, points, seen, turn, shift, intrinsics, depth_bits, depths):
     """Mark the points (P, 3) that the frame shows: with no surface and no removed object in front.
 
-    ``depth_bits`` (H, W) uint16: half floats, depth up to which something is visible.
+    ``depth_bits`` (H, W) uint16: half floats, see ``SeenView``.
     """
     for i in range(first, end):
         if not seen[i]:
             u, v, z = pixel_of(points[i, 0], points[i, 1], points[i, 2], turn, shift, intrinsics, NEAREST)
-            row, column = int(v), int(u)
-            if z > 0 and not hidden[row, column] and depths[depth_bits[row, column]] > z:
+            if z > 0 and depths[depth_bits[int(v), int(u)]] > z:
                 seen[i] = 1
 
 
 @njit(**EXACT)
-def mark_sky(first, end, directions, seen, turn, intrinsics, sky, hidden):
+def mark_sky(first, end, directions, seen, turn, intrinsics, depth_bits, depths):
     """Mark the directions (P, 3) in which the frame shows sky, and no removed object."""
     here = np.zeros(3)
     for i in range(first, end):
         if not seen[i]:
             u, v, z = pixel_of(directions[i, 0], directions[i, 1], directions[i, 2], turn, here, intrinsics, NEAREST)
-            row, column = int(v), int(u)
-            if z > 0 and sky[row, column] and not hidden[row, column]:
+            if z > 0 and depths[depth_bits[int(v), int(u)]] == np.inf:
                 seen[i] = 1

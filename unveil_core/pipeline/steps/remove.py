@@ -18,7 +18,7 @@ from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import MarkedObject, marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
+from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
 from unveil_core.pipeline.stage import Stage, StageContext
@@ -126,11 +126,10 @@ def run(context: StageContext) -> None:
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
-        seen = seen_view(full.depth.numpy(), full.alpha.numpy(), own, by_label)
-        return seen.max_visible_depth, mask_bits(seen.sky), mask_bits(seen.hidden)
+        return (seen_view(full.depth.numpy(), full.alpha.numpy(), own, by_label).depth,)
 
     stored = context.cache.stored(context.scratch("seen"), len(frames), look)
-    views = SeenViews([f.camera for f in frames], context.cache.frames(len(frames), lambda i: _seen(*stored[i])))
+    views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: SeenView(*stored[i])))
     for done, _ in enumerate(stored):
         context.progress(done + 1, 2 * len(frames), "finding what nobody saw")
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
@@ -146,12 +145,6 @@ def run(context: StageContext) -> None:
             save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
             write_image_atomic(last, region_map(mask, hidden, unseen))
         context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
-
-
-def _seen(depth: NDArray[np.float16], *packed: NDArray[np.uint8]) -> SeenView:
-    """A view as it was stored: depth (H, W), and sky and hidden pixels as bits."""
-    sky, hidden = (mask_of_bits(bits, depth.shape) for bits in packed)
-    return SeenView(depth, sky, hidden)
 
 
 STAGE = Stage(
