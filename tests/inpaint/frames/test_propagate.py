@@ -8,6 +8,8 @@ import torch
 from numpy.typing import NDArray
 
 from tests.inpaint.walls import before_wall, task_of, wall_without
+from unveil_core.inpaint.frames import holes as frame_holes
+from unveil_core.inpaint.frames import propagate
 from unveil_core.inpaint.frames.holes import Hole, background_layers, hole_in_frame, open_hole
 from unveil_core.inpaint.frames.keyframes import plan_keyframes
 from unveil_core.inpaint.frames.propagate import TINT, Painted, RemainingScene, propagate_inpainting, tint
@@ -70,6 +72,28 @@ def test_the_cameras_of_a_rig_show_the_same() -> None:
     painted, holes, _ = paint(cameras, [0, 1, 0, 1], "reverse")
     assert sum(p.invented.sum() > 20 for p in painted) == 1
     assert np.abs(inner_colors(painted, holes) - PAINTS[0]).max() < 25
+
+
+def test_what_is_far_is_left_to_the_frames_that_come_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (frame_holes, propagate):
+        monkeypatch.setattr(module, "CARRIED_M", 3.0)
+    near, far = before_wall(0.0, 2.0), before_wall(0.0, 4.0)
+    # The far one comes first in the order, and would have invented it for both.
+    painted, holes, _ = paint([near, far], [0, 1], "reverse")
+    assert holes[1].mask.sum() == 0 and holes[0].mask.sum() > 200
+    assert painted[0].invented.sum() > 200 and painted[1].invented.sum() < 20
+    assert np.abs(painted[1].image[34:38, 46:50] - np.array(PAINTS[0], float)).max() < 25
+
+
+def test_what_nobody_comes_near_is_invented_by_each_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (frame_holes, propagate):
+        monkeypatch.setattr(module, "CARRIED_M", 3.0)
+    tasks = [task_of(before_wall(0.1 * k, 4.0), WINDOW) for k in range(2)]
+    plan = plan_keyframes([open_hole(task, WALL, None) for task in tasks], [0, 1], order="reverse")
+    painted: dict[int, Painted] = {}
+    scene = RemainingScene(WALL, SKY, None, 1)
+    assert propagate_inpainting(tasks, scene, Painter(), painted.setdefault, plan=plan) is None  # type: ignore[arg-type]
+    assert all(p.invented.sum() > 200 for p in painted.values()) and len(painted) == 2
 
 
 def test_what_is_deferred_to_a_sharper_view_comes_from_there() -> None:

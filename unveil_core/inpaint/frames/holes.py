@@ -17,8 +17,21 @@ from unveil_core.inpaint.frames.depth import complete_depth
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["BackgroundLayers", "FrameTask", "Hole", "background_layers", "hole_in_frame", "missing_depth", "open_hole"]
+__all__ = [
+    "CARRIED_M",
+    "BackgroundLayers",
+    "FrameTask",
+    "Hole",
+    "background_layers",
+    "hole_in_frame",
+    "missing_depth",
+    "open_hole",
+]
 
+CARRIED_M = 60.0
+"""Depth up to which what one frame invents is carried to others, metres. What is continued from around a hole is off by a share of
+the depth that grows with it, and the pixels are as large as bricks there: what was meant for a house 150 m away hangs in the
+street as fog, before frames that come by. Those see the place from near and invent it themselves."""
 SOLID = 0.6
 """Alpha of the remaining scene above which a pixel shows a surface. Chosen on the two sample streets."""
 IN_FRONT_ALPHA = 0.5
@@ -155,7 +168,11 @@ def missing_depth(background: BackgroundLayers, empty: Mask) -> NDArray[np.float
 
 
 def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None, filled: Mask | None = None) -> Hole:
-    """The hole that ``surfels`` and the chart leave in a frame, see :func:`hole_in_frame`."""
+    """The hole that ``surfels`` and the chart leave in a frame, see :func:`hole_in_frame`, as far as it is carried to others."""
     background = background_layers(task, surfels, layer)
     empty = hole_in_frame(task, background, filled)
-    return Hole(task.camera, empty, missing_depth(background, empty)[empty] if empty.any() else np.zeros(0))
+    if not empty.any():
+        return Hole(task.camera, empty, np.zeros(0))
+    depth = missing_depth(background, empty)
+    carried = empty & (depth <= CARRIED_M)
+    return Hole(task.camera, carried, depth[carried])

@@ -26,6 +26,7 @@ from unveil_core.geometry.images import area_px, border_px, grow, within
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter, ReferencePropagator
 from unveil_core.inpaint.frames.holes import (
+    CARRIED_M,
     SOLID,
     BackgroundLayers,
     FrameTask,
@@ -241,11 +242,12 @@ class _Painter:
         origin[empty] = INVENTED
         if invented.any():
             image = fill_around(self.single_image, image, unpainted)
-            if int(invented.sum()) >= area_px(invented.shape, least_px):
-                depth = missing_depth(background, empty) if depth is None else depth
+            depth = missing_depth(background, empty) if depth is None else depth
+            carried = invented & (depth <= CARRIED_M)
+            if int(carried.sum()) >= area_px(carried.shape, least_px):
                 label = _nearest_label(surfels, task.camera, empty, self.scene.label_count)
                 sh_degree = self.scene.surfels.sh_degree
-                seeds = [seed_pixels(task.camera, image, depth, label, invented, sh_degree=sh_degree)]
+                seeds = [seed_pixels(task.camera, image, depth, label, carried, sh_degree=sh_degree)]
                 if self.references is not None:
                     self.references.add(task.camera, image, depth)
         return Painted(image, origin, invented, shadow), seeds
