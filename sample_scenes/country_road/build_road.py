@@ -26,10 +26,7 @@ def smooth_asphalt():  # type: ignore[no-untyped-def]
     """New asphalt: hardly anything to hold on to."""
     n = street.Nodes("smooth asphalt")
     noise = n.add("ShaderNodeTexNoise", Scale=1.3, Detail=2.0)
-    n.link(
-        n.ramp(noise.outputs[0], [(0.35, (0.105, 0.107, 0.11)), (0.65, (0.125, 0.126, 0.128))]),
-        n.bsdf.inputs["Base Color"],
-    )
+    n.link(n.ramp(noise.outputs[0], [(0.35, (0.105, 0.107, 0.11)), (0.65, (0.125, 0.126, 0.128))]), n.bsdf.inputs["Base Color"])
     return n.material
 
 
@@ -122,16 +119,7 @@ def build(seed: int):  # type: ignore[no-untyped-def]
             street.cylinder("post", s, side * 4.9, -0.15, 0.055, 1.1, materials["post"], street.POLE)
             street.cylinder("band", s, side * 4.9, 0.72, 0.058, 0.14, materials["band"], street.POLE)
         s += 14.0
-    for s, t in (
-        (4.0, 8.5),
-        (17.0, -8.0),
-        (27.0, 11.0),
-        (38.0, -9.5),
-        (49.0, 8.8),
-        (63.0, -7.8),
-        (74.0, 10.0),
-        (90.0, -8.4),
-    ):
+    for s, t in ((4.0, 8.5), (17.0, -8.0), (27.0, 11.0), (38.0, -9.5), (49.0, 8.8), (63.0, -7.8), (74.0, 10.0), (90.0, -8.4)):
         street.tree(s, t, rng, materials)
         bpy.context.collection.objects[-1].location.z += height(t)
         bpy.context.collection.objects[-2].location.z += height(t)

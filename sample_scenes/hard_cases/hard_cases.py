@@ -88,12 +88,7 @@ def _surveyed() -> HardCase:
     eye = np.array([6_000_123.25, -5_812_960.5, 34.125])
     near = surfels([[0.02 * i - 0.3, 0.01 * i - 0.1, 3 + 0.05 * i] for i in range(30)], (0.9, 0.2, 0.3, 0.1))
     there = Surfels(
-        near.means.double() + torch.from_numpy(eye),
-        near.quats,
-        near.log_scales,
-        near.opacity_logits,
-        near.sh,
-        near.labels,
+        near.means.double() + torch.from_numpy(eye), near.quats, near.log_scales, near.opacity_logits, near.sh, near.labels
     )
     return HardCase(near, true_surfels=there, true_eye=tuple(eye.tolist()))
 

@@ -156,9 +156,7 @@ def paint():  # type: ignore[no-untyped-def]
     """Worn road paint."""
     n = Nodes("paint")
     noise = n.add("ShaderNodeTexNoise", Scale=9.0, Detail=6.0, Roughness=0.8)
-    n.link(
-        n.ramp(noise.outputs[0], [(0.3, (0.32, 0.32, 0.31)), (0.46, (0.66, 0.65, 0.62))]), n.bsdf.inputs["Base Color"]
-    )
+    n.link(n.ramp(noise.outputs[0], [(0.3, (0.32, 0.32, 0.31)), (0.46, (0.66, 0.65, 0.62))]), n.bsdf.inputs["Base Color"])
     return n.material
 
 
@@ -242,7 +240,9 @@ def ground(materials) -> None:  # type: ignore[no-untyped-def]
     s0, s1 = LENGTH
     strip("road", [(-4.6, 0.0), (-2.3, 0.03), (0.0, 0.05), (2.3, 0.03), (4.6, 0.0)], materials["asphalt"], ROAD, s0, s1)
     for side in (-1, 1):
-        strip("kerb", [(side * 4.6, 0.0), (side * 4.6, 0.12), (side * 4.75, 0.13)], materials["kerb"], SIDEWALK, s0, s1)
+        strip(
+            "kerb", [(side * 4.6, 0.0), (side * 4.6, 0.12), (side * 4.75, 0.13)], materials["kerb"], SIDEWALK, s0, s1
+        )
         strip("gutter", [(side * 4.3, 0.008), (side * 4.6, 0.004)], materials["gutter"], ROAD, s0, s1)
         strip("walk", [(side * 4.75, 0.13), (side * 7.4, 0.17)], materials["walk"], SIDEWALK, s0, s1)
         strip("edge line", [(side * 2.42, 0.034), (side * 2.54, 0.033)], materials["paint"], ROAD, s0, s1)
@@ -254,12 +254,12 @@ def ground(materials) -> None:  # type: ignore[no-untyped-def]
     for side, first in ((-1, 3.0), (1, 5.5)):
         s = first
         while s < 60:
-            strip("bay", [(side * 2.48, 0.035), (side * 4.25, 0.018)], materials["paint"], ROAD, s, s + 0.1, 0.1)
+            strip(
+                "bay", [(side * 2.48, 0.035), (side * 4.25, 0.018)], materials["paint"], ROAD, s, s + 0.1, 0.1
+            )
             s += 5.6
     for s, t in ((9.0, 0.9), (31.0, -1.2), (47.0, 1.4)):
-        disc = [
-            (place(s + 0.33 * math.cos(a), t + 0.33 * math.sin(a), 0.058)) for a in np.linspace(0, 2 * math.pi, 25)[:-1]
-        ]
+        disc = [(place(s + 0.33 * math.cos(a), t + 0.33 * math.sin(a), 0.058)) for a in np.linspace(0, 2 * math.pi, 25)[:-1]]
         mesh_object("manhole", disc, [tuple(range(24))], materials["iron"], ROAD)
 
 
@@ -284,24 +284,10 @@ def facade(name: str, s: float, width: float, side: int, floors: int, wall, trim
             uvs.append((abs(t), h))
         faces.append((k, k + 1, k + 2, k + 3))
     mesh_object(name, vertices, faces, wall, BUILDING, uvs)
-    strip(
-        name + " plinth",
-        [(l0 - side * 0.07, 0.16), (l0 - side * 0.07, 0.75), (l0, 0.8)],
-        trim["plinth"],
-        BUILDING,
-        s,
-        s + width,
-    )
+    strip(name + " plinth", [(l0 - side * 0.07, 0.16), (l0 - side * 0.07, 0.75), (l0, 0.8)], trim["plinth"], BUILDING, s, s + width)
     strip(name + " cornice", [(l0, height - 0.35), (l0 - side * 0.3, height - 0.1), (l0 - side * 0.3, height), (l0, height + 0.05)],
           trim["light"], BUILDING, s, s + width)  # fmt: skip
-    strip(
-        name + " roof",
-        [(l0 - side * 0.35, height), (l0 + side * 3.5, height + 2.6), (l0 + side * 7.5, height)],
-        trim["roof"],
-        BUILDING,
-        s,
-        s + width,
-    )
+    strip(name + " roof", [(l0 - side * 0.35, height), (l0 + side * 3.5, height + 2.6), (l0 + side * 7.5, height)], trim["roof"], BUILDING, s, s + width)
     bays = max(2, int(width / 2.4))
     spacing = width / bays
     door_bay = int(rng.integers(0, bays))
@@ -311,20 +297,14 @@ def facade(name: str, s: float, width: float, side: int, floors: int, wall, trim
             centre = s + (bay + 0.5) * spacing
             if floor == 0 and bay == door_bay:
                 street_box(name + " door", centre, l0 - side * 0.02, 0.16, (1.05, 0.12, 2.2), door, BUILDING)
-                street_box(
-                    name + " lintel", centre, l0 - side * 0.05, 2.36, (1.35, 0.16, 0.18), trim["light"], BUILDING
-                )
+                street_box(name + " lintel", centre, l0 - side * 0.05, 2.36, (1.35, 0.16, 0.18), trim["light"], BUILDING)
                 street_box(name + " step", centre, l0 - side * 0.22, 0.14, (1.3, 0.44, 0.14), trim["plinth"], BUILDING)
                 continue
             tall = 1.45 if floor < floors - 1 else 1.2
-            street_box(
-                name + " frame", centre, l0 - side * 0.0, sill - 0.06, (1.16, 0.1, tall + 0.12), trim["light"], BUILDING
-            )
+            street_box(name + " frame", centre, l0 - side * 0.0, sill - 0.06, (1.16, 0.1, tall + 0.12), trim["light"], BUILDING)
             street_box(name + " window", centre, l0 - side * 0.03, sill, (1.0, 0.09, tall), window, BUILDING)
             street_box(name + " bar", centre, l0 - side * 0.05, sill, (0.06, 0.08, tall), trim["light"], BUILDING)
-            street_box(
-                name + " bar", centre, l0 - side * 0.05, sill + tall * 0.62, (1.0, 0.08, 0.06), trim["light"], BUILDING
-            )
+            street_box(name + " bar", centre, l0 - side * 0.05, sill + tall * 0.62, (1.0, 0.08, 0.06), trim["light"], BUILDING)
             street_box(name + " sill", centre, l0 - side * 0.1, sill - 0.13, (1.3, 0.24, 0.08), trim["light"], BUILDING)
 
 
@@ -465,16 +445,7 @@ def flat_part(name: str, corners, material):  # type: ignore[no-untyped-def]
 
 def cuboid(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float):  # type: ignore[no-untyped-def]
     """Corners of an axis-aligned box."""
-    return [
-        (x0, y0, z0),
-        (x1, y0, z0),
-        (x1, y1, z0),
-        (x0, y1, z0),
-        (x0, y0, z1),
-        (x1, y0, z1),
-        (x1, y1, z1),
-        (x0, y1, z1),
-    ]
+    return [(x0, y0, z0), (x1, y0, z0), (x1, y1, z0), (x0, y1, z0), (x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
 
 
 def car(kind: str, color, materials):  # type: ignore[no-untyped-def]
@@ -511,29 +482,15 @@ def car(kind: str, color, materials):  # type: ignore[no-untyped-def]
                               (0.2, ring(w * 0.61, 1.32, 1.41))], skin),
         ]  # fmt: skip
         for side in (-1, 1):
-            parts.append(
-                flat_part("pillar", cuboid(-0.32, -0.22, side * w * 0.8 - 0.03, side * w * 0.8 + 0.03, 0.9, 1.3), skin)
-            )
+            parts.append(flat_part("pillar", cuboid(-0.32, -0.22, side * w * 0.8 - 0.03, side * w * 0.8 + 0.03, 0.9, 1.3), skin))
         axles, radius = (-e * 0.6, e * 0.62), 0.31
     e = length / 2
     for side in (-1, 1):
         for x in axles:
             parts += wheel(x, side * (w - 0.1), radius, materials)
         top = 0.8 if kind != "van" else 0.95
-        parts.append(
-            flat_part(
-                "lamp",
-                cuboid(e - 0.14, e - 0.02, side * w * 0.66 - 0.14, side * w * 0.66 + 0.14, 0.52, 0.66),
-                materials["headlamp"],
-            )
-        )
-        parts.append(
-            flat_part(
-                "lamp",
-                cuboid(-e - 0.01, -e + 0.1, side * w * 0.66 - 0.12, side * w * 0.66 + 0.12, top - 0.18, top),
-                materials["tail lamp"],
-            )
-        )
+        parts.append(flat_part("lamp", cuboid(e - 0.14, e - 0.02, side * w * 0.66 - 0.14, side * w * 0.66 + 0.14, 0.52, 0.66), materials["headlamp"]))
+        parts.append(flat_part("lamp", cuboid(-e - 0.01, -e + 0.1, side * w * 0.66 - 0.12, side * w * 0.66 + 0.12, top - 0.18, top), materials["tail lamp"]))
     parts.append(flat_part("plate", cuboid(-e - 0.02, -e + 0.05, -0.26, 0.26, 0.46, 0.58), materials["plate"]))
     return parts
 
@@ -551,9 +508,7 @@ def person(shirt, trousers, materials):  # type: ignore[no-untyped-def]
         for x, y, z, rx, ry in path:
             vertices += [(x + px, y + py, z) for px, py in oval(rx, ry)]
         for i in range(len(path) - 1):
-            faces += [
-                (i * 10 + j, i * 10 + (j + 1) % 10, (i + 1) * 10 + (j + 1) % 10, (i + 1) * 10 + j) for j in range(10)
-            ]
+            faces += [(i * 10 + j, i * 10 + (j + 1) % 10, (i + 1) * 10 + (j + 1) % 10, (i + 1) * 10 + j) for j in range(10)]
         faces += [tuple(range(9, -1, -1)), tuple(range((len(path) - 1) * 10, len(path) * 10))]
         return smooth_object(name, vertices, faces, material)
 
@@ -567,9 +522,7 @@ def person(shirt, trousers, materials):  # type: ignore[no-untyped-def]
     ]  # fmt: skip
     for side in (-1, 1):
         y = side * 0.1
-        parts.append(
-            limb("leg", [(0.01, y, 0.06, 0.06, 0.055), (0, y, 0.45, 0.075, 0.07), (0, y, 0.9, 0.1, 0.09)], pants)
-        )
+        parts.append(limb("leg", [(0.01, y, 0.06, 0.06, 0.055), (0, y, 0.45, 0.075, 0.07), (0, y, 0.9, 0.1, 0.09)], pants))
         parts.append(limb("shoe", [(0.06, y, 0.0, 0.13, 0.055), (0.04, y, 0.08, 0.1, 0.055)], materials["tyre"]))
         parts.append(limb("arm", [(0.05, side * 0.25, 0.82, 0.035, 0.035), (0.0, side * 0.25, 1.1, 0.045, 0.045),
                                   (0, side * 0.21, 1.42, 0.06, 0.055)], cloth))  # fmt: skip
@@ -647,11 +600,7 @@ def build(seed: int):  # type: ignore[no-untyped-def]
         plain("rose", (0.58, 0.32, 0.26)), plain("grey", (0.42, 0.44, 0.45)), plain("blue", (0.30, 0.40, 0.50)),
     ]  # fmt: skip
     roofs = [plain("tiles", (0.30, 0.10, 0.06)), plain("slate", (0.09, 0.10, 0.12))]
-    doors = [
-        plain("door green", (0.04, 0.13, 0.08)),
-        plain("door red", (0.25, 0.03, 0.03)),
-        plain("door blue", (0.04, 0.08, 0.2)),
-    ]
+    doors = [plain("door green", (0.04, 0.13, 0.08)), plain("door red", (0.25, 0.03, 0.03)), plain("door blue", (0.04, 0.08, 0.2))]
     for side in (-1, 1):
         s, index = LENGTH[0], 0
         while s < LENGTH[1] - 4:

@@ -168,16 +168,7 @@ def normals(pose: np.ndarray, region: np.ndarray, tree: BVHTree) -> np.ndarray:
 
 def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type: ignore[no-untyped-def]
     """Render both states and write the drive with its truth."""
-    for name in (
-        "images",
-        "semantics",
-        "instances",
-        "truth/images",
-        "truth/depth",
-        "truth/removed",
-        "truth/unseen",
-        "truth/shadow",
-    ):
+    for name in ("images", "semantics", "instances", "truth/images", "truth/depth", "truth/removed", "truth/unseen", "truth/shadow"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     table = number_objects(scene)
     classes = np.array([table[i][0] for i in range(len(table))])
@@ -213,10 +204,7 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
         cv2.imwrite(str(folder / f"truth/depth/{stem}.png"), steps, [cv2.IMWRITE_PNG_COMPRESSION, 9])
         removed = crowd.removed[i]
         cv2.imwrite(str(folder / f"truth/removed/{stem}.png"), removed.astype(np.uint8) * 255)
-        luma = [
-            cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8)
-            for p in (full[i], empty[i])
-        ]
+        luma = [cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8) for p in (full[i], empty[i])]
         border = cv2.dilate(removed.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         shadow = (luma[1] - luma[0] > 10) & ~border
         shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -231,10 +219,7 @@ def write_drive(scene, poses, folder: Path, offset: np.ndarray) -> None:  # type
             "transform_matrix": matrix.tolist(),
         })  # fmt: skip
     write_points(points, poses, full, full_depth, folder / "points.ply", offset)
-    names = [
-        {"id": int(o["instance"]), "class": "person" if o["class"] == PERSON else "car", "name": o.name}
-        for o in objects
-    ]
+    names = [{"id": int(o["instance"]), "class": "person" if o["class"] == PERSON else "car", "name": o.name} for o in objects]
     document = {
         "camera_model": "PINHOLE", **intrinsics(),
         "metric": True, "ply_file_path": "points.ply", "semantic_classes": "cityscapes", "instances": names,
@@ -284,15 +269,11 @@ def write_points(points, poses, pictures, depths, path: Path, offset: np.ndarray
         take = seen & (away < best)
         color[take] = picture[row[take], column[take], ::-1]
         best[take] = away[take]
-    table = np.empty(
-        len(points), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1")]
-    )
+    table = np.empty(len(points), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1")])
     for k, name in enumerate("xyz"):
         table[name] = points[:, k] + offset[k]
     for k, name in enumerate(("red", "green", "blue")):
         table[name] = color[:, k].round()
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
-    header += "".join(f"property double {n}\n" for n in "xyz") + "".join(
-        f"property uchar {n}\n" for n in ("red", "green", "blue")
-    )
+    header += "".join(f"property double {n}\n" for n in "xyz") + "".join(f"property uchar {n}\n" for n in ("red", "green", "blue"))
     path.write_bytes((header + "end_header\n").encode() + table.tobytes())

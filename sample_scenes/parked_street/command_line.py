@@ -19,12 +19,8 @@ def command(description: str | None, build, offset: np.ndarray, *, samples: int,
     parser.add_argument("--frames", type=int, default=28)
     parser.add_argument("--samples", type=int, default=samples)
     parser.add_argument("--only", type=int, nargs="*", help="render just these frames, as PNG, and stop")
-    parser.add_argument(
-        "--free", action="store_true", help="render just truth/free/, views beside and above the path, and stop"
-    )
-    parser.add_argument(
-        "--unseen", action="store_true", help="find what no frame shows anew, for recorded and free views, and stop"
-    )
+    parser.add_argument("--free", action="store_true", help="render just truth/free/, views beside and above the path, and stop")
+    parser.add_argument("--unseen", action="store_true", help="find what no frame shows anew, for recorded and free views, and stop")
     parser.add_argument("-o", "--output", type=Path, default=folder)
     arguments = parser.parse_args(sys.argv[1:])
     scene = build()

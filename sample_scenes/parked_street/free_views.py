@@ -27,10 +27,7 @@ def free_poses(poses: list[np.ndarray]) -> dict[str, np.ndarray]:
     """Name to OpenGL camera-to-world (4, 4): each chosen frame beside the path, in turn right and left, and above it."""
     found = {}
     for turn, frame in enumerate(range(0, len(poses), EVERY)):
-        shifts = {
-            "beside": poses[frame][:3, 0] * BESIDE_M * (1 if turn % 2 == 0 else -1),
-            "above": np.array([0, 0, ABOVE_M]),
-        }
+        shifts = {"beside": poses[frame][:3, 0] * BESIDE_M * (1 if turn % 2 == 0 else -1), "above": np.array([0, 0, ABOVE_M])}
         for kind, shift in shifts.items():
             pose = poses[frame].copy()
             pose[:3, 3] += shift
@@ -38,9 +35,7 @@ def free_poses(poses: list[np.ndarray]) -> dict[str, np.ndarray]:
     return found
 
 
-def write_free_views(
-    scene, poses: list[np.ndarray], folder: Path, offset: np.ndarray, *, pictures: bool = True
-) -> dict[str, object]:  # type: ignore[no-untyped-def]
+def write_free_views(scene, poses: list[np.ndarray], folder: Path, offset: np.ndarray, *, pictures: bool = True) -> dict[str, object]:  # type: ignore[no-untyped-def]
     """Write truth/free/: images/ of the empty street, removed/ and unseen/ (masks as the recorded frames' have), transforms.json.
 
     Args:
@@ -81,9 +76,7 @@ def write_free_views(
                 cv2.imwrite(str(target / f"{name}/{stem}.png"), mask.astype(np.uint8) * 255)
             matrix = pose.copy()
             matrix[:3, 3] += offset
-            rows.append(
-                {"file_path": f"images/{stem}.jpg", "camera": stem.split("_")[1], "transform_matrix": matrix.tolist()}
-            )
+            rows.append({"file_path": f"images/{stem}.jpg", "camera": stem.split("_")[1], "transform_matrix": matrix.tolist()})
             print(f"free {stem} {i + 1}/{len(free)}", flush=True)
     document = {"camera_model": "PINHOLE", **intrinsics(), "frames": rows}
     (target / "transforms.json").write_text(json.dumps(document, indent=1))

@@ -35,9 +35,7 @@ def in_picture(pose: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
     return inside, row, column, depth
 
 
-def looked_up(
-    pose: np.ndarray, points: np.ndarray, depth_image: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def looked_up(pose: np.ndarray, points: np.ndarray, depth_image: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which points the view really sees, with their rows and columns (0 where not)."""
     inside, row, column, depth = in_picture(pose, points)
     seen = inside & (np.abs(depth_image[row, column] - depth) < tolerance + 0.01 * depth)
@@ -62,9 +60,7 @@ class Crowd:
     removed: list[np.ndarray]
 
 
-def depth_in_pixel(
-    pose: np.ndarray, row: np.ndarray, column: np.ndarray, places: np.ndarray, normal: np.ndarray, depth: np.ndarray
-) -> np.ndarray:
+def depth_in_pixel(pose: np.ndarray, row: np.ndarray, column: np.ndarray, places: np.ndarray, normal: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Depth (P,) that the plane through each place has at the centre of the pixel that the place falls into.
 
     Ground seen at a grazing angle is metres nearer at one border of a pixel than at the other: the depth of the place, which lies

@@ -28,9 +28,7 @@ def version() -> str:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-                node.body = [
-                    n for n in node.body if not (isinstance(n, ast.Expr) and isinstance(n.value, ast.Constant))
-                ]
+                node.body = [n for n in node.body if not (isinstance(n, ast.Expr) and isinstance(n.value, ast.Constant))]
         digest.update(path.name.encode() + ast.unparse(tree).encode())
     return digest.hexdigest()[:8]
 

@@ -52,9 +52,7 @@ def station_times(rig: Rig) -> np.ndarray:
 def route_at(plan: Plan, distance: float) -> tuple[np.ndarray, float]:
     """Position (3,) on the ground and heading, at a distance along the route."""
     d = np.arange(len(plan.route_xyz)) * ROUTE_STEP_M
-    return np.array([np.interp(distance, d, plan.route_xyz[:, k]) for k in range(3)]), float(
-        np.interp(distance, d, plan.route_angle)
-    )
+    return np.array([np.interp(distance, d, plan.route_xyz[:, k]) for k in range(3)]), float(np.interp(distance, d, plan.route_angle))
 
 
 def look(position: np.ndarray, yaw: float, pitch: float) -> np.ndarray:
@@ -78,9 +76,7 @@ def shots(plan: Plan) -> list[Shot]:
         ahead, _ = route_at(plan, float(distance) + 3.0)
         grade = (ahead[2] - ground[2]) / 3.0
         sway = 0.07 * math.sin(0.37 * distance)
-        position = ground + np.array(
-            [-math.sin(heading) * sway, math.cos(heading) * sway, rig.height + 0.012 * math.sin(1.1 * distance)]
-        )
+        position = ground + np.array([-math.sin(heading) * sway, math.cos(heading) * sway, rig.height + 0.012 * math.sin(1.1 * distance)])
         yaw = heading + 0.01 * math.sin(0.5 * distance)
         halted = rig.halt is not None and rig.halt[0] <= i <= rig.halt[1]
         noise = rng.normal(0, HALT_NOISE_M, 3) if halted else np.zeros(3)

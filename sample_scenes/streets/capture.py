@@ -113,9 +113,7 @@ def _name(plan: Plan, shot: Shot) -> str:
     return f"{shot.camera}/{shot.stem}" if len(plan.rig.cameras) > 1 else shot.stem
 
 
-def _turns(
-    plan: Plan, studio: Studio, stage: Stage, frames: list[Shot]
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _turns(plan: Plan, studio: Studio, stage: Stage, frames: list[Shot]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """What the LiDAR measures at each station; nothing where there is none."""
     if not plan.scanner.beams:
         return []
@@ -129,31 +127,19 @@ def _turns(
     return found
 
 
-def _cloud(
-    plan: Plan, frames: list[Shot], views: list[View], pictures: list[np.ndarray], full: list[Picture], turns: list
-) -> np.ndarray:  # type: ignore[type-arg]
+def _cloud(plan: Plan, frames: list[Shot], views: list[View], pictures: list[np.ndarray], full: list[Picture], turns: list) -> np.ndarray:  # type: ignore[type-arg]
     """The drive's points (P, 3)."""
     rng = np.random.default_rng([plan.seed, 5])
     if turns:
         fronts = [s for s in frames if s.camera == "front"]
         parts = [points.measured(s.pose, t, plan.scanner.noise, rng) for s, t in zip(fronts, turns, strict=True)]
     else:
-        parts = [
-            points.features(v, np.ascontiguousarray(c), p.depth, rng)
-            for v, c, p in zip(views, pictures, full, strict=True)
-        ]
+        parts = [points.features(v, np.ascontiguousarray(c), p.depth, rng) for v, c, p in zip(views, pictures, full, strict=True)]
     return points.thinned(np.concatenate(parts), np.stack([s.pose[:3, 3] for s in frames]))
 
 
 def _write_frames(
-    plan: Plan,
-    folder: Path,
-    studio: Studio,
-    frames: list[Shot],
-    full: list[Picture],
-    empty: list[Picture],
-    gains: np.ndarray,
-    crowd: list[Shown],
+    plan: Plan, folder: Path, studio: Studio, frames: list[Shot], full: list[Picture], empty: list[Picture], gains: np.ndarray, crowd: list[Shown]
 ) -> None:
     """Images, labels and all truth of each frame."""
     rng = np.random.default_rng([plan.seed, 6])
@@ -177,9 +163,7 @@ def _write_frames(
             cv2.imwrite(str(folder / path), image, options)
 
 
-def _write_transforms(
-    plan: Plan, folder: Path, frames: list[Shot], view: View, things: list[Thing], offset: np.ndarray
-) -> None:
+def _write_transforms(plan: Plan, folder: Path, frames: list[Shot], view: View, things: list[Thing], offset: np.ndarray) -> None:
     rows = []
     for shot in frames:
         matrix, name = shot.told.copy(), _name(plan, shot)

@@ -35,10 +35,7 @@ def draw_section(rng: np.random.Generator, character: str) -> Section:
         each = float(rng.choice([1, 2], p=[0.85, 0.15]))
         lanes = (each, each)
     strips = [float(rng.uniform(1.95, 2.3)) if rng.uniform() < 0.7 else 0.0 for _ in range(2)]
-    verge = [
-        float(rng.uniform(0.8, 2.2)) if rng.uniform() < (0.15 if character == "town" else 0.5) else 0.0
-        for _ in range(2)
-    ]
+    verge = [float(rng.uniform(0.8, 2.2)) if rng.uniform() < (0.15 if character == "town" else 0.5) else 0.0 for _ in range(2)]
     walk = [float(rng.uniform(1.6, 4.2)) for _ in range(2)]
     if character == "edge" and rng.uniform() < 0.6:
         walk[int(rng.integers(0, 2))] = 0.0
@@ -69,20 +66,11 @@ def single(rng: np.random.Generator, kind: str, travel: float, section: Section)
     side = float(rng.choice([-1.0, 1.0]))
     bends: list[tuple[float, float, float]] = []
     if kind == "bend":
-        bends = [
-            (
-                float(rng.uniform(-0.2, 0.4)) * travel,
-                side * math.radians(rng.uniform(15, 75)),
-                float(rng.uniform(LEAST_RADIUS_M, 110)),
-            )
-        ]
+        bends = [(float(rng.uniform(-0.2, 0.4)) * travel, side * math.radians(rng.uniform(15, 75)), float(rng.uniform(LEAST_RADIUS_M, 110)))]
     elif kind == "S":
         turn, radius = math.radians(rng.uniform(12, 40)), float(rng.uniform(LEAST_RADIUS_M, 80))
         start = float(rng.uniform(-0.1, 0.25)) * travel
-        bends = [
-            (start, side * turn, radius),
-            (start + turn * radius + 22.0, -side * math.radians(rng.uniform(12, 40)), radius),
-        ]
+        bends = [(start, side * turn, radius), (start + turn * radius + 22.0, -side * math.radians(rng.uniform(12, 40)), radius)]
 
     def curvature(s: np.ndarray) -> np.ndarray:
         return sum((bend_curvature(s, *b) for b in bends), np.zeros_like(s))
@@ -115,13 +103,7 @@ def junction(
     b0, b1 = -60.0, travel - meet + AHEAD_M
     a = swept(s0, s1, np.zeros_like, lambda s: grade * s)
     b = swept(
-        b0,
-        b1,
-        np.zeros_like,
-        lambda s: grade * (meet + s * math.cos(angle)),
-        origin=centre,
-        angle=angle,
-        tilt=-grade * math.sin(angle),
+        b0, b1, np.zeros_like, lambda s: grade * (meet + s * math.cos(angle)), origin=centre, angle=angle, tilt=-grade * math.sin(angle)
     )
     inner = -1 if angle < 0 else 1
     inner_radius = 0.0

@@ -30,11 +30,7 @@ def draw(seed: int, size: str = "usual") -> Plan:
     scanner = draw_scanner(rng)
     noise = draw_noise(rng)
     character = str(rng.choice(list(surroundings.STYLES), p=[0.5, 0.3, 0.2]))
-    wear = {
-        "grain": float(rng.uniform(0.5, 1.3)),
-        "cracks": float(rng.choice([0.0, rng.uniform(0.3, 1.0)])),
-        "tone": float(rng.uniform(0.75, 1.35)),
-    }
+    wear = {"grain": float(rng.uniform(0.5, 1.3)), "cracks": float(rng.choice([0.0, rng.uniform(0.3, 1.0)])), "tone": float(rng.uniform(0.75, 1.35))}
     travel = float(station_distances(rig)[-1])
     kind = str(rng.choice(list(course.COURSES), p=list(course.COURSES.values())))
     section = course.draw_section(rng, character)
@@ -67,16 +63,7 @@ def draw_light(rng: np.random.Generator) -> Light:
     sun = {"sun": 2.2 + 2.4 * float(np.sin(np.radians(elevation))), "overcast": 0.0, "dusk": 0.25}[kind]
     sky = {"sun": float(rng.uniform(0.6, 1.0)), "overcast": 1.0, "dusk": 0.3}[kind]
     clouds = {"sun": float(rng.uniform(0.0, 0.6)), "overcast": 1.0, "dusk": 0.3}[kind]
-    return Light(
-        kind,
-        elevation,
-        float(rng.uniform(0, 360)),
-        sun,
-        sky,
-        clouds,
-        float(rng.uniform(0.40, 0.50)) * (0.85 if kind == "dusk" else 1.0),
-        drift,
-    )
+    return Light(kind, elevation, float(rng.uniform(0, 360)), sun, sky, clouds, float(rng.uniform(0.40, 0.50)) * (0.85 if kind == "dusk" else 1.0), drift)
 
 
 def draw_rig(rng: np.random.Generator, width: int, height: int, frames: int) -> Rig:

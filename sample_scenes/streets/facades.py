@@ -26,9 +26,7 @@ class House:
         self.rng = np.random.default_rng(lot.key)
         self.roof = "tiles" if lot.key % 2 else "slate"
 
-    def box(
-        self, material: str, s: float, out: float, h: float, size: tuple[float, float, float], label: int = BUILDING
-    ) -> None:
+    def box(self, material: str, s: float, out: float, h: float, size: tuple[float, float, float], label: int = BUILDING) -> None:
         """A box whose middle stands ``out`` metres before the front, its base ``h`` over the ground floor's level."""
         self.b.street_box(material, label, self.leg, s, self.side * (self.front - out), self.base + h, size)
 
@@ -47,31 +45,14 @@ class House:
         for at in (s0, s1):
             t = np.array([t0, t1, t1, tm, t0])
             h = np.array([base - 1.2, base - 1.2, base + height, base + height + rise, base + height])
-            self.b.add(
-                self.wall, BUILDING, leg.path.place(at, t, h), [(0, 1, 2, 3, 4)], np.stack([np.abs(t), h], axis=1)
-            )
+            self.b.add(self.wall, BUILDING, leg.path.place(at, t, h), [(0, 1, 2, 3, 4)], np.stack([np.abs(t), h], axis=1))
         if roof == "pitched":
             eave = side * 0.35
-            profile = [
-                (t0 - eave, base + height - 0.12),
-                (tm, base + height + rise + 0.05),
-                (t1 + eave, base + height - 0.12),
-            ]
+            profile = [(t0 - eave, base + height - 0.12), (tm, base + height + rise + 0.05), (t1 + eave, base + height - 0.12)]
             self.b.sweep(self.roof, BUILDING, leg, s0, s1, profile)
         else:
             self.b.sweep("concrete", BUILDING, leg, s0, s1, [(t0, base + height), (t1, base + height)])
-            self.b.sweep(
-                "white",
-                BUILDING,
-                leg,
-                s0,
-                s1,
-                [
-                    (t0 - side * 0.12, base + height - 0.2),
-                    (t0 - side * 0.12, base + height + 0.15),
-                    (t0, base + height + 0.15),
-                ],
-            )
+            self.b.sweep("white", BUILDING, leg, s0, s1, [(t0 - side * 0.12, base + height - 0.2), (t0 - side * 0.12, base + height + 0.15), (t0, base + height + 0.15)])
 
     def window(self, s: float, sill: float, wide: float, tall: float) -> None:
         """A window with frame, cross bars and sill."""
@@ -108,14 +89,7 @@ class House:
         lot, height = self.lot, 0.6 + FLOOR_M * self.lot.floors
         self.shell(lot.s0, lot.s1, height, "pitched")
         t = self.side * self.front
-        self.b.sweep(
-            "stone",
-            BUILDING,
-            self.leg,
-            lot.s0,
-            lot.s1,
-            [(t - self.side * 0.06, self.base - 0.3), (t - self.side * 0.06, self.base + 0.6), (t, self.base + 0.63)],
-        )
+        self.b.sweep("stone", BUILDING, self.leg, lot.s0, lot.s1, [(t - self.side * 0.06, self.base - 0.3), (t - self.side * 0.06, self.base + 0.6), (t, self.base + 0.63)])
         self.rows(lot.s0, lot.s1, 0, lot.floors)
 
     def shop(self) -> None:
@@ -130,29 +104,12 @@ class House:
         for k in range(panes):
             at = lot.s0 + 0.4 + (k + 0.5) * step
             low = 0.05 if abs(at - door) < step / 2 else 0.42
-            self.box(
-                "lit window" if self.rng.uniform() < 0.7 else "glass front",
-                at,
-                0.06,
-                low,
-                (step - 0.14, 0.06, 2.5 - low),
-            )
+            self.box("lit window" if self.rng.uniform() < 0.7 else "glass front", at, 0.06, low, (step - 0.14, 0.06, 2.5 - low))
         board = f"board {lot.key % 4}"
         self.box(board, middle, 0.14, 2.62, (width - 0.5, 0.18, 0.5))
         if self.rng.uniform() < 0.4:
             t = self.side * self.front
-            self.b.sweep(
-                board,
-                BUILDING,
-                self.leg,
-                lot.s0 + 0.5,
-                lot.s1 - 0.5,
-                [
-                    (t, self.base + 2.62),
-                    (t - self.side * 0.95, self.base + 2.28),
-                    (t - self.side * 0.95, self.base + 2.12),
-                ],
-            )
+            self.b.sweep(board, BUILDING, self.leg, lot.s0 + 0.5, lot.s1 - 0.5, [(t, self.base + 2.62), (t - self.side * 0.95, self.base + 2.28), (t - self.side * 0.95, self.base + 2.12)])
         self.rows(lot.s0, lot.s1, 1, lot.floors)
 
     def office(self) -> None:
@@ -164,13 +121,7 @@ class House:
             for k in range(pieces):
                 s = lot.s0 + (k + 0.5) * width / pieces
                 glass = "lit window" if self.rng.uniform() < 0.25 else "glass front"
-                self.box(
-                    glass,
-                    s,
-                    0.02,
-                    0.95 + 3.3 * floor if floor else 0.15,
-                    (width / pieces - 0.1, 0.08, 1.9 if floor else 2.7),
-                )
+                self.box(glass, s, 0.02, 0.95 + 3.3 * floor if floor else 0.15, (width / pieces - 0.1, 0.08, 1.9 if floor else 2.7))
 
     def detached(self) -> None:
         """A house or hall behind its front garden, with room to its neighbours."""
@@ -190,9 +141,7 @@ def build_lot(builder: Builder, materials: dict[str, bpy.types.Material], leg: L
     """One lot with everything on it but its trees."""
     wall = f"{lot.style} {tuple(round(c, 2) for c in lot.color)}"
     if wall not in materials:
-        brick = (
-            kit.slabs(wall, lot.color, tuple(c * 0.8 for c in lot.color), 0.24, 0.08) if lot.style == "brick" else None
-        )
+        brick = kit.slabs(wall, lot.color, tuple(c * 0.8 for c in lot.color), 0.24, 0.08) if lot.style == "brick" else None
         materials[wall] = brick or made.plaster(wall, lot.color)
     for number, color in enumerate([(0.35, 0.04, 0.05), (0.05, 0.12, 0.30), (0.06, 0.22, 0.12), (0.55, 0.40, 0.06)]):
         if f"board {number}" not in materials:
@@ -231,19 +180,7 @@ def _front(builder: Builder, leg: Leg, lot: Lot) -> None:
                 builder.street_box("wood", FENCE, leg, float(s), t - side * 0.05, h + 0.08, (0.1, 0.025, 0.92))
         elif style in ("low wall", "wall"):
             top = h + (1.9 if style == "wall" else 0.6)
-            builder.sweep(
-                "concrete",
-                WALL,
-                leg,
-                s0,
-                s1,
-                [
-                    (t - side * 0.12, h - 0.5),
-                    (t - side * 0.12, top),
-                    (t + side * 0.12, top),
-                    (t + side * 0.12, h - 0.5),
-                ],
-            )
+            builder.sweep("concrete", WALL, leg, s0, s1, [(t - side * 0.12, h - 0.5), (t - side * 0.12, top), (t + side * 0.12, top), (t + side * 0.12, h - 0.5)])
             for s in (s0, s1):
                 builder.street_box("concrete", WALL, leg, s, t, h - 0.4, (0.3, 0.34, top - h + 0.46))
 
@@ -253,23 +190,10 @@ def _hedge(builder: Builder, leg: Leg, lot: Lot, s0: float, s1: float, t: float)
     rng = np.random.default_rng(lot.key)
     height = float(rng.uniform(0.9, 2.0))
     s = np.arange(s0, s1, 0.14)
-    ring = [
-        (-0.4, 0.0),
-        (-0.42, 0.3),
-        (-0.42, 0.6),
-        (-0.4, 0.85),
-        (-0.3, 1.0),
-        (0.0, 1.03),
-        (0.3, 1.0),
-        (0.4, 0.85),
-        (0.42, 0.5),
-        (0.4, 0.0),
-    ]
+    ring = [(-0.4, 0.0), (-0.42, 0.3), (-0.42, 0.6), (-0.4, 0.85), (-0.3, 1.0), (0.0, 1.03), (0.3, 1.0), (0.4, 0.85), (0.42, 0.5), (0.4, 0.0)]
     offsets, levels = np.array(ring).T
     rough = rng.normal(0, 0.035, (2, len(s), len(ring)))
-    points = leg.path.place(
-        s[:, None], t + offsets[None] + rough[0], leg.section.kerb - 0.05 + height * levels[None] + rough[1]
-    )
+    points = leg.path.place(s[:, None], t + offsets[None] + rough[0], leg.section.kerb - 0.05 + height * levels[None] + rough[1])
     builder.grid("hedge", VEGETATION, points)
     for row in (0, -1):
         builder.add("hedge", VEGETATION, points[row], [tuple(range(len(ring)))])

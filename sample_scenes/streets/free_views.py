@@ -29,19 +29,14 @@ def free_views(views: list[View]) -> dict[str, View]:
     places = np.unique(np.linspace(0, len(views) - 1, VIEWS // 2 + 2).round().astype(int)[1:-1])
     for turn, frame in enumerate(places):
         view = views[frame]
-        for kind, shift in (
-            ("beside", view.pose[:3, 0] * BESIDE_M * (1 if turn % 2 == 0 else -1)),
-            ("above", np.array([0, 0, ABOVE_M])),
-        ):
+        for kind, shift in (("beside", view.pose[:3, 0] * BESIDE_M * (1 if turn % 2 == 0 else -1)), ("above", np.array([0, 0, ABOVE_M]))):
             pose = view.pose.copy()
             pose[:3, 3] += shift
             found[f"{frame:04d}_{kind}"] = View(pose, view.width, view.height, view.fov)
     return found
 
 
-def write_free_views(
-    studio: Studio, stage: Stage, views: list[View], crowd: list[Shown], folder: Path, gain: float, offset: np.ndarray
-) -> int:
+def write_free_views(studio: Studio, stage: Stage, views: list[View], crowd: list[Shown], folder: Path, gain: float, offset: np.ndarray) -> int:
     """Write images/ of the empty street, removed/, unseen/ and transforms.json; returns how many views there are.
 
     ``views`` are those of the front camera. What moves stands where it does at the start.
@@ -65,12 +60,8 @@ def write_free_views(
             cv2.imwrite(str(folder / f"{kind}/{name}.png"), mask.astype(np.uint8) * 255)
         matrix = view.pose.copy()
         matrix[:3, 3] += offset
-        rows.append(
-            {"file_path": f"images/{name}.jpg", "camera": name.split("_")[1], "transform_matrix": matrix.tolist()}
-        )
+        rows.append({"file_path": f"images/{name}.jpg", "camera": name.split("_")[1], "transform_matrix": matrix.tolist()})
     stage.show(True)
     if rows:
-        (folder / "transforms.json").write_text(
-            json.dumps({"camera_model": "PINHOLE", **views[0].intrinsics(), "frames": rows}, indent=1)
-        )
+        (folder / "transforms.json").write_text(json.dumps({"camera_model": "PINHOLE", **views[0].intrinsics(), "frames": rows}, indent=1))
     return len(rows)

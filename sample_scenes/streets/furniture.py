@@ -57,11 +57,7 @@ def _disc(builder: Builder, leg: Leg, post: Post, h: float, kind: int) -> None:
     angle = float(leg.path.heading(post.s))
     base = leg.path.place(post.s, post.t, h)
     a = np.linspace(0, 2 * math.pi, count + 1)[:-1] + turn
-    layers = (
-        (("sign red", 0.34, 0.045), ("sign blue" if kind == 0 else "white", 0.24, 0.052))
-        if kind < 2
-        else (("sign yellow", 0.36, 0.045),)
-    )
+    layers = (("sign red", 0.34, 0.045), ("sign blue" if kind == 0 else "white", 0.24, 0.052)) if kind < 2 else (("sign yellow", 0.36, 0.045),)
     for material, radius, lift in (("steel", 0.345, 0.038), *layers):
         across, up = radius * np.cos(a), radius * np.sin(a)
         points = np.stack([

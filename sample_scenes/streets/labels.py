@@ -22,9 +22,7 @@ def shifts(shape: tuple[int, int], pixels: float, rng: np.random.Generator) -> t
     return fields[0] * pixels / size, fields[1] * pixels / size
 
 
-def noisy(
-    labels: np.ndarray, ids: np.ndarray, noise: LabelNoise, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def noisy(labels: np.ndarray, ids: np.ndarray, noise: LabelNoise, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Labels (H, W) and instances (H, W) with errors; both err alike."""
     dx, dy = shifts(labels.shape, noise.border, rng)
     rows, columns = np.mgrid[: labels.shape[0], : labels.shape[1]]

@@ -69,9 +69,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=seeds_of, required=True, help="as 0-9 or 0-4,7")
     parser.add_argument("--cache", type=Path, default=None, help=f"where they are kept; {cache.DEFAULT} by default")
-    parser.add_argument(
-        "--size", choices=[s for s in SIZES if s != "large"], default="usual", help="of the images, and how many"
-    )
+    parser.add_argument("--size", choices=[s for s in SIZES if s != "large"], default="usual", help="of the images, and how many")
     parser.add_argument("--only", type=int, nargs="*", help="render just these crowded frames, as PNG, and stop")
     parser.add_argument("-o", "--output", type=Path, default=Path.cwd(), help="where --only writes")
     arguments = parser.parse_args()

@@ -36,9 +36,7 @@ def asphalt(name: str, grain: float, cracks: float, tone: float, tracks: float =
         wave = n.add("ShaderNodeMath", operation="SINE")
         n.link(split.outputs[1], scaled.inputs[0])
         n.link(scaled.outputs[0], wave.inputs[0])
-        color = n.mix(
-            tracks, color, n.ramp(wave.outputs[0], [(0.0, (1.06, 1.06, 1.06)), (1.0, (0.86, 0.86, 0.87))]), "MULTIPLY"
-        )
+        color = n.mix(tracks, color, n.ramp(wave.outputs[0], [(0.0, (1.06, 1.06, 1.06)), (1.0, (0.86, 0.86, 0.87))]), "MULTIPLY")
     if cracks:
         bent = n.add("ShaderNodeTexNoise", Scale=1.8, Detail=3.0)
         n.link(uv, bent.inputs["Vector"])
@@ -47,12 +45,7 @@ def asphalt(name: str, grain: float, cracks: float, tone: float, tracks: float =
         n.link(n.mix(0.16, (0.0, 0.0, 0.0), bent.outputs[1]), shifted.inputs[1])
         cells = n.add("ShaderNodeTexVoronoi", Scale=0.4, feature="DISTANCE_TO_EDGE")
         n.link(shifted.outputs[0], cells.inputs["Vector"])
-        color = n.mix(
-            cracks,
-            color,
-            n.ramp(cells.outputs["Distance"], [(0.0, (0.35, 0.35, 0.35)), (0.011, (1.0, 1.0, 1.0))]),
-            "MULTIPLY",
-        )
+        color = n.mix(cracks, color, n.ramp(cells.outputs["Distance"], [(0.0, (0.35, 0.35, 0.35)), (0.011, (1.0, 1.0, 1.0))]), "MULTIPLY")
     n.link(color, n.bsdf.inputs["Base Color"])
     return n.material
 
@@ -71,10 +64,7 @@ def grass(name: str, low: Color, high: Color) -> bpy.types.Material:
     for node in (patches, grain):
         n.link(place, node.inputs["Vector"])
     color = n.ramp(patches.outputs[0], [(0.35, low), (0.65, high)])
-    n.link(
-        n.mix(1.0, color, n.ramp(grain.outputs[0], [(0.3, (0.55, 0.55, 0.5)), (0.7, (1.2, 1.2, 1.1))]), "MULTIPLY"),
-        n.bsdf.inputs["Base Color"],
-    )
+    n.link(n.mix(1.0, color, n.ramp(grain.outputs[0], [(0.3, (0.55, 0.55, 0.5)), (0.7, (1.2, 1.2, 1.1))]), "MULTIPLY"), n.bsdf.inputs["Base Color"])
     n.bsdf.inputs["Roughness"].default_value = 0.95
     return n.material
 
@@ -103,13 +93,7 @@ def of_object(name: str, roughness: float, coat: float = 0.0, random_brown: bool
     n = kit.Nodes(name)
     info = n.add("ShaderNodeObjectInfo")
     if random_brown:
-        n.link(
-            n.ramp(
-                info.outputs["Random"],
-                [(0.1, (0.03, 0.035, 0.07)), (0.5, (0.08, 0.07, 0.06)), (0.9, (0.25, 0.22, 0.17))],
-            ),
-            n.bsdf.inputs["Base Color"],
-        )
+        n.link(n.ramp(info.outputs["Random"], [(0.1, (0.03, 0.035, 0.07)), (0.5, (0.08, 0.07, 0.06)), (0.9, (0.25, 0.22, 0.17))]), n.bsdf.inputs["Base Color"])
     else:
         n.link(info.outputs["Color"], n.bsdf.inputs["Base Color"])
     n.bsdf.inputs["Roughness"].default_value, n.bsdf.inputs["Coat Weight"].default_value = roughness, coat

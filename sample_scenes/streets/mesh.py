@@ -25,9 +25,7 @@ class Builder:
     def add(self, material: str, label: int, vertices: np.ndarray, faces: list, uvs: np.ndarray | None = None) -> None:  # type: ignore[type-arg]
         """Add a piece: vertices (N, 3), faces of their indices, uvs (N, 2)."""
         vertices = np.asarray(vertices, float)
-        self.parts[material, label].append(
-            (vertices, faces, np.zeros((len(vertices), 2)) if uvs is None else np.asarray(uvs, float))
-        )
+        self.parts[material, label].append((vertices, faces, np.zeros((len(vertices), 2)) if uvs is None else np.asarray(uvs, float)))
 
     def grid(self, material: str, label: int, points: np.ndarray, uvs: np.ndarray | None = None) -> None:
         """A surface through points (R, C, 3), with uvs (R, C, 2)."""
@@ -38,40 +36,22 @@ class Builder:
 
     def box(self, material: str, label: int, corners: np.ndarray) -> None:
         """A box from its eight corners (8, 3); its uvs are metres along its first edge, and up."""
-        sides = (
-            np.linalg.norm(corners[1] - corners[0]),
-            np.linalg.norm(corners[3] - corners[0]),
-            np.linalg.norm(corners[4] - corners[0]),
-        )
-        uvs = np.array(
-            [(x * sides[0] + y * sides[1], z * sides[2]) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-        )
+        sides = np.linalg.norm(corners[1] - corners[0]), np.linalg.norm(corners[3] - corners[0]), np.linalg.norm(corners[4] - corners[0])
+        uvs = np.array([(x * sides[0] + y * sides[1], z * sides[2]) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
         self.add(material, label, corners, BOX_FACES.tolist(), uvs)
 
     def street_box(
-        self,
-        material: str,
-        label: int,
-        leg: Leg,
-        s: float,
-        t: float,
-        h: float,
-        size: tuple[float, float, float],
-        turn: float = 0.0,
+        self, material: str, label: int, leg: Leg, s: float, t: float, h: float, size: tuple[float, float, float], turn: float = 0.0
     ) -> None:
         """A box on the street: centre of its base at (s, t, h), size along, across, up; turned about the vertical."""
         base = leg.path.place(s, t, h)
         angle = float(leg.path.heading(s)) + turn
         x = np.array([-1, 1, 1, -1]) * size[0] / 2
         y = np.array([-1, -1, 1, 1]) * size[1] / 2
-        ring = np.stack(
-            [x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle), np.zeros(4)], axis=1
-        )
+        ring = np.stack([x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle), np.zeros(4)], axis=1)
         self.box(material, label, np.concatenate([base + ring, base + ring + (0, 0, size[2])]))
 
-    def sweep(
-        self, material: str, label: int, leg: Leg, s0: float, s1: float, section: list[tuple[float, float]]
-    ) -> None:
+    def sweep(self, material: str, label: int, leg: Leg, s0: float, s1: float, section: list[tuple[float, float]]) -> None:
         """A cross section [(t, h), ...] along the street; uvs are (s, distance along the section), metres."""
         s = stations(s0, s1)
         t, h = np.array(section).T
@@ -79,16 +59,7 @@ class Builder:
         points = leg.path.place(s[:, None], t[None], h[None])
         self.grid(material, label, points, np.stack(np.broadcast_arrays(s[:, None], run[None]), axis=-1))
 
-    def cylinder(
-        self,
-        material: str,
-        label: int,
-        base: np.ndarray,
-        radius: float,
-        height: float,
-        top: float | None = None,
-        sides: int = 12,
-    ) -> None:
+    def cylinder(self, material: str, label: int, base: np.ndarray, radius: float, height: float, top: float | None = None, sides: int = 12) -> None:
         """An upright cylinder or, with another radius at its ``top``, a cone."""
         a = np.linspace(0, 2 * math.pi, sides + 1)[:-1]
         circle = np.stack([np.cos(a), np.sin(a)], axis=1)
@@ -103,9 +74,7 @@ class Builder:
             first = np.cumsum([0, *(len(v) for v, _, _ in pieces)])
             vertices = np.concatenate([v for v, _, _ in pieces])
             uvs = np.concatenate([uv for _, _, uv in pieces])
-            faces = [
-                tuple(int(i) + int(k) for i in f) for k, (_, fs, _) in zip(first, pieces, strict=False) for f in fs
-            ]
+            faces = [tuple(int(i) + int(k) for i in f) for k, (_, fs, _) in zip(first, pieces, strict=False) for f in fs]
             mesh = mesh_of(f"{material} {label}", vertices, faces, materials[material], uvs)
             link(mesh, label)
 
@@ -117,9 +86,7 @@ def stations(s0: float, s1: float) -> np.ndarray:
     return np.concatenate([[s0], inner, [s1]])
 
 
-def mesh_of(
-    name: str, vertices: np.ndarray, faces: list, material: bpy.types.Material, uvs: np.ndarray | None = None
-) -> bpy.types.Mesh:  # type: ignore[type-arg]
+def mesh_of(name: str, vertices: np.ndarray, faces: list, material: bpy.types.Material, uvs: np.ndarray | None = None) -> bpy.types.Mesh:  # type: ignore[type-arg]
     """A mesh with one material and, per vertex, the UV map "street"."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices.tolist(), [], faces)

@@ -76,9 +76,7 @@ def crest(s: np.ndarray, grade: float, top: float, height: float, width: float) 
     return grade * s + height * np.exp(-(((s - top) / width) ** 2))
 
 
-def corner_curve(
-    a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray, radius: float
-) -> tuple[np.ndarray, float, float]:
+def corner_curve(a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray, radius: float) -> tuple[np.ndarray, float, float]:
     """The arc that leads from the line through ``a`` along ``u`` to that through ``b`` along ``v``, all (2,), directions of travel.
 
     Returns:
@@ -94,7 +92,5 @@ def corner_curve(
     centre = first + radius * normal
     angles = np.linspace(0, turn, max(8, int(turn * radius / 0.3))) * math.copysign(1, cross)
     arm = first - centre
-    arc = centre + np.stack(
-        [arm[0] * np.cos(angles) - arm[1] * np.sin(angles), arm[0] * np.sin(angles) + arm[1] * np.cos(angles)], 1
-    )
+    arc = centre + np.stack([arm[0] * np.cos(angles) - arm[1] * np.sin(angles), arm[0] * np.sin(angles) + arm[1] * np.cos(angles)], 1)
     return arc, length, along

@@ -42,15 +42,7 @@ def crown_mesh(rng: np.random.Generator, name: str, material: bpy.types.Material
     v = np.cross(out, u) + 0.6 * rng.normal(0, 1, (LEAVES, 3))
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     size = LEAF_M / 2 * rng.uniform(0.6, 1.3, (LEAVES, 1))
-    quads = np.stack(
-        [
-            at - u * size - v * size,
-            at + u * size - v * size * 0.4,
-            at + u * size + v * size,
-            at - u * size * 0.4 + v * size,
-        ],
-        axis=1,
-    )
+    quads = np.stack([at - u * size - v * size, at + u * size - v * size * 0.4, at + u * size + v * size, at - u * size * 0.4 + v * size], axis=1)
     base = len(vertices)
     vertices += [tuple(p) for p in quads.reshape(-1, 3)]
     faces += [tuple(range(base + 4 * k, base + 4 * k + 4)) for k in range(LEAVES)]
@@ -70,22 +62,13 @@ def trunk_mesh(rng: np.random.Generator, name: str, material: bpy.types.Material
         base = len(points)
         for p, r in ((a, thick), ((a + b) / 2, (thick + thin) / 2 * 0.95), (b, thin)):
             points.extend(p + r * (math.cos(k * math.pi / 4) * u + math.sin(k * math.pi / 4) * w) for k in range(8))
-        faces.extend(
-            (base + 8 * i + k, base + 8 * i + (k + 1) % 8, base + 8 * i + 8 + (k + 1) % 8, base + 8 * i + 8 + k)
-            for i in range(2)
-            for k in range(8)
-        )
+        faces.extend((base + 8 * i + k, base + 8 * i + (k + 1) % 8, base + 8 * i + 8 + (k + 1) % 8, base + 8 * i + 8 + k) for i in range(2) for k in range(8))
 
     top = np.array([rng.normal(0, 0.06), rng.normal(0, 0.06), 2.5])
     limb(np.array([0.0, 0.0, -0.3]), top, 0.17, 0.11)
     for k in range(4):
         a = 2 * math.pi * k / 4 + float(rng.uniform(-0.5, 0.5))
-        limb(
-            top - (0, 0, 0.2),
-            top + np.array([0.75 * math.cos(a), 0.75 * math.sin(a), float(rng.uniform(0.9, 1.5))]),
-            0.08,
-            0.03,
-        )
+        limb(top - (0, 0, 0.2), top + np.array([0.75 * math.cos(a), 0.75 * math.sin(a), float(rng.uniform(0.9, 1.5))]), 0.08, 0.03)
     return mesh_of(name, np.array(points), faces, material)
 
 

@@ -23,9 +23,7 @@ SFM_SIGMA = 0.0008
 """Their error in depth is this times the depth squared, metres: half a pixel of parallax over some metres of baseline."""
 
 
-def measured(
-    pose: np.ndarray, turn: tuple[np.ndarray, np.ndarray, np.ndarray], noise: float, rng: np.random.Generator
-) -> np.ndarray:
+def measured(pose: np.ndarray, turn: tuple[np.ndarray, np.ndarray, np.ndarray], noise: float, rng: np.random.Generator) -> np.ndarray:
     """Points (P, 3) of one turn."""
     directions, ranges, labels = turn
     kept = np.isfinite(ranges) & (ranges > RANGE_M[0]) & (ranges < RANGE_M[1]) & (labels != SKY)
@@ -57,9 +55,7 @@ def thinned(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
         distance = np.minimum(distance, np.linalg.norm(points[:, :2] - centre[:2], axis=1))
     cell = FINEST_CELL_M * np.where(distance < 9, 1.0, np.where(distance < 20, 1.6, 2.7))
     while True:
-        key = np.concatenate([np.floor(points / cell[:, None]), np.round(cell[:, None] * 1000)], axis=1).astype(
-            np.int64
-        )
+        key = np.concatenate([np.floor(points / cell[:, None]), np.round(cell[:, None] * 1000)], axis=1).astype(np.int64)
         kept = np.sort(np.unique(key, axis=0, return_index=True)[1])
         if len(kept) <= MOST_POINTS:
             found: np.ndarray = points[kept]

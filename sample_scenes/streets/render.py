@@ -82,9 +82,7 @@ class Studio:
         cycles.samples, cycles.max_bounces = keep
         return found
 
-    def sweep(
-        self, pose: np.ndarray, beams: int, low: float, high: float, across: int
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def sweep(self, pose: np.ndarray, beams: int, low: float, high: float, across: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """One turn of a LiDAR that stands upright at a camera's pose, by rows of a panorama.
 
         Returns:
@@ -95,11 +93,7 @@ class Studio:
         data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
         data.latitude_min, data.latitude_max = math.radians(low) - half, math.radians(high) + half
         yaw = math.atan2(-pose[1, 2], -pose[0, 2])
-        upright = (
-            Matrix.Translation(pose[:3, 3].tolist())
-            @ Matrix.Rotation(yaw - math.pi / 2, 4, "Z")
-            @ Matrix.Rotation(math.pi / 2, 4, "X")
-        )
+        upright = Matrix.Translation(pose[:3, 3].tolist()) @ Matrix.Rotation(yaw - math.pi / 2, 4, "Z") @ Matrix.Rotation(math.pi / 2, 4, "X")
         self.camera.matrix_world = upright
         self.scene.render.resolution_x, self.scene.render.resolution_y = across, beams
         keep = cycles.samples, cycles.max_bounces
@@ -115,24 +109,14 @@ class Studio:
 
     def _render(self) -> Picture:
         bpy.ops.render.render(write_still=True)
-        channels = {
-            n: c.pixels
-            for part in OpenEXR.File(str(self.path), separate_channels=True).parts
-            for n, c in part.channels.items()
-        }
+        channels = {n: c.pixels for part in OpenEXR.File(str(self.path), separate_channels=True).parts for n, c in part.channels.items()}
 
         def find(*endings: str) -> np.ndarray:
-            return np.stack([next(p for n, p in channels.items() if n.endswith(e)) for e in endings], axis=-1).astype(
-                np.float32
-            )
+            return np.stack([next(p for n, p in channels.items() if n.endswith(e)) for e in endings], axis=-1).astype(np.float32)
 
         light = find("Combined.R", "Combined.G", "Combined.B")
-        depth = find(next(n for n in channels if ".Depth." in n or n.endswith("Depth.Z") or n.endswith("Depth.V")))[
-            ..., 0
-        ]
-        index = np.round(find(next(n for n in channels if "Object Index" in n or "IndexOB" in n))[..., 0]).astype(
-            np.int64
-        )
+        depth = find(next(n for n in channels if ".Depth." in n or n.endswith("Depth.Z") or n.endswith("Depth.V")))[..., 0]
+        index = np.round(find(next(n for n in channels if "Object Index" in n or "IndexOB" in n))[..., 0]).astype(np.int64)
         normal = find("Normal.X", "Normal.Y", "Normal.Z")
         long = np.linalg.norm(normal, axis=-1, keepdims=True)
         return Picture(light, np.where(depth > SKY_DEPTH, np.inf, depth), normal / np.maximum(long, 1e-6), index)

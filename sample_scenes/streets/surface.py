@@ -30,9 +30,7 @@ def build_surface(builder: Builder, plan: Plan) -> None:
     _far_ground(builder, plan)
 
 
-def _patch(
-    builder: Builder, material: str, label: int, leg: Leg, s: tuple[float, float], t: tuple[float, float], lift: float
-) -> None:
+def _patch(builder: Builder, material: str, label: int, leg: Leg, s: tuple[float, float], t: tuple[float, float], lift: float) -> None:
     """A piece of the carriageway's own surface, lifted."""
     along = stations(*s)
     ts, hs = leg.section.profile()
@@ -54,15 +52,7 @@ def _carriageway(builder: Builder, leg: Leg, lift: float) -> None:
         middle = (right + left) / 2
         for t in (-2.25, -0.81, 0.81, 2.25):
             if right + 0.5 < middle + t < left - 0.5:
-                _patch(
-                    builder,
-                    "rail",
-                    ROAD,
-                    leg,
-                    (leg.s0, leg.s1),
-                    (middle + t - 0.035, middle + t + 0.035),
-                    lift + 0.0075,
-                )
+                _patch(builder, "rail", ROAD, leg, (leg.s0, leg.s1), (middle + t - 0.035, middle + t + 0.035), lift + 0.0075)
 
 
 def _beside(builder: Builder, leg: Leg, side: int, s0: float, s1: float, *, terrain: bool) -> None:
@@ -128,9 +118,7 @@ def _mark(builder: Builder, leg: Leg, mark: Mark, lift: float) -> None:
         builder.add("iron", ROAD, leg.path.place(s, t, h), [tuple(range(24))])
         return
     material = mark.kind if mark.kind.startswith("patch") else "paint"
-    _patch(
-        builder, material, ROAD, leg, (mark.s0, mark.s1), (mark.t0, mark.t1), LIFT_M.get(mark.kind, PAINT_LIFT_M) + lift
-    )
+    _patch(builder, material, ROAD, leg, (mark.s0, mark.s1), (mark.t0, mark.t1), LIFT_M.get(mark.kind, PAINT_LIFT_M) + lift)
 
 
 def _corner(builder: Builder, leg: Leg, corner: Corner) -> None:

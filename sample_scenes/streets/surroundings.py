@@ -33,40 +33,15 @@ def draw_lots(rng: np.random.Generator, leg: Leg, character: str) -> list[Lot]:
             end = s1 - (2.5 if leg.cuts[side > 0] is not None and number == 0 else 0.0)
             while end - s > 5.0:
                 style = str(rng.choice(styles, p=np.array(weights) / sum(weights)))
-                width = min(
-                    float(
-                        rng.uniform(
-                            *{"hall": (18, 30), "office": (14, 26), "hedge": (8, 20), "house": (9, 13)}.get(
-                                style, (7, 14)
-                            )
-                        )
-                    ),
-                    end - s,
-                )
+                width = min(float(rng.uniform(*{"hall": (18, 30), "office": (14, 26), "hedge": (8, 20), "house": (9, 13)}.get(style, (7, 14)))), end - s)
                 if end - s - width < 5.0:
                     width = end - s
                 floors = {"house": 2, "hall": 2, "office": int(rng.integers(3, 6))}.get(style, int(rng.integers(2, 5)))
                 setback = float(rng.uniform(3.0, 7.0)) if style in ("house", "hall") else 0.0
-                front = (
-                    str(rng.choice(["hedge", "fence", "low wall", "open"]))
-                    if style in ("house", "garden", "hall")
-                    else "none"
-                )
+                front = str(rng.choice(["hedge", "fence", "low wall", "open"])) if style in ("house", "garden", "hall") else "none"
                 palette = BRICKS if style == "brick" else PLASTERS
                 color = np.clip(np.array(palette[int(rng.integers(0, len(palette)))]) * rng.uniform(0.8, 1.15), 0, 0.9)
-                found.append(
-                    Lot(
-                        side,
-                        s,
-                        s + width,
-                        style,
-                        floors,
-                        setback,
-                        front,
-                        tuple(color.tolist()),
-                        int(rng.integers(0, 1 << 30)),
-                    )
-                )
+                found.append(Lot(side, s, s + width, style, floors, setback, front, tuple(color.tolist()), int(rng.integers(0, 1 << 30))))
                 s += width + (float(rng.uniform(1.2, 3.0)) if rng.uniform() < 0.15 else 0.0)
     return found
 
@@ -87,22 +62,8 @@ def draw_posts(rng: np.random.Generator, leg: Leg, character: str, lit: bool) ->
                 found += [Post("lamp", float(s), near) for s in np.arange(s0 + 3 + spacing / 3, s1 - 2, spacing)]
             if trees and (section.verge[side > 0] > 0.8 or section.walk[side > 0] > 2.3):
                 for s in np.arange(s0 + 3, s1 - 3, trees):
-                    found.append(
-                        Post(
-                            "tree",
-                            float(s + rng.uniform(-1, 1)),
-                            planted,
-                            float(rng.uniform(0.7, 1.25)),
-                            int(rng.integers(0, 1 << 30)),
-                        )
-                    )
-            for kind, rate in (
-                ("sign", 0.03),
-                ("bollard", 0.015),
-                ("bin", 0.012),
-                ("cabinet", 0.008),
-                ("pole", 0.02 if character != "town" else 0.006),
-            ):
+                    found.append(Post("tree", float(s + rng.uniform(-1, 1)), planted, float(rng.uniform(0.7, 1.25)), int(rng.integers(0, 1 << 30))))
+            for kind, rate in (("sign", 0.03), ("bollard", 0.015), ("bin", 0.012), ("cabinet", 0.008), ("pole", 0.02 if character != "town" else 0.006)):
                 for _ in range(int(rng.poisson(rate * (s1 - s0)))):
                     t = near if kind != "cabinet" else side * (back - 0.35)
                     found.append(Post(kind, float(rng.uniform(s0 + 2, s1 - 2)), t, 1.0, int(rng.integers(0, 1 << 30))))

@@ -19,15 +19,7 @@ PAINTS = [
     (0.55, 0.56, 0.57), (0.72, 0.72, 0.70), (0.03, 0.03, 0.035), (0.12, 0.13, 0.14), (0.30, 0.31, 0.33), (0.05, 0.10, 0.26), (0.36, 0.025, 0.03),
     (0.05, 0.18, 0.12), (0.48, 0.32, 0.04), (0.18, 0.11, 0.07), (0.10, 0.25, 0.42),
 ]  # fmt: skip
-CLOTHES = [
-    (0.32, 0.06, 0.05),
-    (0.08, 0.22, 0.26),
-    (0.55, 0.30, 0.05),
-    (0.06, 0.06, 0.07),
-    (0.50, 0.48, 0.44),
-    (0.10, 0.12, 0.30),
-    (0.30, 0.33, 0.12),
-]
+CLOTHES = [(0.32, 0.06, 0.05), (0.08, 0.22, 0.26), (0.55, 0.30, 0.05), (0.06, 0.06, 0.07), (0.50, 0.48, 0.44), (0.10, 0.12, 0.30), (0.30, 0.33, 0.12)]
 LORRIES = [(0.70, 0.70, 0.68), (0.10, 0.20, 0.42), (0.45, 0.05, 0.05), (0.60, 0.42, 0.05), (0.12, 0.30, 0.18)]
 
 
@@ -63,9 +55,7 @@ class Placer:
             swept = [here]
             if here.distance(self.way) < CAMERA_ROOM_M:
                 return False
-        if any(f.overlaps(o, 0.25) for f in swept[:1] for o in self.taken) or any(
-            f.distance(self.posts) < 0.35 for f in swept
-        ):
+        if any(f.overlaps(o, 0.25) for f in swept[:1] for o in self.taken) or any(f.distance(self.posts) < 0.35 for f in swept):
             return False
         self.things.append(replace(thing, number=len(self.things) + 1))
         self.taken += swept
@@ -110,11 +100,7 @@ def _parked(rng: np.random.Generator, placer: Placer, number: int, leg: Leg) -> 
                 kind = str(rng.choice(kinds, p=shares / shares.sum()))
                 length, width, _ = KINDS[kind].size
                 if rng.uniform() < full:
-                    middle = (
-                        leg.section.edge(side) + strip - 0.12 - width / 2
-                        if strip
-                        else leg.section.kerb_at(side) - width / 2 + 0.05
-                    )
+                    middle = leg.section.edge(side) + strip - 0.12 - width / 2 if strip else leg.section.kerb_at(side) - width / 2 + 0.05
                     t = side * (middle - abs(float(rng.normal(0, 0.07))))
                     turn = _ahead(leg, side) + float(rng.normal(0, 0.015)) + (math.pi if rng.uniform() < 0.08 else 0.0)
                     colors = PAINTS if KINDS[kind].label == CAR else LORRIES
@@ -167,17 +153,7 @@ def _bicycles(rng: np.random.Generator, placer: Placer, number: int, leg: Leg, t
         for k in range(int(rng.integers(1, 5)) if across else 1):
             turn = side * math.pi / 2 if across else float(rng.choice([0.0, math.pi]))
             if _beside(leg, side, s + 0.7 * k):
-                placer.put(
-                    Thing(
-                        "bicycle",
-                        number,
-                        s + 0.7 * k,
-                        t,
-                        turn + float(rng.normal(0, 0.06)),
-                        color if k == 0 else _color(rng, PAINTS),
-                        0,
-                    )
-                )
+                placer.put(Thing("bicycle", number, s + 0.7 * k, t, turn + float(rng.normal(0, 0.06)), color if k == 0 else _color(rng, PAINTS), 0))
 
 
 def _people(rng: np.random.Generator, placer: Placer, number: int, leg: Leg, travel: float, moving: bool) -> None:
@@ -193,18 +169,7 @@ def _people(rng: np.random.Generator, placer: Placer, number: int, leg: Leg, tra
             at, t = s + float(rng.uniform(-0.9, 0.9)), side * (back - float(rng.uniform(0.5, max(0.6, walk - 0.4))))
             goes = moving and rng.uniform() < 0.5
             turn = float(rng.choice([0.0, math.pi])) if goes else float(rng.uniform(-math.pi, math.pi))
-            placer.put(
-                Thing(
-                    "person",
-                    number,
-                    at,
-                    t,
-                    turn,
-                    _color(rng, CLOTHES),
-                    0,
-                    float(rng.uniform(0.9, 1.5)) if goes else 0.0,
-                )
-            )
+            placer.put(Thing("person", number, at, t, turn, _color(rng, CLOTHES), 0, float(rng.uniform(0.9, 1.5)) if goes else 0.0))
     if rng.uniform() < 0.3:
         s, t = float(rng.uniform(8, travel + 15)), float(rng.uniform(-1, 1)) * leg.section.kerb_at(1) * 0.8
         placer.put(Thing("person", number, s, t, math.pi / 2, _color(rng, CLOTHES), 0))

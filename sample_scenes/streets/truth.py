@@ -25,9 +25,7 @@ def true_picture(full: np.ndarray, empty: np.ndarray, removed: np.ndarray) -> np
 
 def shadow_mask(full: np.ndarray, empty: np.ndarray, removed: np.ndarray) -> np.ndarray:
     """(H, W) background in a removed thing's shadow."""
-    luma = [
-        cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8) for p in (full, empty)
-    ]
+    luma = [cv2.GaussianBlur(cv2.cvtColor(p, cv2.COLOR_BGR2GRAY).astype(np.float32), (0, 0), 0.8) for p in (full, empty)]
     border = cv2.dilate(removed.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     shadow = (luma[1] - luma[0] > SHADOW_LEVELS) & ~border
     return cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0

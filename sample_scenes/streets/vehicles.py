@@ -27,17 +27,10 @@ PASSENGER = {
 
 def vehicle_materials() -> Materials:
     """What vehicles are made of, beside the kit's."""
-    return {
-        **kit.removable_materials(),
-        "glass": kit.glass("car glass"),
-        "skin": of_object("car paint", 0.35, 0.4),
-        "trim": kit.plain("trim", (0.02, 0.02, 0.022)),
-    }
+    return {**kit.removable_materials(), "glass": kit.glass("car glass"), "skin": of_object("car paint", 0.35, 0.4), "trim": kit.plain("trim", (0.02, 0.02, 0.022))}
 
 
-def box(
-    name: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], material: bpy.types.Material
-):  # type: ignore[no-untyped-def]
+def box(name: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], material: bpy.types.Material):  # type: ignore[no-untyped-def]
     """A box with sharp edges."""
     return kit.flat_part(name, kit.cuboid(*x, *y, *z), material)
 
@@ -107,22 +100,12 @@ def passenger(kind: str, m: Materials) -> list:  # type: ignore[type-arg]
         for x, lean in (((head + tail) / 2 - 0.05, 0.0), (tail + 0.02, -0.12)):
             # The glass bulges: a pillar bends with it, half way up.
             middle = (belt + height) / 2 - 0.05
-            bends = [
-                (x + lean, y * 0.865, belt - 0.05),
-                (x + lean * 0.5, y * 0.825, middle),
-                (x, y * 0.70, height - 0.07),
-            ]
+            bends = [(x + lean, y * 0.865, belt - 0.05), (x + lean * 0.5, y * 0.825, middle), (x, y * 0.70, height - 0.07)]
             for (xa, ya, za), (xb, yb, zb) in zip(bends, bends[1:], strict=False):
-                corners = [
-                    (px + dx, py + dy, pz)
-                    for px, py, pz in ((xa, ya, za), (xb, yb, zb))
-                    for dx, dy in ((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03))
-                ]
+                corners = [(px + dx, py + dy, pz) for px, py, pz in ((xa, ya, za), (xb, yb, zb)) for dx, dy in ((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03))]
                 parts.append(kit.flat_part("pillar", corners, m["skin"]))
         inner = sorted((y * 0.97, y * 1.09))
-        parts.append(
-            box("mirror", (front - 0.42, front - 0.28), (inner[0], inner[1]), (belt - 0.02, belt + 0.11), m["skin"])
-        )
+        parts.append(box("mirror", (front - 0.42, front - 0.28), (inner[0], inner[1]), (belt - 0.02, belt + 0.11), m["skin"]))
         sill = sorted((y * 0.93, y * 0.985))
         parts.append(box("sill", (-e * 0.55, e * 0.55), (sill[0], sill[1]), (low - 0.02, low + 0.09), m["trim"]))
         for x in (0.14 * length, -0.1 * length):
@@ -165,31 +148,15 @@ def cab(front: float, width: float, height: float, deep: float, m: Materials) ->
     w = width / 2
     parts = [
         box("cab", (front - deep, front), (-w * 0.97, w * 0.97), (0.45, height), m["skin"]),
-        box(
-            "windscreen",
-            (front - 0.1, front + 0.012),
-            (-w * 0.87, w * 0.87),
-            (height * 0.56, height * 0.88),
-            m["glass"],
-        ),
+        box("windscreen", (front - 0.1, front + 0.012), (-w * 0.87, w * 0.87), (height * 0.56, height * 0.88), m["glass"]),
         box("grille", (front - 0.1, front + 0.015), (-w * 0.6, w * 0.6), (height * 0.28, height * 0.48), m["trim"]),
         box("bumper", (front - 0.2, front + 0.03), (-w * 0.985, w * 0.985), (0.32, 0.62), m["trim"]),
     ]
     for side in (-1, 1):
         y = sorted((side * w * 0.9, side * w * 0.978))
-        parts.append(
-            box(
-                "cab glass",
-                (front - deep * 0.68, front - 0.16),
-                (y[0], y[1]),
-                (height * 0.56, height * 0.84),
-                m["glass"],
-            )
-        )
+        parts.append(box("cab glass", (front - deep * 0.68, front - 0.16), (y[0], y[1]), (height * 0.56, height * 0.84), m["glass"]))
         out = sorted((side * w * 0.98, side * w * 1.09))
-        parts.append(
-            box("mirror", (front - 0.2, front - 0.06), (out[0], out[1]), (height * 0.55, height * 0.78), m["trim"])
-        )
+        parts.append(box("mirror", (front - 0.2, front - 0.06), (out[0], out[1]), (height * 0.55, height * 0.78), m["trim"]))
         lamp = sorted((side * w * 0.6, side * w * 0.92))
         parts.append(box("headlamp", (front - 0.1, front + 0.035), (lamp[0], lamp[1]), (0.66, 0.84), m["headlamp"]))
     return parts
@@ -204,15 +171,7 @@ def cargo(x0: float, x1: float, width: float, low: float, high: float, m: Materi
         box("rear bar", (x0 - 0.02, x0 + 0.08), (-w * 0.96, w * 0.96), (0.5, 0.66), m["trim"]),
     ]  # fmt: skip
     for y in (-0.35, -0.05, 0.05, 0.35):
-        parts.append(
-            box(
-                "door bar",
-                (x0 - 0.03, x0),
-                (y * w * 2 - 0.015, y * w * 2 + 0.015),
-                (low + 0.05, high - 0.05),
-                m["trim"],
-            )
-        )
+        parts.append(box("door bar", (x0 - 0.03, x0), (y * w * 2 - 0.015, y * w * 2 + 0.015), (low + 0.05, high - 0.05), m["trim"]))
     for side in (-1, 1):
         guard = sorted((side * w * 0.94, side * w * 0.98))
         parts.append(box("guard", (x0 + 2.4, x1 - 0.9), (guard[0], guard[1]), (0.5, low - 0.12), m["rim"]))
@@ -232,9 +191,7 @@ def lorry(kind: str, m: Materials) -> list:  # type: ignore[type-arg]
         parts = cab(e, width * 0.92, 2.25, 1.75, m) + cargo(-e, e - 1.85, width, 0.85, height, m)
         return parts + wheels([-e * 0.5, e - 0.95], w * 0.96, 0.38, m)
     deep = 2.1 if kind == "lorry" else 2.3
-    parts = cab(e, width, height * 0.86, deep, m) + cargo(
-        -e, e - deep - (0.25 if kind == "lorry" else 0.6), width, 1.15, height, m
-    )
+    parts = cab(e, width, height * 0.86, deep, m) + cargo(-e, e - deep - (0.25 if kind == "lorry" else 0.6), width, 1.15, height, m)
     axles = [e - 1.3, -e + 2.2] if kind == "lorry" else [e - 1.4, e - 4.9, -e + 4.4, -e + 3.1, -e + 1.8]
     parts.append(box("chassis", (-e + 0.4, e - 0.4), (-0.45, 0.45), (0.7, 1.0), m["trim"]))
     return parts + wheels(axles, w * 0.98, 0.5, m)
@@ -263,9 +220,7 @@ def bus(m: Materials) -> list:  # type: ignore[type-arg]
     for x in (e - 1.5, 0.6, -e + 3.4):
         parts.append(box("bus door", (x - 0.62, x + 0.62), (-w - 0.014, -w * 0.95), (0.36, 2.55), m["glass"]))
         for edge in (-0.62, 0.0, 0.58):
-            parts.append(
-                box("door frame", (x + edge, x + edge + 0.04), (-w - 0.02, -w * 0.95), (0.36, 2.55), m["trim"])
-            )
+            parts.append(box("door frame", (x + edge, x + edge + 0.04), (-w - 0.02, -w * 0.95), (0.36, 2.55), m["trim"]))
     return parts + wheels([e - 2.75, -e + 2.6], w + 0.004, 0.48, m)
 
 
@@ -276,15 +231,8 @@ def tube(a: tuple[float, float, float], b: tuple[float, float, float], radius: f
     u = np.cross(axis, (0.31, 0.95, 0.12))
     u /= np.linalg.norm(u)
     v = np.cross(axis, u)
-    vertices = [
-        tuple(p + radius * (math.cos(k * math.pi / 4) * u + math.sin(k * math.pi / 4) * v))
-        for p in (start, end)
-        for k in range(8)
-    ]
-    faces = [(k, (k + 1) % 8, 8 + (k + 1) % 8, 8 + k) for k in range(8)] + [
-        tuple(range(7, -1, -1)),
-        tuple(range(8, 16)),
-    ]
+    vertices = [tuple(p + radius * (math.cos(k * math.pi / 4) * u + math.sin(k * math.pi / 4) * v)) for p in (start, end) for k in range(8)]
+    faces = [(k, (k + 1) % 8, 8 + (k + 1) % 8, 8 + k) for k in range(8)] + [tuple(range(7, -1, -1)), tuple(range(8, 16))]
     return kit.smooth_object("tube", vertices, faces, material)
 
 
@@ -298,28 +246,11 @@ def bicycle(m: Materials) -> list:  # type: ignore[type-arg]
         parts += [tube((x, 0.0, r), ring[k], 0.005, m["rim"]) for k in range(0, 24, 3)]
         parts.append(tube((x, -0.05, r), (x, 0.05, r), 0.025, m["rim"]))
     crank, seat, head = (-0.08, 0.0, 0.3), (-0.24, 0.0, 0.82), (0.36, 0.0, 0.86)
-    for a, b in (
-        (crank, seat),
-        (crank, (0.4, 0, 0.68)),
-        (seat, head),
-        ((-0.52, 0, r), crank),
-        ((-0.52, 0, r), (-0.22, 0, 0.74)),
-        ((0.52, 0, r), head),
-    ):
+    for a, b in ((crank, seat), (crank, (0.4, 0, 0.68)), (seat, head), ((-0.52, 0, r), crank), ((-0.52, 0, r), (-0.22, 0, 0.74)), ((0.52, 0, r), head)):
         parts.append(tube(a, b, 0.02, skin))
-    parts += [
-        tube(seat, (-0.27, 0, 0.93), 0.014, m["rim"]),
-        tube(head, (0.33, 0, 1.0), 0.015, m["rim"]),
-        tube((0.3, -0.27, 1.03), (0.3, 0.27, 1.03), 0.014, dark),
-    ]
-    parts += [
-        box("saddle", (-0.4, -0.15), (-0.07, 0.07), (0.92, 0.97), dark),
-        tube((-0.08, -0.13, 0.16), (-0.08, 0.13, 0.44), 0.012, dark),
-    ]
-    parts += [
-        tube((-0.3, 0.03, 0.3), (-0.34, 0.2, 0.0), 0.011, dark),
-        box("rack", (-0.75, -0.35), (-0.06, 0.06), (0.72, 0.735), dark),
-    ]
+    parts += [tube(seat, (-0.27, 0, 0.93), 0.014, m["rim"]), tube(head, (0.33, 0, 1.0), 0.015, m["rim"]), tube((0.3, -0.27, 1.03), (0.3, 0.27, 1.03), 0.014, dark)]
+    parts += [box("saddle", (-0.4, -0.15), (-0.07, 0.07), (0.92, 0.97), dark), tube((-0.08, -0.13, 0.16), (-0.08, 0.13, 0.44), 0.012, dark)]
+    parts += [tube((-0.3, 0.03, 0.3), (-0.34, 0.2, 0.0), 0.011, dark), box("rack", (-0.75, -0.35), (-0.06, 0.06), (0.72, 0.735), dark)]
     return parts
 
 

@@ -27,24 +27,14 @@ class View:
 
     def intrinsics(self) -> dict[str, float]:
         """As transforms.json names them."""
-        return {
-            "w": self.width,
-            "h": self.height,
-            "fl_x": self.focal,
-            "fl_y": self.focal,
-            "cx": self.width / 2,
-            "cy": self.height / 2,
-        }
+        return {"w": self.width, "h": self.height, "fl_x": self.focal, "fl_y": self.focal, "cx": self.width / 2, "cy": self.height / 2}
 
     def in_picture(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Which points (N, 3) lie in the picture, with their rows and columns (0 where not) and their depths."""
         local = (points - self.pose[:3, 3]) @ self.pose[:3, :3]
         depth = -local[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            x, y = (
-                local[:, 0] / depth * self.focal + self.width / 2,
-                -local[:, 1] / depth * self.focal + self.height / 2,
-            )
+            x, y = local[:, 0] / depth * self.focal + self.width / 2, -local[:, 1] / depth * self.focal + self.height / 2
         inside = (depth > 0.3) & (x >= 0) & (y >= 0) & (x < self.width) & (y < self.height)
         return inside, np.where(inside, y, 0).astype(int), np.where(inside, x, 0).astype(int), depth
 
