@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EVERY_S", "Checkpoint", "Kept", "read_arrays", "write_arrays"]
+__all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
 
 EVERY_S = 120.0
 """Seconds between two checkpoints: at most so much work is lost."""
@@ -43,6 +43,16 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
             return dict(data)
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error):
         return None
+
+
+def facts_array(facts: Any) -> NDArray[np.uint8]:
+    """What JSON can hold, numbers of NumPy among it, as an array beside others."""
+    return np.frombuffer(json.dumps(facts, default=lambda number: number.item()).encode(), np.uint8)
+
+
+def facts_of(array: NDArray[Any]) -> Any:
+    """Inverse of :func:`facts_array`."""
+    return json.loads(array.tobytes())
 
 
 class Kept:
@@ -94,8 +104,7 @@ class Checkpoint:
     def save(self, arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> None:
         """Save arrays, and facts that JSON can hold."""
         if self.path is not None:
-            text = np.frombuffer(json.dumps(facts).encode(), np.uint8)
-            write_arrays(self.path, {**arrays, FACTS: text})
+            write_arrays(self.path, {**arrays, FACTS: facts_array(facts)})
         self._last = time.monotonic()
 
     def load(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:
@@ -103,4 +112,4 @@ class Checkpoint:
         arrays = None if self.path is None else read_arrays(self.path)
         if arrays is None or FACTS not in arrays:
             return None
-        return arrays, json.loads(arrays.pop(FACTS).tobytes())
+        return arrays, facts_of(arrays.pop(FACTS))

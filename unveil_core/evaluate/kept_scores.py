@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, fields
 from typing import Any
@@ -10,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import FACTS, facts_array, facts_of
 from unveil_core.evaluate.detail.scores import DetailScore
 from unveil_core.evaluate.frame_scores import FrameScores, Score
 from unveil_core.evaluate.provenance import ProvenanceScore
 
 __all__ = ["scores_from_arrays", "scores_to_arrays"]
 
-FACTS = "facts"
 PLAIN = (
     "name",
     "camera_name",
@@ -44,13 +43,12 @@ def scores_to_arrays(scores: Sequence[FrameScores]) -> dict[str, NDArray[Any]]:
             arrays[f"{k}/filled/{name}"] = colors
         for name, features in frame.features.items():
             arrays[f"{k}/features/{name}/ours"], arrays[f"{k}/features/{name}/true"] = features
-    text = json.dumps(facts, default=lambda number: number.item())  # of NumPy
-    return {**arrays, FACTS: np.frombuffer(text.encode(), np.uint8)}
+    return {**arrays, FACTS: facts_array(facts)}
 
 
 def scores_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> list[FrameScores]:
     """The scores, all numbers as they were."""
-    scores = [_frame(facts) for facts in json.loads(arrays[FACTS].tobytes())]
+    scores = [_frame(facts) for facts in facts_of(arrays[FACTS])]
     for path, values in arrays.items():
         if path == FACTS:
             continue

@@ -30,9 +30,14 @@ def cameras_near(centres: Float64, points: Float64, reach: float) -> NDArray[np.
     """
     if not len(points):
         return np.zeros(0, dtype=np.int64)
-    low, high = points.min(axis=0), points.max(axis=0)
-    gap = np.maximum(np.maximum(low - centres, centres - high), 0.0)
-    return np.flatnonzero((gap * gap).sum(axis=1) <= reach * reach)
+    return np.flatnonzero(_within(centres, points.min(axis=0), points.max(axis=0), reach))
+
+
+def _within(places: Float64, low: Float64, high: Float64, reach: float) -> Mask:
+    """(...) bool, which places (..., 3) lie within ``reach`` of a box (..., 3)."""
+    gap = np.maximum(np.maximum(low - places, places - high), 0.0)
+    near: Mask = (gap * gap).sum(axis=-1) <= reach * reach
+    return near
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +78,7 @@ class CameraViews(Generic[T]):
             candidates: (N,) frames; low, high: (C, 3) corners of the boxes.
         """
         centres = self.centres[candidates][:, None]
-        gap = np.maximum(np.maximum(low - centres, centres - high), 0.0)
-        near: Mask = (gap * gap).sum(axis=2) <= reach * reach
-        return near & self.may_look(candidates, low[None] - centres, high[None] - centres)
+        return _within(centres, low, high, reach) & self.may_look(candidates, low - centres, high - centres)
 
     def may_look(self, candidates: NDArray[np.int64], low: Float64, high: Float64) -> Mask:
         """(N, C) bool, False where none of the directions in a box lies in a frame's picture.
@@ -103,7 +106,6 @@ class PointGrid:
     Attributes:
         cell: side of the cells, metres.
         order: (N,) indices of the points, cell after cell; first: (C,) where in it each cell begins.
-        low, high: (C, 3) ends of the box around each cell's points.
 
     Args:
         points: (N, 3), z up; cell: side of the cells, metres.
@@ -116,11 +118,6 @@ class PointGrid:
         self.order = np.argsort(of_point.ravel(), kind="stable")
         self._ends = np.searchsorted(of_point.ravel()[self.order], np.arange(len(self._cells) + 1))
         self.first = self._ends[:-1]
-        in_order = points[self.order]
-        self.low, self.high = (
-            extreme.reduceat(in_order, self.first) if len(points) else np.zeros((0, 3))
-            for extreme in (np.minimum, np.maximum)
-        )
 
     @property
     def middles(self) -> Float64:

@@ -112,7 +112,10 @@ def seen_by_some(points: Float64, directions: Float64, views: SeenViews, place: 
     shown, sky = np.zeros(len(points), dtype=np.uint8), np.zeros(len(directions), dtype=np.uint8)
     close = views.near(place[None], ASKED_M) if len(directions) else np.zeros(0, dtype=np.int64)
     asked = views.by_distance(np.union1d(views.near(points, ASKED_M), close), place)
-    may_show = views.may_show(asked, grid.low, grid.high, ASKED_M)
+    low, high = (
+        extreme.reduceat(points, grid.first) if len(points) else points for extreme in (np.minimum, np.maximum)
+    )
+    may_show = views.may_show(asked, low, high, ASKED_M)
     may_show_sky = np.isin(asked, close)
     if len(directions):
         box = directions.min(axis=0)[None, None], directions.max(axis=0)[None, None]

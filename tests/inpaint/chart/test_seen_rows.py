@@ -9,6 +9,7 @@ from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.seen_rows import seen_rows
+from unveil_core.inpaint.chart.street_chart import TEXEL_M, rows_of
 
 
 def camera_at(x: float, *, yaw: float = 0.0, pitch: float = 0.1) -> Camera:
@@ -27,7 +28,8 @@ def test_pictures_of_what_is_left_are_those_of_all(yaw: float, pitch: float) -> 
     chart = sunny_chart(None)[0]
     s = chart.coordinates()[0]
     camera = camera_at(float(s[0] + s[-1]) / 2, yaw=yaw, pitch=pitch)
-    first, end = seen_rows(chart.ground, [camera], 0, len(s), texel=chart.texel)
+    seen = seen_rows(chart.ground, [camera], 0, rows_of(chart.ground))
+    first, end = (min(round(row * TEXEL_M / chart.texel), len(s)) for row in seen)  # this chart is coarser
     pixels = np.ones((camera.height, camera.width), dtype=bool)
     all_of_it, left = (GroundLayer(c).sample(camera, pixels) for c in (chart, chart.part(first, end)))
     np.testing.assert_allclose(left.color, all_of_it.color, atol=1e-6)

@@ -17,18 +17,16 @@ STEP_M, MARGIN_M = 1.0, 3.0
 picture is wider than a step where the ground comes into it, and pixels sample half of their footprint around them."""
 
 
-def seen_rows(
-    ground: Ground, cameras: Sequence[Camera], first: int, end: int, *, texel: float = TEXEL_M
-) -> tuple[int, int]:
+def seen_rows(ground: Ground, cameras: Sequence[Camera], first: int, end: int) -> tuple[int, int]:
     """The rows from ``first`` up to ``end`` without those at both ends that no camera shows; all if none shows any.
 
     Args:
-        ground: whose chart's rows these are; texel: their size, metres.
+        ground: whose chart's rows these are.
     """
-    step, margin = round(STEP_M / texel), round(MARGIN_M / texel)
+    step, margin = round(STEP_M / TEXEL_M), round(MARGIN_M / TEXEL_M)
     rows = np.arange(first, end + step, step)
     across = np.arange(ground.t_min.min(), ground.t_max.max() + STEP_M, STEP_M)
-    s, t = np.repeat(ground.s_start + texel * rows, len(across)), np.tile(across, len(rows))
+    s, t = np.repeat(ground.s_start + TEXEL_M * rows, len(across)), np.tile(across, len(rows))
     places = ground.path.to_world(np.stack([s, t, ground.height_at(s, t)], axis=1))
     shown = np.zeros(len(rows), dtype=bool)
     for camera in cameras:
