@@ -27,6 +27,14 @@ def test_a_camera_far_off_is_not_asked() -> None:
     assert cameras_near(centres, np.zeros((0, 3)), 100.0).tolist() == []
 
 
+def test_a_camera_that_looks_the_other_way_is_not_asked() -> None:
+    ahead, back = np.eye(4), np.diag([-1.0, 1, -1, 1])
+    cameras = [Camera(60, 40, 50.0, 50.0, 30.0, 20.0, pose) for pose in (ahead, back)]
+    views = CameraViews(cameras, cameras)
+    assert views.around(np.array([[0.0, 0, 10], [1, 0, 12]]), 100.0).tolist() == [0]
+    assert views.around(np.zeros((0, 3)), 100.0).tolist() == []
+
+
 @given(PLACES, arrays(np.float64, 3, elements=st.floats(-60, 60)), st.floats(0, 80))
 def test_the_grid_misses_no_near_point(points: np.ndarray, place: np.ndarray, reach: float) -> None:
     found = PointGrid(points, 7.0).near(place, reach)
@@ -54,4 +62,6 @@ def test_a_box_of_which_a_place_is_shown_may_be_shown(seed: int) -> None:
         shown = camera.in_picture(*camera.project(points.reshape(-1, 3))).reshape(6, 9)
         near = np.linalg.norm(points - camera.centre, axis=2) < 15.0
         assert may[v][(shown & near).any(axis=1)].all()
+        for k in np.flatnonzero((shown & near).any(axis=1)):
+            assert v in views.around(points[k], 15.0)
     assert not views.may_show(np.arange(4), points.min(axis=1), points.max(axis=1), 0.0)[:, :3].all()

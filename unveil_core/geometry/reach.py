@@ -66,6 +66,14 @@ class CameraViews(Generic[T]):
         """Indices of the frames within ``reach`` of points, see :func:`cameras_near`."""
         return cameras_near(self.centres, points, reach)
 
+    def around(self, points: Float64, reach: float) -> NDArray[np.int64]:
+        """Indices, rising, of the frames that may show one of points (N, 3) within ``reach`` of their cameras."""
+        near = self.near(points, reach)
+        if not len(near):
+            return near
+        low, high = points.min(axis=0)[None], points.max(axis=0)[None]
+        return near[self.may_show(near, low, high, reach)[:, 0]]
+
     def by_distance(self, candidates: NDArray[np.int64], place: Float64) -> NDArray[np.int64]:
         """Indices of frames, those whose cameras are nearest to a place (3,) first: they most likely show what lies there."""
         apart = np.linalg.norm(self.centres[candidates] - place, axis=1)

@@ -97,7 +97,7 @@ def points_along_track(
     above = ground.over(points[index])
     index = index[(above > OVER_GROUND_M) & (above < 1.2 * height)]
     through, occupied, seen = (np.zeros(len(index), np.int64) for _ in range(3))
-    for v in visibility.near(points[index], FAR_M):
+    for v in visibility.around(points[index], FAR_M):
         camera = visibility.cameras[v]
         pixel, depth = camera.project(points[index])
         inside = np.flatnonzero(camera.in_picture(pixel, depth))

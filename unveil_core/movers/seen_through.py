@@ -129,7 +129,7 @@ def count_evidence(places: Float64, visibility: DriveVisibility, frame: int, *, 
     through, covered = np.zeros(count, np.int64), np.zeros(count, np.int64)
     flat = places.reshape(-1, 3)
     most = farther * visibility.cameras[frame].project(flat)[1]
-    for other in visibility.near(flat, visibility.longest_ray * float(most.max(initial=0.0))):
+    for other in visibility.around(flat, visibility.longest_ray * float(most.max(initial=0.0))):
         if other == frame:
             continue
         camera = visibility.cameras[other]
