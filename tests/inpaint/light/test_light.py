@@ -13,6 +13,7 @@ from tests.inpaint.sunny_street import CAR, CROWN, HOUSE, ROW, SHADE, blocked, b
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.chart_fill import fill_chart
+from unveil_core.inpaint.light import sun_by_shadows
 from unveil_core.inpaint.light.casters import lit_at_sunny_walls
 from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
@@ -45,6 +46,22 @@ def test_azimuth_runs_as_on_a_compass() -> None:
     assert np.allclose(sun_towards(0, 0), [0, 1, 0])
     assert np.allclose(sun_towards(90, 0), [1, 0, 0], atol=1e-12)
     assert np.allclose(sun_towards(17, 90), [0, 0, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("sun", SUNS[::2])
+def test_casters_that_are_too_large_do_not_turn_the_sun(
+    sun: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chart, *_ = sunny_chart(sun_towards(*sun))
+    more = np.array([[-0.18], [0.18]])
+    kept = concatenate([box_surfels(box + more, spacing=0.2) for box in (CROWN, HOUSE)])
+    off = []
+    for margins in (sun_by_shadows.MARGINS_M, (0.0,)):
+        monkeypatch.setattr(sun_by_shadows, "MARGINS_M", margins)
+        light = light_of_scene(chart, kept, box_surfels(CAR + more, spacing=0.2))
+        assert light is not None
+        off.append(angle(light.sun.towards, sun_towards(*sun)))
+    assert off[0] < 2.5 and off[0] < off[1]
 
 
 @pytest.mark.parametrize("sun", SUNS)

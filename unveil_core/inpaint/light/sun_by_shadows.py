@@ -34,6 +34,14 @@ borders of shadows count. Chosen on the two sample streets."""
 REFINEMENTS = ((6.0, 2.0), (1.5, 0.75))
 """Passes of the refinement: reach around the best direction so far, and step, degrees. The first search is right to a few
 degrees."""
+MARGINS_M = (0.0, 0.1, 0.2)
+"""By how much drawn shadows are taken to reach too far on all sides, metres; for each direction that counts which agrees best.
+Surfels reach beyond the surfaces they stand for, and half of the penumbra is read as lit. Taken for the sun's doing, this turned
+it by 4 degrees on a sample street and shortened the shadows of roofs by 0.3 m."""
+AROUND = 8
+"""Points around each place that must be in shadow, too, for the place to be in it by more than a margin."""
+MOST_PLACES = 20_000
+"""Places by which the direction is refined, evenly taken from all: the time of a search."""
 LEAST_DARK = 100
 """Fewest dark samples that the direction is refined by."""
 BESIDE_M = (0.15, 0.6)
@@ -118,7 +126,18 @@ def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
     places, is_dark = evidence.light_seen(observed, dark)
     if not suns or is_dark.sum() < LEAST_DARK:
         return suns[0] if suns else None
-    return _refined_sun(places, is_dark, everything, suns)
+    some = slice(None, None, -(-len(places) // MOST_PLACES))
+    probes = _with_margins(places[some], evidence.chart.ground.path.axes)
+    return _refined_sun(probes, is_dark[some], everything, suns)
+
+
+def _with_margins(places: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(1 + M * K, P, 3) the places (P, 3), and for each margin but the first the points around them, in the horizontal plane of
+    the ``axes`` (3, 3)."""
+    angles = 2 * np.pi * np.arange(AROUND) / AROUND
+    ring = np.cos(angles)[:, None] * axes[0] + np.sin(angles)[:, None] * axes[1]
+    steps = np.concatenate([np.zeros((1, 3)), *(margin * ring for margin in MARGINS_M[1:])])
+    return places + steps[:, None]
 
 
 def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfels) -> list[Sun]:
@@ -138,20 +157,22 @@ def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfe
     return find_suns(measures, known, s, t, chart.ground, means)
 
 
-def _refined_sun(places: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, suns: Sequence[Sun]) -> Sun:
+def _refined_sun(probes: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, suns: Sequence[Sun]) -> Sun:
     """The sun to a degree or two: of the directions around the candidates the one whose shadows agree best with what is dark.
 
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
 
     Args:
-        places: (P, 3) on the ground; is_dark: (P,) whether it is dark there.
+        probes: (1 + M * K, P, 3) places on the ground and points around them, see :func:`_with_margins`.
+        is_dark: (P,) whether it is dark there.
         suns: the likeliest first, one at least.
     """
 
     def agreement(azimuth: float, elevation: float) -> float:
-        shaded = in_shadow_of(places, casters, sun_towards(azimuth, elevation))
-        spread = float(shaded.std() * is_dark.std())
-        return float(((shaded - shaded.mean()) * (is_dark - is_dark.mean())).mean()) / spread if spread > 0 else -1.0
+        shaded = in_shadow_of(probes.reshape(-1, 3), casters, sun_towards(azimuth, elevation)).reshape(probes.shape[:2])
+        # In shadow by a margin is what is so by all smaller ones, too.
+        within = np.logical_and.accumulate(shaded)[::AROUND]
+        return max(_correlation(shadow, is_dark) for shadow in within)
 
     first = max(suns, key=lambda sun: sun.score + agreement(sun.azimuth, sun.elevation))
     best = (agreement(first.azimuth, first.elevation), first.azimuth, first.elevation)
@@ -162,3 +183,9 @@ def _refined_sun(places: NDArray[np.float64], is_dark: NDArray[np.bool_], caster
         best = max(best, max((agreement(a, e), a, e) for a, e in tried))
     _, azimuth, elevation = best
     return Sun(sun_towards(azimuth, elevation), first.score, azimuth % 360, elevation)
+
+
+def _correlation(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    """Of two masks (P,); -1 where one is the same everywhere."""
+    spread = float(a.std() * b.std())
+    return float(((a - a.mean()) * (b - b.mean())).mean()) / spread if spread > 0 else -1.0
