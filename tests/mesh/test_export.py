@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from plyfile import PlyData
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.geometry.axes import upright
 from unveil_core.geometry.similarity import Similarity
-from unveil_core.mesh import Mesh, read_ply, write_glb, write_obj, write_ply
+from unveil_core.mesh import Mesh, export, read_ply, write_glb, write_obj, write_ply
 
 UTM = np.array([389_512.25, 6_175_034.5, 71.125])
 SHIFT = Similarity(translation=UTM)
@@ -53,6 +54,16 @@ def test_ply_keeps_far_coordinates(mesh: Mesh, tmp_path: Path) -> None:
     np.testing.assert_allclose(again.vertices, mesh.vertices, atol=1e-6)
     np.testing.assert_array_equal(again.faces, mesh.faces)
     np.testing.assert_array_equal(again.colors, mesh.colors)
+
+
+@pytest.mark.parametrize("write", [write_ply, write_glb])
+def test_a_file_does_not_depend_on_how_much_is_written_at_once(
+    write: Callable[..., None], mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(mesh, tmp_path / "at_once", SHIFT)
+    monkeypatch.setattr(export, "AT_ONCE", 7)
+    write(mesh, tmp_path / "in_pieces", SHIFT)
+    assert (tmp_path / "at_once").read_bytes() == (tmp_path / "in_pieces").read_bytes()
 
 
 def test_ply_of_nothing(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,12 @@ from unveil_core.mesh.mesh import Mesh
 
 __all__ = ["read_ply", "write_glb", "write_obj", "write_ply"]
 
+T = TypeVar("T", bound=np.generic)
+
 SINGLE_PRECISION_REACH = 1024.0
 """Largest coordinate for which a float is finer than 0.1 mm."""
+AT_ONCE = 1 << 17
+"""Vertices or triangles that are written at once: a few megabytes."""
 Z_TO_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From z up to glTF's y up, the usual (x, z, -y)."""
 
@@ -44,15 +49,14 @@ def write_ply(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> Non
         to_world: from local coordinates to those of the file.
     """
     to_world = to_world or Similarity()
-    vertices = to_world.to_world(mesh.vertices)
-    double = bool(len(vertices)) and np.abs(vertices).max() > SINGLE_PRECISION_REACH
+    double = any(np.abs(to_world.to_world(some)).max() > SINGLE_PRECISION_REACH for some in _pieces(mesh.vertices))
     name, code = ("double", "<f8") if double else ("float", "<f4")
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         "comment unveil mesh, sRGB vertex colours",
         *(f"comment {line}" for line in to_world.comments()),
-        f"element vertex {len(vertices)}",
+        f"element vertex {len(mesh.vertices)}",
         *(f"property {name} {axis}" for axis in ("x", "y", "z")),
         *(f"property uchar {c}" for c in ("red", "green", "blue")),
         f"element face {len(mesh.faces)}",
@@ -60,15 +64,17 @@ def write_ply(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> Non
         "end_header",
         "",
     ]
-    rows = np.empty(len(vertices), dtype=[("position", code, 3), ("color", "u1", 3)])
-    rows["position"], rows["color"] = vertices, mesh.colors
-    triangles = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
-    triangles["count"], triangles["index"] = 3, mesh.faces
 
     def write(stream: BinaryIO) -> None:
         stream.write("\n".join(lines).encode())
-        stream.write(rows.tobytes())
-        stream.write(triangles.tobytes())
+        for vertices, colors in zip(_pieces(mesh.vertices), _pieces(mesh.colors), strict=True):
+            rows = np.empty(len(vertices), dtype=[("position", code, 3), ("color", "u1", 3)])
+            rows["position"], rows["color"] = to_world.to_world(vertices), colors
+            stream.write(rows.tobytes())
+        for faces in _pieces(mesh.faces):
+            triangles = np.empty(len(faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
+            triangles["count"], triangles["index"] = 3, faces
+            stream.write(triangles.tobytes())
 
     write_atomic(path, write)
 
@@ -131,10 +137,22 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
         name: name of the node.
     """
     to_world = to_world or Similarity()
-    vertices = np.ascontiguousarray(mesh.vertices @ Z_TO_Y.T.astype(np.float32), dtype="<f4")
-    colors = np.full((len(vertices), 4), 65535, dtype="<u2")
-    colors[:, :3] = np.round(_srgb_to_linear(np.arange(256) / 255.0) * 65535).astype(np.uint16)[mesh.colors]
-    indices = np.ascontiguousarray(mesh.faces, dtype="<u4")
+    count = len(mesh.vertices)
+    linear = np.round(_srgb_to_linear(np.arange(256) / 255.0) * 65535).astype(np.uint16)
+
+    def turned() -> Iterator[NDArray[np.float32]]:
+        return (some @ Z_TO_Y.T.astype(np.float32) for some in _pieces(mesh.vertices))
+
+    def parts() -> Iterator[bytes]:
+        for vertices in turned():
+            yield np.ascontiguousarray(vertices, dtype="<f4").tobytes()
+        for some in _pieces(mesh.colors):
+            colors = np.full((len(some), 4), 65535, dtype="<u2")
+            colors[:, :3] = linear[some]
+            yield colors.tobytes()
+        for faces in _pieces(mesh.faces):
+            yield faces.astype("<u4").tobytes()
+
     document: dict[str, object] = {
         "asset": {"version": "2.0", "generator": "unveil"},
         "extensionsUsed": ["KHR_materials_unlit"],
@@ -157,9 +175,10 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
             }
         ],
     }
-    parts = [vertices.tobytes(), colors.tobytes(), indices.tobytes()]
+    binary = 0
     if len(mesh.faces):
-        starts = np.concatenate([[0], np.cumsum([len(p) for p in parts])]).tolist()
+        sizes = [12 * count, 8 * count, 4 * mesh.faces.size]
+        binary = sum(sizes)
         document["nodes"][0]["mesh"] = 0  # type: ignore[index]
         document["meshes"] = [
             {
@@ -171,31 +190,37 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
             {
                 "bufferView": 0,
                 "componentType": 5126,
-                "count": len(vertices),
+                "count": count,
                 "type": "VEC3",
-                "min": vertices.min(axis=0).tolist(),
-                "max": vertices.max(axis=0).tolist(),
+                "min": np.min([some.min(axis=0) for some in turned()], axis=0).tolist(),
+                "max": np.max([some.max(axis=0) for some in turned()], axis=0).tolist(),
             },
-            {"bufferView": 1, "componentType": 5123, "count": len(vertices), "type": "VEC4", "normalized": True},
-            {"bufferView": 2, "componentType": 5125, "count": indices.size, "type": "SCALAR"},
+            {"bufferView": 1, "componentType": 5123, "count": count, "type": "VEC4", "normalized": True},
+            {"bufferView": 2, "componentType": 5125, "count": mesh.faces.size, "type": "SCALAR"},
         ]
         document["bufferViews"] = [
-            {"buffer": 0, "byteOffset": starts[k], "byteLength": len(parts[k]), "target": target}
+            {"buffer": 0, "byteOffset": sum(sizes[:k]), "byteLength": sizes[k], "target": target}
             for k, target in enumerate((34962, 34962, 34963))
         ]
-        document["buffers"] = [{"byteLength": starts[-1]}]
-    else:
-        parts = []
+        document["buffers"] = [{"byteLength": binary}]
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    binary = b"".join(parts)
 
     def write(stream: BinaryIO) -> None:
-        chunk = struct.pack("<II", len(binary), 0x004E4942) + binary if binary else b""
-        stream.write(struct.pack("<III", 0x46546C67, 2, 12 + 8 + len(text) + len(chunk)))
-        stream.write(struct.pack("<II", len(text), 0x4E4F534A) + text + chunk)
+        chunk = 8 + binary if binary else 0
+        stream.write(struct.pack("<III", 0x46546C67, 2, 12 + 8 + len(text) + chunk))
+        stream.write(struct.pack("<II", len(text), 0x4E4F534A) + text)
+        if binary:
+            stream.write(struct.pack("<II", binary, 0x004E4942))
+            for part in parts():
+                stream.write(part)
 
     write_atomic(path, write)
+
+
+def _pieces(rows: NDArray[T]) -> Iterator[NDArray[T]]:
+    """The rows of a table, some at a time: what is made of all of them at once would take several times the mesh."""
+    return (rows[first : first + AT_ONCE] for first in range(0, len(rows), AT_ONCE))
 
 
 def _srgb_to_linear(value: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -44,17 +44,22 @@ def keep_faces(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     faces = mesh.faces[keep]
     used = np.zeros(len(mesh.vertices), dtype=bool)
     used[faces.ravel()] = True
-    new_index = np.cumsum(used, dtype=np.int64) - 1
-    return Mesh(mesh.vertices[used], new_index[faces].astype(np.int32), mesh.colors[used])
+    new_index = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return Mesh(mesh.vertices[used], new_index[faces], mesh.colors[used])
 
 
 def drop_small_components(mesh: Mesh, smallest_triangles: int) -> Mesh:
     """The mesh without connected pieces of fewer triangles: floating specks of badly seen depth."""
     if smallest_triangles <= 1 or not len(mesh.faces):
         return mesh
+    return keep_faces(mesh, _in_large_components(mesh, smallest_triangles))
+
+
+def _in_large_components(mesh: Mesh, smallest_triangles: int) -> NDArray[np.bool_]:
+    """(F,) faces of pieces of so many triangles and more."""
     component = _components(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
-    triangles = np.bincount(component, minlength=len(mesh.vertices))
-    return keep_faces(mesh, triangles[component] >= smallest_triangles)
+    large: NDArray[np.bool_] = np.bincount(component, minlength=len(mesh.vertices)) >= smallest_triangles
+    return large[component]
 
 
 @njit(cache=True)
@@ -67,8 +72,8 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _components(faces, vertex_count):  # type: ignore[no-untyped-def]
-    """Union-find with path halving: the smallest vertex index of each vertex's component, (V,) int64."""
-    parent = np.arange(vertex_count)
+    """Union-find with path halving: the smallest vertex index of each vertex's component, (V,) int32."""
+    parent = np.arange(vertex_count).astype(np.int32)
     for f in range(faces.shape[0]):
         a = _root(parent, faces[f, 0])
         for k in range(1, 3):

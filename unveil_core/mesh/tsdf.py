@@ -256,13 +256,15 @@ def _fuse_region(
     return _extract(volume, blocks, keys, voxel, own)
 
 
-def _joined(parts: Sequence[Mesh]) -> Mesh:
-    """One mesh of those of all regions; vertices at their borders, which two of them have, are one."""
+def _joined(parts: list[Mesh]) -> Mesh:
+    """One mesh of those of all regions; vertices at their borders, which two of them have, are one. Empties the list: the mesh of
+    a long drive is too large to be held twice."""
     if len(parts) == 1:
-        return parts[0]
+        return parts.pop()
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     vertices, colors = (np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "colors"))
     faces = np.concatenate([part.faces + np.int32(k) for part, k in zip(parts, first, strict=False)])
+    parts.clear()
     bits = vertices.view(np.int32)
     order = np.lexsort(bits.T)
     new = np.ones(len(order), dtype=bool)
@@ -270,9 +272,9 @@ def _joined(parts: Sequence[Mesh]) -> Mesh:
     # Of alike vertices the first in the given order stands for all.
     same = np.empty(len(order), dtype=np.int64)
     same[order] = np.minimum.reduceat(order, np.flatnonzero(new))[np.cumsum(new) - 1] if len(order) else order
-    kept = np.flatnonzero(same == np.arange(len(same)))
-    index = np.cumsum(same == np.arange(len(same))) - 1
-    return Mesh(vertices[kept], index[same[faces]].astype(np.int32), colors[kept])
+    kept = same == np.arange(len(same))
+    index = (np.cumsum(kept) - 1)[same].astype(np.int32)
+    return Mesh(vertices[kept], index[faces], colors[kept])
 
 
 def _prepare(view: DepthView, index: int, found: _SeenBlocks) -> _Prepared:
