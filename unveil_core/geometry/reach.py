@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of"]
+__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of", "rising"]
 
 T = TypeVar("T")
 
@@ -135,9 +135,21 @@ class PointGrid:
     def of_cells(self, cells: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Indices, rising, of the points in some of the cells (C,)."""
         parts = [self.order[self._ends[k] : self._ends[k + 1]] for k in np.flatnonzero(cells)]
-        return np.sort(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
+        return rising(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
 
     def near(self, place: Float64, reach: float) -> NDArray[np.int64]:
         """Indices, rising, of all points within ``reach`` of a place (3,), and of some beyond."""
         gap = np.maximum(np.abs(self.middles - place[:2]) - self.cell / 2, 0.0)
         return self.of_cells((gap * gap).sum(axis=1) <= reach * reach)
+
+
+def rising(index: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Different numbers (N,), one at least, in rising order; those that lie close together, as points of one place do, in linear
+    time."""
+    low = int(index.min())
+    span = int(index.max()) - low + 1
+    if span > 8 * len(index):
+        return np.sort(index)
+    there = np.zeros(span, dtype=bool)
+    there[index - low] = True
+    return np.flatnonzero(there) + low

@@ -15,6 +15,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.reach import PointGrid
 from unveil_core.ground.height_field import HeightField
+from unveil_core.surfels.initialize import thin_points
 
 __all__ = ["find_ground"]
 
@@ -25,6 +26,8 @@ NEIGHBOURS = 7
 """A cell is as high as so many places around it in the median."""
 REACH_M = 3.0
 """Farther from any ground point than this nothing is known of the ground."""
+THIN_M = 0.15
+"""Of the points in a cell of so many metres one is asked about: a LiDAR's sweeps over one place add up."""
 FEWEST = 20
 
 
@@ -74,8 +77,7 @@ def find_ground(
     points = points[(drop > 0.4) & (drop < 6)]
     if len(points) < FEWEST:
         return None
-    _, thin = np.unique(np.floor(points / 0.15).astype(np.int64), axis=0, return_index=True)
-    points = points[np.sort(thin)]
+    points = points[thin_points(points, THIN_M)]
     if ground:
         # Ground is what more views show as ground than as anything else that stays.
         ahead = np.zeros(len(points), np.int64)
