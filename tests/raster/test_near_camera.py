@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.near_camera import CELL_M, REACH_M, near_camera
+from unveil_core.raster.near_camera import CELL_M, REACH_M, near_camera, near_cameras
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -49,6 +49,18 @@ def test_a_short_drive_is_given_whole_and_cameras_side_by_side_the_same() -> Non
     assert near_camera(short, camera_at(3, 4)) is short is near_camera(short, camera_at(4, 3))
     assert near_camera(LONG, camera_at(3, 4)) is near_camera(LONG, camera_at(9, 20))
     assert near_camera(LONG, camera_at(3, 4)) is not near_camera(LONG, camera_at(300, 4))
+
+
+@given(st.lists(st.tuples(st.floats(-650, 650), st.floats(-650, 650)), max_size=4))
+def test_of_what_some_cameras_are_given_each_is_given_the_same(places: list[tuple[float, float]]) -> None:
+    cameras = [camera_at(*place) for place in places]
+    together = near_cameras(LONG, cameras)
+    assert len(together) <= sum(len(near_camera(LONG, c)) for c in cameras)
+    for camera in cameras:
+        a, b = near_camera(LONG, camera), near_camera(together, camera)
+        assert torch.equal(a.means, b.means) and torch.equal(a.labels, b.labels)
+    short = scene(100.0)
+    assert near_cameras(short, [camera_at(3, 4)]) is short
 
 
 def test_a_scene_is_not_kept_alive() -> None:

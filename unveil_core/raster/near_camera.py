@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,7 +11,7 @@ import torch
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["REACH_M", "near_camera"]
+__all__ = ["REACH_M", "near_camera", "near_cameras"]
 
 REACH_M = 200.0
 """How far a camera is given surfels, metres: as far as a block's frames see. A house fills five pixels there."""
@@ -26,15 +27,32 @@ def near_camera(surfels: Surfels, camera: Camera) -> Surfels:
 
     The time of a frame then does not grow with the length of the drive. For rendering only: what is not given gets no gradient.
     """
-    east, north = np.floor(camera.centre[:2] / CELL_M).astype(int).tolist()
-    cell = east, north
+    cell = _cell(camera)
     known = _chosen.get(surfels)
     if known is not None and known[0] == cell:
         return surfels if known[1] is None else known[1]
-    middle = torch.tensor([(c + 0.5) * CELL_M for c in cell])
-    # Half of the diagonal: whatever is within reach of some place in the cell.
-    reach = REACH_M + CELL_M / 2**0.5
-    near = (surfels.means.detach()[:, :2] - middle).norm(dim=1) < reach
+    near = _near_cell(surfels, cell)
     given = None if bool(near.all()) else surfels.select(near)
     _chosen[surfels] = (cell, given)
     return surfels if given is None else given
+
+
+def near_cameras(surfels: Surfels, cameras: Sequence[Camera]) -> Surfels:
+    """All that :func:`near_camera` gives one of some cameras, in the same order."""
+    near = torch.zeros(len(surfels), dtype=torch.bool)
+    for cell in sorted({_cell(camera) for camera in cameras}):
+        near |= _near_cell(surfels, cell)
+    return surfels if bool(near.all()) else surfels.select(near)
+
+
+def _cell(camera: Camera) -> tuple[int, int]:
+    east, north = np.floor(camera.centre[:2] / CELL_M).astype(int).tolist()
+    return east, north
+
+
+def _near_cell(surfels: Surfels, cell: tuple[int, int]) -> torch.Tensor:
+    """(N,) which surfels are near some place in a cell."""
+    middle = torch.tensor([(c + 0.5) * CELL_M for c in cell])
+    # Half of the diagonal: whatever is within reach of some place in the cell.
+    reach = REACH_M + CELL_M / 2**0.5
+    return (surfels.means.detach()[:, :2] - middle).norm(dim=1) < reach

@@ -38,6 +38,7 @@ from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.raster.near_camera import near_cameras
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -168,7 +169,7 @@ class _Given:
 
 def _read(context: StageContext) -> _Given:
     workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
@@ -212,7 +213,7 @@ class _Cleaning:
         for block in reversed(blocks.blocks):
             stretch = stretches[block.number] if stretches else None
             progress = part_of(self.context.progress, len(plans), len(blocks.blocks))
-            plan, new = self._clean(block, self._known(stretch, seeds), progress)
+            plan, new = self._clean(block, self._known(block, stretch, seeds), progress)
             plans.append((plan, block.own))
             seeds += [] if new is None else [new]
         settings, frames = self.context.settings, self.given.drive.frames
@@ -220,9 +221,11 @@ class _Cleaning:
         write_json_atomic(self.context.output("inpaint/keyframes.json"), record)
         return concatenate(seeds) if seeds else None
 
-    def _known(self, stretch: Stretch | None, seeds: list[Surfels]) -> RemainingScene:
-        """What is known of the scene before a block is cleaned; only one block's ground is held at a time."""
-        surfels = concatenate([self.known.surfels, *seeds])
+    def _known(self, block: Block, stretch: Stretch | None, seeds: list[Surfels]) -> RemainingScene:
+        """What is known of the scene before a block is cleaned, as far as its frames see; only one block's ground is held at a
+        time."""
+        cameras = [self.given.drive.frames[i].camera for i in block.own]
+        surfels = concatenate([near_cameras(part, cameras) for part in (self.known.surfels, *seeds)])
         return replace(self.known, surfels=surfels, ground=None if stretch is None else self._layer(stretch))
 
     def _layer(self, stretch: Stretch) -> GroundLayer:
