@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -367,3 +369,26 @@ def test_what_a_failed_attempt_kept_is_thrown_away(tmp_path: Path) -> None:
             Workspace.create(tmp_path / "w"), (Stage("parts", broken, (), ("parts",)),), RunSettings(), Path(".")
         )
     assert not (tmp_path / "w/.partial-parts").exists()
+
+
+def test_what_a_stage_leaves_in_cycles_is_gone_before_the_next(tmp_path: Path) -> None:
+    class Large:
+        def __init__(self) -> None:
+            self.itself = self
+
+    left: list[weakref.ref[Large]] = []
+
+    def leaves(context: StageContext) -> None:
+        left.append(weakref.ref(Large()))
+        context.output("a.txt").write_text("a")
+
+    def looks(context: StageContext) -> None:
+        assert left[0]() is None
+        context.output("b.txt").write_text("b")
+
+    stages = (Stage("leaves", leaves, (), ("a.txt",)), Stage("looks", looks, ("a.txt",), ("b.txt",)))
+    gc.disable()
+    try:
+        assert run_stages(Workspace.create(tmp_path / "w"), stages, RunSettings(), Path(".")) == ["leaves", "looks"]
+    finally:
+        gc.enable()

@@ -10,7 +10,7 @@ import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.boxes import read_boxes
-from unveil_core.drives.drive import Distortion, Drive, Footage, Frame
+from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
@@ -18,9 +18,11 @@ from unveil_core.geometry.similarity import Similarity
 __all__ = ["read_imported"]
 
 
-def read_imported(folder: Path) -> Drive:
+def read_imported(folder: Path, *, points: bool = True) -> Drive:
     """Open the ``drive/`` folder of a workspace.
 
+    Args:
+        points: False leaves the cloud empty, for who works on the scene alone: it grows with the drive.
     Raises:
         DriveError: it is not there or was not written by an import.
     """
@@ -46,7 +48,7 @@ def read_imported(folder: Path) -> Drive:
         return Drive(
             root=folder,
             frames=frames,
-            points=read_points(folder / "points.ply"),
+            points=read_points(folder / "points.ply") if points else PointCloud(np.zeros((0, 3))),
             to_world=Similarity.from_json(data["to_world"]),
             scale_source=str(data["scale_source"]),
             up_source=str(data["up_source"]),

@@ -80,6 +80,7 @@ def run(
         expected = expected_of(opened, placed, space, stages, settings, lambda line: reporter(_event(line)))
         notices += [] if expected is None else expected.notices(space.root)
         place = Path(drive).absolute()
+        del opened  # the stages read what was imported: two clouds of points of a long drive need not be held
         run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
     except UnveilError:
         if fresh and not space.drive_dir.exists():

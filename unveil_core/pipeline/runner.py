@@ -7,6 +7,7 @@ attempts: a cancelled or failed attempt leaves the finished result valid.
 
 from __future__ import annotations
 
+import gc
 import platform
 import shutil
 import signal
@@ -226,6 +227,9 @@ class _Attempt:
             if isinstance(error, KeyboardInterrupt):
                 raise Cancelled(stage.name) from error
             raise
+        # Sequences of frames and what they are made of refer to each other: without this they stay for the whole run.
+        gc.collect()
+        return_free_memory()
         seconds = round(time.monotonic() - started, 2)
         record = {
             "status": "done",

@@ -79,7 +79,7 @@ def recorded_rate(frames: Sequence[Frame]) -> float:
 
 def _delivered(root: Path, camera_name: str | None) -> list[Frame]:
     tracks: dict[str, list[Frame]] = {}
-    for frame in read_imported(root / "drive").frames:
+    for frame in read_imported(root / "drive", points=False).frames:
         if frame_file(root / "frames", frame).is_file() and camera_name in (None, frame.camera_name):
             tracks.setdefault(frame.camera_name, []).append(frame)
     if not tracks:

@@ -14,6 +14,7 @@ from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import PointCloud, tracks
+from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.drives.points import write_points
 from unveil_core.semantics.classes import CITYSCAPES
@@ -97,3 +98,6 @@ def test_a_rig_keeps_its_rate_its_sizes_and_its_front_camera(tmp_path: Path) -> 
     assert [len(track) for track in tracks(drive)] == [3, 7, 7]
     # Read as a drive again it has all its cameras.
     assert len(open_drive(drive.root).frames) == 17 and open_drive(drive.root).front_cameras == ()
+    bare = read_imported(drive.root, points=False)
+    assert len(drive.points.positions) and not len(bare.points.positions)
+    assert [f.image_path for f in bare.frames] == [f.image_path for f in drive.frames]

@@ -41,7 +41,7 @@ SOLID = 0.5
 def run(context: StageContext) -> None:
     """frames/, and st_maps/ of the cameras whose footage has a lens."""
     workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     folder = context.output("frames")
     lenses = context.output("st_maps")
     lenses.mkdir(parents=True)

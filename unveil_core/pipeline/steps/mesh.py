@@ -19,7 +19,7 @@ MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 def run(context: StageContext) -> None:
     """meshes/full.ply, meshes/empty.ply, meshes/empty.glb."""
     workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     voxel = MESH_VOXEL_M[context.settings.quality]
     for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
         surfels = read_surfels(path)

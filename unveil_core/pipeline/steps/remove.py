@@ -94,7 +94,7 @@ def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground
 def run(context: StageContext) -> None:
     """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
     workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")

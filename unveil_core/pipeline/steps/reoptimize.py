@@ -36,7 +36,7 @@ __all__ = ["STAGE"]
 def run(context: StageContext) -> None:
     """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; provenance/ and certainty/ of clean/."""
     workspace = context.workspace
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     sky = load_sky(workspace.root / "surfels/sky.npz")
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
@@ -99,7 +99,7 @@ def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]
 
 def run_block(context: StageContext, number: int) -> None:
     """One block of the drive, kept for the stage."""
-    drive = read_imported(context.workspace.drive_dir)
+    drive = read_imported(context.workspace.drive_dir, points=False)
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
     work = _work(context, drive, _inpainted(context, drive), sky)
     work.block(work.blocks.blocks[number])
