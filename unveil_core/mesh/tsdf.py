@@ -267,8 +267,11 @@ def _joined(parts: list[Mesh]) -> Mesh:
     parts.clear()
     bits = vertices.view(np.int32)
     order = np.lexsort(bits.T)
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
+    new = np.zeros(len(order), dtype=bool)
+    new[:1] = True
+    for column in bits.T:
+        ordered = column[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
     # Of alike vertices the first in the given order stands for all.
     same = np.empty(len(order), dtype=np.int64)
     same[order] = np.minimum.reduceat(order, np.flatnonzero(new))[np.cumsum(new) - 1] if len(order) else order
