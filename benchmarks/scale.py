@@ -190,7 +190,8 @@ def main() -> None:
         shutil.rmtree(workspace, ignore_errors=True)
         kind = {"frames": frames, "size": [width, height], "quality": arguments.quality, "memory": arguments.memory}
         truth, run = drive / "truth/images", (arguments.quality, arguments.memory)
-        row = {**kind, "processor": machine()["processor"], **run_drive(drive, workspace, *run), "blocks": beside_borders(workspace, BLOCK_M)[1]}
+        row = {**kind, "processor": machine()["processor"], **run_drive(drive, workspace, *run)}
+        row["blocks"] = beside_borders(workspace, BLOCK_M)[1]
         row["psnr"] = psnr(*errors(workspace, truth, "frames"))
         if arguments.borders and row["blocks"] > 1:
             other = folder / f"{workspace.name}_other_blocks"
