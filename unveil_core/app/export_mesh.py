@@ -56,7 +56,7 @@ def export_mesh(
         raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
     if path.is_dir():
         raise SettingsError("is a folder", path=path, mend="name a file in it")
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     mesh = read_ply(source, drive.to_world)
     if not len(mesh.faces):
         raise WorkspaceError("has no triangles", path=source, mend="run `unveil mesh` on a scene that has surfaces")

@@ -89,7 +89,7 @@ def render_views(
     """
     _check_settings(state, planes, beside, above)
     _check_output(workspace, output)
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     views = _views(workspace, drive, path, beside, above)
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None

@@ -86,7 +86,7 @@ def run_evaluation(
         SettingsError: a file of a network that cannot be used.
     """
     workspace_root = Path(workspace_root)
-    drive = read_imported(workspace_root / "drive")
+    drive = read_imported(workspace_root / "drive", points=False)
     truth = Path(truth_root) if truth_root is not None else drive.truth_root
     if truth_root is not None and not (Path(truth_root) / "images").is_dir():
         raise WorkspaceError(

@@ -6,7 +6,6 @@ the surfels of places that belong to it; what a block saw of its neighbours only
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,7 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
+from unveil_core.base.checkpoint import Kept, facts_array, facts_of
 from unveil_core.base.frame_cache import FrameCache, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.types import Float64, Labels, Mask
@@ -69,7 +68,7 @@ class BlockwiseReconstruction:
         if len(self.blocks.blocks) == 1:
             return self._reconstruct(self.drive, self.hidden, self.kept, self.progress)
         found = [self.block(block) for block in self.blocks.blocks]
-        choices = [json.loads(f["choices"].tobytes()) for f in found]
+        choices = [facts_of(f["choices"]) for f in found]
         start, sky_choice = self._sky
         skies = [Sky(torch.from_numpy(f["sky"]), f["sky_axes"]) for f in found]
         surfels = concatenate([Surfels.from_arrays(f) for f in found])
@@ -93,8 +92,8 @@ class BlockwiseReconstruction:
             )
             owned = self.blocks.of_places(done.surfels.means.double().numpy()) == block.number
             part = done.surfels.select(torch.from_numpy(owned))
-            facts = np.frombuffer(json.dumps(done.choices).encode(), np.uint8)
-            return {**part.arrays(), "sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes, "choices": facts}
+            sky = {"sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes}
+            return {**part.arrays(), **sky, "choices": facts_array(done.choices)}
 
         return own.once("block", make)
 

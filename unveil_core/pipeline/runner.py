@@ -167,7 +167,7 @@ def run_block(
             recorded = workspace.state().get("stages", {}).get(stage.name, {})
             if is_current(stage, workspace, recorded, wanted):
                 return False
-            count = len(cut_into_blocks(read_imported(workspace.drive_dir)).blocks)
+            count = len(cut_into_blocks(read_imported(workspace.drive_dir, points=False)).blocks)
             if not 0 <= number < count:
                 raise SettingsError(f"there is no block {number}", mend=f"use 0 to {count - 1}")
             partial = open_partial(workspace, stage.name, wanted)

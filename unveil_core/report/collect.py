@@ -101,7 +101,7 @@ def read_json(path: Path, default: Any) -> Any:
 
 def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Shown:
     """Read a workspace and make all pictures of the page."""
-    drive = read_imported(root / "drive")
+    drive = read_imported(root / "drive", points=False)
     state = read_json(root / "workspace.json", {})
     chosen = pick(len(drive.frames))
     total = len(chosen) + 1

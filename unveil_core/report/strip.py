@@ -44,7 +44,7 @@ def write_strip(
         WorkspaceError: a frame does not exist or was not delivered yet.
     """
     root = Path(workspace_root)
-    drive = read_imported(root / "drive")
+    drive = read_imported(root / "drive", points=False)
     if frames is None:
         chosen = _telling(root, drive.frames, count)
     else:

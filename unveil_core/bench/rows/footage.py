@@ -102,7 +102,7 @@ def open_footage(
     reference: ReferenceInpainter | None = None,
 ) -> Footage:
     """Read the frames and masks of a workspace."""
-    drive = read_imported(workspace.drive_dir)
+    drive = read_imported(workspace.drive_dir, points=False)
     removed = tuple(load_mask(frame_file(workspace.root / "masks/removed", f)) for f in drive.frames)
     return Footage(
         workspace,

@@ -13,7 +13,7 @@ __all__ = ["STAGE"]
 
 def run(context: StageContext) -> None:
     """selection.json: what is removed. It is no part of labels.json, so that another choice does not make the scene again."""
-    drive = read_imported(context.workspace.drive_dir)
+    drive = read_imported(context.workspace.drive_dir, points=False)
     settings = context.settings
     scene = choose_labels(drive, settings.remove, settings.instances, known=known_objects(context.workspace))
     write_json_atomic(context.output("selection.json"), scene.selection_json())

@@ -23,7 +23,7 @@ def run(context: StageContext) -> None:
 
 def files_of_truth(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
     """The true empty street, where the drive has one."""
-    truth = read_imported(workspace.drive_dir).truth_root
+    truth = read_imported(workspace.drive_dir, points=False).truth_root
     if truth is None or not truth.is_dir():
         return []
     return [(p.relative_to(truth).as_posix(), p) for p in sorted(truth.rglob("*")) if p.is_file()]
