@@ -30,8 +30,8 @@ from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.farm.manifest import Batch, plan_batch  # noqa: E402
 from unveil_core.farm.run import run_batch  # noqa: E402
+from unveil_core.farm.state import state_of  # noqa: E402
 from unveil_core.farm.status import batch_status  # noqa: E402
-from unveil_core.farm.task import state_of  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 
 RESULTS = HERE / "results" / "batch.json"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import shutil
 import signal
+import subprocess
 import threading
 import time
+import urllib.request
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +23,8 @@ from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
+from unveil_core.farm.state import TaskState, note_state, seen_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
-from unveil_core.farm.task import state_of
 from unveil_core.farm.template import TEMPLATES, openjd_template
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
@@ -112,6 +115,58 @@ def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.Captu
     capsys.readouterr()
 
 
+def test_templates_ask_for_the_gpu_that_tasks_need(planned: Batch) -> None:
+    with_gpu = replace(planned, drives=tuple(replace(d, gpus=1) for d in planned.drives))
+    texts = [json.dumps(json.loads(openjd_template(b))) + TEMPLATES["slurm"][1](b) for b in (planned, with_gpu)]
+    assert ["--gres=gpu:1" in t and '"amount.worker.gpu", "min": 1' in t for t in texts] == [False, True]
+
+
+def test_a_drive_that_cannot_be_read_is_left_out_of_the_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, bad = make_tiny_drive(tmp_path / "good"), make_tiny_drive(tmp_path / "bad")
+    bad.write_text("{")
+    root = str(tmp_path / "batch")
+    assert main(["batch", "plan", str(bad), str(good), "-o", root]) == 1
+    said = capsys.readouterr()
+    assert "1 drives" in said.out and "left out" in said.err and str(bad) in said.err
+    assert [d.name for d in read_batch(Path(root)).drives] == ["good"]
+    assert main(["batch", "plan", str(bad), "-o", root]) != 0
+    assert "no drive to plan" in capsys.readouterr().err
+
+
+def test_what_a_task_of_other_options_or_of_a_lost_process_noted_does_not_count(planned: Batch) -> None:
+    task = planned.tasks[0]
+    note_state(planned, task, TaskState("done", 1, 2.0))
+    assert state_of(planned, task).status == "done"
+    other = replace(task, arguments=(*task.arguments, "--quality=high"))
+    assert state_of(planned, other) == TaskState()
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    for process, expected in ((os.getpid(), "running"), (ended.pid, "to do")):
+        note_state(planned, task, TaskState("running", 2, host=platform.node(), process=process))
+        assert (state_of(planned, task).status, state_of(planned, task).tries) == (expected, 2)
+
+
+def test_blocks_that_another_farm_made_are_seen_and_merged(
+    long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
+    options = ("--remove=car", "--iterations=20", "--quality=draft")
+    given = RunSettings(remove=("car",), iterations=20, quality="draft")
+    batch = plan_batch([long_drive], tmp_path / "batch", given, options)
+    # Its workers know nothing of batches: they run the commands that a template gives them.
+    batch = replace(batch, tasks=batch.tasks[:5])
+    batch.save()
+    assert batch.tasks[4].step == "inpaint"
+    assert batch_status(batch)["tasks"]["to do"] == 5
+    for done, task in enumerate(batch.tasks[:4], start=1):
+        assert main(list(task.arguments)) == 0
+        assert [seen_state(batch, t).status for t in batch.tasks] == ["done"] * done + ["to do"] * (5 - done)
+        assert state_of(batch, task) == TaskState()
+    capsys.readouterr()
+
+
 def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "", memory_mb: int = 0) -> Batch:
     """Drives of which only the import is run, in two tasks each."""
     drives, tasks = [], []
@@ -145,7 +200,9 @@ def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path
     shutil.copy(tmp_path / "drives/one/transforms.json", tmp_path / "drives/bad/transforms.json")
     lines.clear()
     assert run_batch(batch, lines.append, workers=1) == []
-    assert "6 tasks of 3 drives, 4 done already" in lines[0] and len(lines) == 4
+    assert "6 tasks of 3 drives, 4 done already" in lines[0]
+    assert sum("bad." in line and ": done in" in line for line in lines) == 2
+    assert sum("bad." in line and ": begun on tcp://" in line for line in lines) == 2
     lines.clear()
     assert run_batch(batch, lines.append) == [] and lines == ["6 tasks of 3 drives, 6 done already"]
 
@@ -184,12 +241,58 @@ def test_a_worker_that_dies_is_replaced_and_its_task_named(tmp_path: Path) -> No
     assert any("at try 2" in line for line in lines)
 
 
+def test_a_task_that_kills_every_worker_fails_and_is_named(tmp_path: Path) -> None:
+    distributed, dask = pytest.importorskip("distributed"), pytest.importorskip("dask")
+    batch = cheap(tmp_path / "batch", ["one", "two"], tmp_path)
+    poisoned = batch.tasks[1]
+    stop = threading.Event()
+
+    def kill() -> None:
+        while not stop.is_set():
+            state = state_of(batch, poisoned)
+            if state.status == "running":
+                os.kill(state.process, signal.SIGKILL)
+            time.sleep(0.02)
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+    ):
+        thread = threading.Thread(target=kill)
+        thread.start()
+        lines: list[str] = []
+        try:
+            assert run_batch(batch, lines.append, scheduler=cluster.scheduler_address) == [poisoned.id]
+        finally:
+            stop.set()
+            thread.join()
+    state = state_of(batch, poisoned)
+    assert state.status == "failed" and state.tries == 2 and "its worker died" in state.line
+    assert any(f"{poisoned.id}: failed after 2 tries: its worker died" in line for line in lines)
+    assert batch_status(batch)["tasks"] == {"done": 3, "running": 0, "failed": 1, "to do": 0}
+
+
+def test_the_dashboard_of_local_workers_shows_the_tasks(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    pytest.importorskip("bokeh")
+    batch = cheap(tmp_path / "batch", ["one"], tmp_path)
+    pages: list[str] = []
+
+    def tell(line: str) -> None:
+        if line.startswith("dashboard: "):
+            with urllib.request.urlopen(line.removeprefix("dashboard: ")) as page:
+                pages.append(page.read().decode())
+
+    assert run_batch(batch, tell, workers=1) == []
+    assert len(pages) == 1 and "task-stream" in pages[0] and "bokeh" in pages[0].lower()
+
+
 def test_no_more_workers_are_started_than_have_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("unveil_core.farm.run.free_memory_mb", lambda: 5000.0)
     lines: list[str] = []
     assert workers_that_fit(4, 2000, lines.append) == 2 and "2 instead of 4, 2.0 GB each" in lines[0]
-    assert workers_that_fit(2, 2000, lines.append) == 2 and workers_that_fit(1, 9000, lines.append) == 1
-    assert len(lines) == 1
+    assert workers_that_fit(2, 2000, lines.append) == 2 and len(lines) == 1
+    assert workers_that_fit(1, 9000, lines.append) == 1 and "may need 8.8 GB, of which 4.9 GB are free" in lines[1]
 
 
 def test_a_scheduler_that_is_not_there_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

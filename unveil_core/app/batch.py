@@ -9,6 +9,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+from unveil_core.base.errors import UnveilError
 from unveil_core.base.wording import about_as_long, about_as_much
 
 __all__ = ["run_batch_part"]
@@ -28,7 +29,13 @@ def _plan(arguments: argparse.Namespace) -> int:
 
     given = settings_of(arguments)
     options = _options(given, RunSettings())
-    batch = plan_batch(arguments.drives, arguments.output, given, options)
+    left_out: list[Path] = []
+
+    def leave_out(path: Path, error: UnveilError) -> None:
+        left_out.append(path)
+        print(f"left out: {error}", file=sys.stderr, flush=True)
+
+    batch = plan_batch(arguments.drives, arguments.output, given, options, leave_out=leave_out)
     batch.save()
     frames = sum(d.frames for d in batch.drives)
     blocks = sum(d.blocks for d in batch.drives)
@@ -38,7 +45,7 @@ def _plan(arguments: argparse.Namespace) -> int:
         f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}\n"
         f"about {time} on one worker like this machine, {memory} of memory for each worker"
     )
-    return 0
+    return 1 if left_out else 0
 
 
 def _options(given: object, usual: object) -> list[str]:
@@ -79,12 +86,13 @@ def _status(arguments: argparse.Namespace) -> int:
 
 def _merge(arguments: argparse.Namespace) -> int:
     from unveil_core.farm.manifest import read_batch
-    from unveil_core.farm.task import TaskFailed, run_task, state_of
+    from unveil_core.farm.state import seen_state
+    from unveil_core.farm.task import TaskFailed, run_task
 
     batch = read_batch(arguments.batch)
     failed = 0
     for task in batch.tasks:
-        ready = all(state_of(batch, t).status == "done" for t in batch.tasks if t.id in task.after)
+        ready = all(seen_state(batch, t).status == "done" for t in batch.tasks if t.id in task.after)
         if task.block is not None or not task.after or not ready:
             continue
         try:

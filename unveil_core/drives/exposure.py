@@ -19,7 +19,15 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.drives.drive import Frame
 
-__all__ = ["IDENTITY", "Exposure", "Exposures", "read_exposures", "write_exposures"]
+__all__ = [
+    "IDENTITY",
+    "Exposure",
+    "Exposures",
+    "exposures_json",
+    "exposures_of_json",
+    "read_exposures",
+    "write_exposures",
+]
 
 LEVELS = np.arange(256)[:, None] / 255.0
 
@@ -92,13 +100,29 @@ class Exposures:
         return self.of(frame).photographed(canonical)
 
 
-def write_exposures(exposures: Exposures, path: Path) -> None:
-    """Write as JSON: the figures, and gain and bias of each frame that has them."""
+def exposures_json(exposures: Exposures) -> dict[str, Any]:
+    """The figures, and gain and bias of each frame that has them."""
     frames = [
         {"camera": camera, "name": name, "gain": e.gain.tolist(), "bias": e.bias.tolist()}
         for (camera, name), e in exposures.known.items()
     ]
-    write_json_atomic(path, {"figures": dict(exposures.figures), "frames": frames})
+    return {"figures": dict(exposures.figures), "frames": frames}
+
+
+def exposures_of_json(data: Any) -> Exposures:
+    """Inverse of :func:`exposures_json`; what is not of that form raises a ValueError, KeyError or TypeError."""
+    known = {
+        (str(f["camera"]), str(f["name"])): Exposure(
+            np.array(f["gain"], dtype=np.float64).reshape(3), np.array(f["bias"], dtype=np.float64).reshape(3)
+        )
+        for f in data["frames"]
+    }
+    return Exposures(known, data["figures"])
+
+
+def write_exposures(exposures: Exposures, path: Path) -> None:
+    """Write as JSON, see :func:`exposures_json`."""
+    write_json_atomic(path, exposures_json(exposures))
 
 
 def read_exposures(path: Path) -> Exposures:
@@ -110,13 +134,6 @@ def read_exposures(path: Path) -> Exposures:
     if not path.is_file():
         return Exposures()
     try:
-        data = json.loads(path.read_text())
-        known = {
-            (str(f["camera"]), str(f["name"])): Exposure(
-                np.array(f["gain"], dtype=np.float64).reshape(3), np.array(f["bias"], dtype=np.float64).reshape(3)
-            )
-            for f in data["frames"]
-        }
-        return Exposures(known, data["figures"])
+        return exposures_of_json(json.loads(path.read_text()))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend="run `unveil reconstruct` again") from error

@@ -12,18 +12,18 @@ blocks, and between them tasks that put the blocks together; these depend on one
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.errors import DriveError, SettingsError, WorkspaceError
+from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.forecast.forecast import forecast
-from unveil_core.forecast.machine import this_machine
+from unveil_core.forecast.machine import Machine, this_machine
 from unveil_core.pipeline.forecasting import workload_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
@@ -40,6 +40,7 @@ class BatchDrive:
     drive: path of the drive; workspace: of the results.
     frames, blocks: how many it has.
     memory_mb: that a task of it needs, as forecast; seconds: of all its tasks together, on this machine.
+    gpus: that a task of it needs.
     """
 
     name: str
@@ -49,6 +50,7 @@ class BatchDrive:
     blocks: int
     memory_mb: int = 0
     seconds: int = 0
+    gpus: int = 0
 
 
 @dataclass(frozen=True)
@@ -120,42 +122,61 @@ def read_batch(root: Path) -> Batch:
     return Batch(root, drives, tasks)
 
 
-def plan_batch(drives: Sequence[Path], root: Path, settings: RunSettings, options: Sequence[str] = ()) -> Batch:
+def plan_batch(
+    drives: Sequence[Path],
+    root: Path,
+    settings: RunSettings,
+    options: Sequence[str] = (),
+    *,
+    leave_out: Callable[[Path, UnveilError], None] | None = None,
+) -> Batch:
     """Plan the tasks of some drives.
 
     Args:
         drives: to unveil, each for itself.
         root: of the batch.
         settings: of all drives; options: the same as options of ``unveil run``.
+        leave_out: told of each drive that cannot be read, which the batch then goes without; None = that is an error.
     Raises:
         DriveError: a drive that cannot be read.
         SettingsError: no drive.
     """
-    if not drives:
-        raise SettingsError("no drive to plan", mend="name one or more")
     planned: list[BatchDrive] = []
     tasks: list[Task] = []
     machine = this_machine()
     for path in drives:
-        opened = open_drive(path, settings.drive_options)
-        if not opened.frames:
-            raise DriveError("has no frames", path=path)
-        placement = place_drive(opened, scale=settings.scale, up=settings.up)
-        work = workload_of(localized(opened, placement), settings)
-        expected = forecast(work, [stage.name for stage in STAGES], machine)
         name = _name(path, [d.name for d in planned])
-        drive = BatchDrive(
-            name,
-            str(path.absolute()),
-            str((root / "drives" / name).absolute()),
-            work.frames,
-            work.blocks,
-            round(expected.memory_mb),
-            round(sum(expected.seconds.values())),
-        )
+        try:
+            drive = _planned(path, name, root, settings, machine)
+        except UnveilError as error:
+            if leave_out is None:
+                raise
+            leave_out(path, error)
+            continue
         planned.append(drive)
         tasks += _tasks_of(drive, tuple(options))
+    if not planned:
+        raise SettingsError("no drive to plan", mend="name one or more that can be read")
     return Batch(root, tuple(planned), tuple(tasks))
+
+
+def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: Machine) -> BatchDrive:
+    opened = open_drive(path, settings.drive_options)
+    if not opened.frames:
+        raise DriveError("has no frames", path=path)
+    placement = place_drive(opened, scale=settings.scale, up=settings.up)
+    work = workload_of(localized(opened, placement), settings)
+    expected = forecast(work, [stage.name for stage in STAGES], machine)
+    return BatchDrive(
+        name,
+        str(path.absolute()),
+        str((root / "drives" / name).absolute()),
+        work.frames,
+        work.blocks,
+        round(expected.memory_mb),
+        round(sum(expected.seconds.values())),
+        gpus=1 if settings.device == "cuda" else 0,
+    )
 
 
 def _name(path: Path, taken: Sequence[str]) -> str:

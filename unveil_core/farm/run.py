@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.wording import about_as_much
-from unveil_core.farm.manifest import Batch, Task
-from unveil_core.farm.task import run_task, state_of
+from unveil_core.base.wording import about_as_long, about_as_much
+from unveil_core.farm.manifest import Batch, BatchDrive, Task
+from unveil_core.farm.state import TaskState, note_state, state_of
+from unveil_core.farm.task import run_task
 from unveil_core.forecast.machine import free_memory_mb
 
-__all__ = ["MEMORY", "RETRIES", "run_batch", "workers_that_fit"]
+__all__ = ["GPU", "MEMORY", "RETRIES", "run_batch", "workers_that_fit"]
 
 RETRIES = 2
 """How often a failed task is tried again."""
 PATIENCE = "20s"
 """How long a scheduler may take to answer."""
-MEMORY = "unveil_mb"
-"""Name of the resource by which workers of a cluster declare their memory, MB: ``dask worker --resources unveil_mb=8000``. No more
-tasks than fit run on such a worker at a time."""
+MEMORY, GPU = "unveil_mb", "unveil_gpu"
+"""Names of the resources by which workers of a cluster declare their memory, MB, and their GPUs:
+``dask worker --resources "unveil_mb=8000 unveil_gpu=1"``. No more tasks than fit run on such a worker at a time."""
+BEGUN = "unveil-begun"
+"""Topic under which workers tell what they begin."""
 Teller = Callable[[str], None]
 
 
@@ -30,104 +34,164 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
     A task whose worker dies runs again on another one. What depends on a failed task is not run; the rest is.
 
     Args:
-        tell: gets one line for each task that ended.
+        tell: gets one line for each task that begins or ends.
         scheduler: address of a running Dask scheduler, whose workers see the same files; None = a cluster of ``workers`` local
             processes, for this call only.
     Raises:
-        SettingsError: Dask is not installed, no scheduler answers, or no worker has the memory that a task needs.
+        SettingsError: Dask is not installed, no scheduler answers, or no worker has the memory or the GPU that a task needs.
     """
     try:
-        from distributed import Client, LocalCluster, as_completed
+        from distributed import as_completed
     except ImportError as error:
         raise SettingsError("batches need Dask", mend="pip install unveil-core[farm]") from error
     open_tasks = [t for t in batch.tasks if state_of(batch, t).status != "done"]
     tell(f"{len(batch.tasks)} tasks of {len(batch.drives)} drives, {len(batch.tasks) - len(open_tasks)} done already")
     if not open_tasks:
         return []
+    waiting = {task.drive for task in open_tasks}
+    drives = [drive for drive in batch.drives if drive.name in waiting]
+    with _client(scheduler, workers, drives, tell) as client:
+        tell(f"dashboard: {client.dashboard_link}")
+        needs = {drive.name: _asked(client, drive, tell) for drive in drives}
+        client.subscribe_topic(BEGUN, lambda event: tell(f"{event[1]['task']}: begun on {event[1]['worker']}"))
+        futures = _submitted(client, batch, open_tasks, needs)
+        return _watched(batch, as_completed(futures.values()), futures, tell)
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller) -> Iterator[Any]:
+    """A client of the cluster at an address, or of local processes that end with it."""
+    from distributed import Client, LocalCluster
+
     with ExitStack() as stack:
-        needs = {drive.name: drive.memory_mb for drive in batch.drives}
-        if scheduler is None:
-            count = workers_that_fit(workers, max(needs[t.drive] for t in open_tasks), tell)
-            cluster = stack.enter_context(
-                LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=":0")
-            )
-            client = stack.enter_context(Client(cluster))
-        else:
+        if scheduler is not None:
             try:
                 client = stack.enter_context(Client(scheduler, timeout=PATIENCE))
             except (OSError, TimeoutError, ValueError) as error:
-                raise SettingsError(
-                    f"no Dask scheduler answers at {scheduler}", mend="start one, or use --workers"
-                ) from error
-        tell(f"dashboard: {client.dashboard_link}")
-        room = _declared_memory(client)
-        if room is not None and any(needs[t.drive] > room for t in open_tasks):
-            short = sorted({t.drive for t in open_tasks if needs[t.drive] > room})
-            raise SettingsError(
-                f"no worker has the memory that {short[0]} needs, {needs[short[0]]} MB",
-                mend=f"start workers with --resources {MEMORY}={needs[short[0]]}",
-            )
-        futures = _submitted(client, batch, open_tasks, needs if room is not None else None)
-        return _watched(batch, as_completed(futures.values()), {f.key: t for t, f in futures.items()}, tell)
+                mend = "start one, or use --workers"
+                raise SettingsError(f"no Dask scheduler answers at {scheduler}", mend=mend) from error
+            yield client
+            return
+        gpus = max(drive.gpus for drive in drives)
+        if gpus and workers > 1:
+            tell("workers: 1, for the tasks use the GPU")
+        count = 1 if gpus else workers_that_fit(workers, max(drive.memory_mb for drive in drives), tell)
+        cluster = LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+            resources={GPU: gpus} if gpus else None,
+        )
+        yield stack.enter_context(Client(stack.enter_context(cluster)))
 
 
 def workers_that_fit(wanted: int, memory_mb: int, tell: Teller) -> int:
-    """How many workers of this machine have the memory that a task may need."""
+    """How many workers of this machine have the memory that a task may need; one at least."""
     free = free_memory_mb()
     fitting = max(1, min(wanted, int(free // memory_mb))) if memory_mb else wanted
     if fitting < wanted:
         tell(f"workers: {fitting} instead of {wanted}, {about_as_much(memory_mb)} each; {about_as_much(free)} are free")
+    elif memory_mb > free:
+        tell(f"a task may need {about_as_much(memory_mb)}, of which {about_as_much(free)} are free: it may be stopped")
     return fitting
 
 
-def _declared_memory(client: Any) -> float | None:
-    """The most memory that a worker of the cluster declares; None where none does: then it is not minded."""
+def _asked(client: Any, drive: BatchDrive, tell: Teller) -> dict[str, float]:
+    """The resources that each task of a drive asks for.
+
+    Raises:
+        SettingsError: no worker has them.
+    """
+    asked: dict[str, float] = {}
+    room = _declared(client, MEMORY)
+    if room is not None and drive.memory_mb:
+        if drive.memory_mb > room:
+            raise SettingsError(
+                f"no worker has the memory that {drive.name} needs, {drive.memory_mb} MB",
+                mend=f"start workers with --resources {MEMORY}={drive.memory_mb}",
+            )
+        asked[MEMORY] = drive.memory_mb
+    if drive.gpus:
+        if (_declared(client, GPU) or 0) < drive.gpus:
+            raise SettingsError(
+                f"no worker has the GPU that {drive.name} needs", mend=f"start workers with --resources {GPU}=1"
+            )
+        asked[GPU] = drive.gpus
+    return asked
+
+
+def _declared(client: Any, resource: str) -> float | None:
+    """The most of a resource that a worker of the cluster declares; None where none does: then it is not minded."""
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
-    declared = [worker.get("resources", {}).get(MEMORY) for worker in workers]
+    declared = [worker.get("resources", {}).get(resource) for worker in workers]
     return max((d for d in declared if d is not None), default=None)
 
 
-def _submitted(client: Any, batch: Batch, tasks: list[Task], needs: dict[str, int] | None) -> dict[Task, Any]:
-    by_id: dict[str, Any] = {}
-    futures: dict[Task, Any] = {}
+def _submitted(client: Any, batch: Batch, tasks: list[Task], needs: dict[str, dict[str, float]]) -> dict[str, Any]:
+    """The futures by the tasks' ids."""
+    futures: dict[str, Any] = {}
     for task in tasks:
-        before = [by_id[i] for i in task.after if i in by_id]
-        future = client.submit(
+        futures[task.id] = client.submit(
             _run_after,
             str(batch.root.absolute()),
             task.id,
-            before,
+            [futures[i] for i in task.after if i in futures],
             key=f"{batch.root.name}-{task.id}",
             pure=False,
             retries=RETRIES,
-            resources=None if needs is None else {MEMORY: needs[task.drive]},
+            resources=needs[task.drive] or None,
         )
-        by_id[task.id] = futures[task] = future
     return futures
 
 
 def _run_after(root: str, task_id: str, before: list[dict[str, Any]]) -> dict[str, Any]:
     """Run a task on a worker; ``before``: results of those that it waited for."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    worker.log_event(BEGUN, {"task": task_id, "worker": worker.address})
     return run_task(root, task_id)
 
 
-def _watched(batch: Batch, ended: Any, task_of: dict[str, Task], tell: Teller) -> list[str]:
+def _watched(batch: Batch, ended: Any, futures: dict[str, Any], tell: Teller) -> list[str]:
     """Tell what becomes of each task; returns the failed ones."""
     failed: list[str] = []
+    by_key = {futures[t.id].key: t for t in batch.tasks if t.id in futures}
+    clock = _Clock(batch, list(by_key.values()))
     for count, future in enumerate(ended, start=1):
-        task = task_of[future.key]
+        task = by_key[future.key]
         state = state_of(batch, task)
-        where = f"{count}/{len(task_of)} {task.id}"
+        where = f"{count}/{len(by_key)} {task.id}"
+        clock.end(task)
         if future.status == "finished":
             again = f", at try {state.tries}" if state.tries > 1 else ""
-            tell(f"{where}: done in {state.seconds:.0f} s{again}")
+            tell(f"{where}: done in {state.seconds:.0f} s{again}{clock.left()}")
             continue
-        if state.status == "failed":
-            failed.append(task.id)
-            tell(f"{where}: failed after {state.tries} tries: {state.line}")
-        elif future.status == "error" and not task.after:
-            failed.append(task.id)
-            tell(f"{where}: failed: {future.exception()}")
-        else:
+        if any(i in futures and futures[i].status != "finished" for i in task.after):
             tell(f"{where}: not run, what it depends on failed")
+            continue
+        failed.append(task.id)
+        if state.status != "failed":  # its last worker could not say so
+            state = TaskState("failed", state.tries, state.seconds, f"its worker died: {future.exception()}")
+            note_state(batch, task, state)
+        tell(f"{where}: failed after {state.tries} tries: {state.line}")
     return failed
+
+
+class _Clock:
+    """How long the rest of the tasks will take, from what those that ended took and what all were expected to."""
+
+    def __init__(self, batch: Batch, tasks: list[Task]) -> None:
+        shares = {d.name: d.seconds / max(1, sum(t.drive == d.name for t in batch.tasks)) for d in batch.drives}
+        self.expected = {task.id: shares[task.drive] for task in tasks}
+        self.begun, self.over = time.monotonic(), 0.0
+
+    def end(self, task: Task) -> None:
+        self.over += self.expected.pop(task.id)
+
+    def left(self) -> str:
+        rest = sum(self.expected.values())
+        if not self.over or not rest:
+            return ""
+        return f", {about_as_long((time.monotonic() - self.begun) * rest / self.over)} left"

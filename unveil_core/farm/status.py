@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from unveil_core.farm.manifest import Batch
-from unveil_core.farm.task import TaskState, state_of
+from unveil_core.farm.state import TaskState, seen_state
 
 __all__ = ["batch_status", "status_lines"]
 
 
 def batch_status(batch: Batch) -> dict[str, Any]:
     """JSON-able: tasks by status, and each drive with its tasks by status, seconds, and tasks that were tried again."""
-    states = {task.id: state_of(batch, task) for task in batch.tasks}
+    states = {task.id: seen_state(batch, task) for task in batch.tasks}
     drives = []
     for drive in batch.drives:
         own = {t.id: states[t.id] for t in batch.tasks if t.drive == drive.name}

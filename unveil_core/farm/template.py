@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Callable
 from typing import Any
 
-from unveil_core.farm.manifest import Batch, Task
+from unveil_core.farm.manifest import Batch, BatchDrive, Task
 
 __all__ = ["TEMPLATES", "flamenco_job", "openjd_template", "slurm_script"]
 
@@ -25,8 +25,8 @@ def _groups_before(batch: Batch, tasks: list[Task]) -> list[str]:
     return list(dict.fromkeys(of_task[i] for task in tasks for i in task.after))
 
 
-def _memory_mb(batch: Batch, tasks: list[Task]) -> int:
-    return next(d.memory_mb for d in batch.drives if d.name == tasks[0].drive)
+def _drive_of(batch: Batch, tasks: list[Task]) -> BatchDrive:
+    return next(d for d in batch.drives if d.name == tasks[0].drive)
 
 
 def openjd_template(batch: Batch) -> str:
@@ -42,9 +42,10 @@ def openjd_template(batch: Batch) -> str:
         before = _groups_before(batch, tasks)
         if before:
             step["dependencies"] = [{"dependsOn": _short(b)} for b in before]
-        memory = _memory_mb(batch, tasks)
-        if memory:
-            step["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": memory}]}
+        drive = _drive_of(batch, tasks)
+        needs = {"amount.worker.memory": drive.memory_mb, "amount.worker.gpu": drive.gpus}
+        if any(needs.values()):
+            step["hostRequirements"] = {"amounts": [{"name": n, "min": least} for n, least in needs.items() if least]}
         step["script"] = {"actions": {"onRun": {"command": "unveil", "args": arguments}}}
         steps.append(step)
     return (
@@ -63,8 +64,9 @@ def slurm_script(batch: Batch) -> str:
     for k, (name, tasks) in enumerate(_groups(batch)):
         arguments = [shlex.quote(a) for a in tasks[0].arguments]
         options = f"--parsable --job-name={shlex.quote(name)}"
-        memory = _memory_mb(batch, tasks)
-        options += f" --mem={memory}M" if memory else ""
+        drive = _drive_of(batch, tasks)
+        options += f" --mem={drive.memory_mb}M" if drive.memory_mb else ""
+        options += f" --gres=gpu:{drive.gpus}" if drive.gpus else ""
         if tasks[0].block is not None:
             arguments[-1] = '"$SLURM_ARRAY_TASK_ID"'
             options += f" --array=0-{len(tasks) - 1}"

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import splu
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64
@@ -90,11 +91,12 @@ def _fitted_channel(value: Float64, samples: Samples, views: int) -> tuple[Float
         weighted = of_view.multiply(weight[:, None]).tocsr()
         cross = (weighted.T @ of_point).tocsr()
         inverse = 1.0 / np.maximum(np.bincount(samples.point, weight * g * g, minlength=len(color)), 1e-12)
-        normal = (weighted.T @ of_view - cross.multiply(inverse[None]) @ cross.T).toarray()
+        normal = weighted.T @ of_view - cross.multiply(inverse[None]) @ cross.T
         prior = np.repeat([GAIN_PRIOR, BIAS_PRIOR], views)
         right = weighted.T @ residual - cross @ (inverse * (of_point.T @ (weight * residual)))
         right -= prior * np.concatenate([gain - 1, bias])
-        step = np.linalg.solve(normal + np.diag(prior), right)
+        # Only views that see the same points have an entry together: the cost is linear in the length of the drive.
+        step = splu(csc_array(normal + diags_array(prior)), permc_spec="MMD_AT_PLUS_A").solve(right)
         before = gain
         gain, bias = np.clip(gain + step[:views], 0.05, 20.0), bias + step[views:]
         # Scale and shift of the canonical colours are free: mean log gain and mean bias are nought.

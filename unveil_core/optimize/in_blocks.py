@@ -24,7 +24,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import PointGrid
-from unveil_core.ground.blocks import Block, Blocks
+from unveil_core.ground.blocks import RESULT, Block, Blocks
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
 from unveil_core.semantics.labels import SceneLabels
@@ -95,12 +95,20 @@ class BlockwiseReconstruction:
             sky = {"sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes}
             return {**part.arrays(), **sky, "choices": facts_array(done.choices)}
 
-        return own.once("block", make)
+        return own.once(RESULT, make)
 
     @cached_property
     def _sky(self) -> tuple[Sky | None, dict[str, Any]]:
-        """The start of the sky, the same for all blocks."""
-        return sky_of_labels(self.drive, self.scene, self.settings, self.exposures, self.hidden, self.cache)
+        """The start of the sky, the same for all blocks: made once, by the block that is made first."""
+
+        def make() -> dict[str, NDArray[Any]]:
+            sky, choice = sky_of_labels(self.drive, self.scene, self.settings, self.exposures, self.hidden, self.cache)
+            arrays = {} if sky is None else {"texture": sky.texture.numpy(), "axes": sky.axes}
+            return {**arrays, "choice": facts_array(choice)}
+
+        found = self.kept.once("sky", make)
+        sky = Sky(torch.from_numpy(found["texture"]), found["axes"]) if "texture" in found else None
+        return sky, facts_of(found["choice"])
 
     def _reconstruct(
         self,
@@ -241,7 +249,7 @@ class BlockwiseReoptimization:
             )
             return done.select(torch.from_numpy(moves[near])).arrays()
 
-        return own.once("block", make)
+        return own.once(RESULT, make)
 
     @cached_property
     def _places(self) -> Float64:

@@ -9,17 +9,25 @@ from pathlib import Path
 from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress
+from unveil_core.ground.blocks import RESULT, block_name
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.workspace.journal import PARTIAL
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Facts", "Notice", "Reporter", "Stage", "StageContext", "silent"]
+__all__ = ["Facts", "Notice", "Reporter", "Stage", "StageContext", "kept_of_block", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
 Facts = dict[str, object]
 """What workspace.json records of a finished stage beside its files, JSON-able: counts, choices."""
+KEPT = "kept"
 SCRATCH = ".scratch"
 """Folder beside a stage's outputs that none of them is in."""
+
+
+def kept_of_block(root: Path, stage: str, number: int) -> Path:
+    """The file in which a workspace keeps a block of a stage that is made in blocks, until the stage has put them together."""
+    return root / f"{PARTIAL}{stage}" / SCRATCH / KEPT / block_name(number) / f"{RESULT}.npz"
 
 
 def silent(event: dict[str, object]) -> None:
@@ -70,7 +78,7 @@ class StageContext:
     @property
     def kept(self) -> Kept:
         """Results within the stage that an interrupted attempt leaves to the next."""
-        return Kept(self.scratch("kept"))
+        return Kept(self.scratch(KEPT))
 
     def output(self, relative: str) -> Path:
         """The path to write an output to; it moves to the same place in the workspace when the stage has finished."""

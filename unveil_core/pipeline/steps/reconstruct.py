@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from unveil_core.drives.exposure import write_exposures
+from numpy.typing import NDArray
+
+from unveil_core.base.checkpoint import facts_array, facts_of
+from unveil_core.drives.exposure import exposures_json, exposures_of_json, write_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
@@ -54,12 +57,20 @@ def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReco
     moving = read_moving(context.workspace.root)
     drive = moving.static_part(read_imported(context.workspace.drive_dir))
     hidden = moving.hidden(drive, context.cache)
+
+    def exposures() -> dict[str, NDArray[Any]]:
+        return {
+            "exposures": facts_array(exposures_json(fit_exposures(drive, hidden=hidden, progress=context.progress)))
+        }
+
+    # Of the whole drive: fitted once, whichever block is made first.
+    kept = facts_of(context.kept.once("exposures", exposures)["exposures"])
     return BlockwiseReconstruction(
         drive,
         load_labels(context.workspace),
         settings,
         cut_into_blocks(drive),
-        fit_exposures(drive, hidden=hidden, progress=context.progress),
+        exposures_of_json(kept),
         hidden,
         context.settings.seed,
         context.cache,
