@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.near_camera import CELL_M, REACH_M, near_camera, near_cameras
+from unveil_core.raster.near_camera import CELL_M, REACH_M, near_camera, near_cameras, near_runs
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -61,6 +61,16 @@ def test_of_what_some_cameras_are_given_each_is_given_the_same(places: list[tupl
         assert torch.equal(a.means, b.means) and torch.equal(a.labels, b.labels)
     short = scene(100.0)
     assert near_cameras(short, [camera_at(3, 4)]) is short
+
+
+@given(st.lists(st.tuples(st.floats(-650, 650), st.floats(-650, 650)), max_size=6))
+def test_cameras_in_runs_keep_their_order_and_what_each_is_given(places: list[tuple[float, float]]) -> None:
+    cameras = [camera_at(*place) for place in places for _ in range(2)]
+    runs = list(near_runs(LONG, cameras))
+    assert [camera for run, _ in runs for camera in run] == cameras and len(runs) <= len(places)
+    for run, near in runs:
+        for camera in run:
+            assert torch.equal(LONG.select(near).means, near_camera(LONG, camera).means)
 
 
 def test_a_scene_is_not_kept_alive() -> None:

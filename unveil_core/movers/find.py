@@ -23,6 +23,7 @@ from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
+from unveil_core.movers.pixel_set import PixelSet
 from unveil_core.movers.points import points_along_track, points_behind_contacts
 from unveil_core.movers.seen_through import (
     MASKED,
@@ -90,18 +91,17 @@ class MoverPixels:
 
     def __init__(self, shapes: Sequence[tuple[int, int]]) -> None:
         self._shapes = shapes
-        self._pixels: dict[int, list[tuple[NDArray[np.int32], int]]] = {}
+        self._pixels: dict[int, list[tuple[PixelSet, int]]] = {}
 
-    def put(self, frame: int, pixels: NDArray[np.integer], number: int) -> None:
-        """Pixels (P,), flat indices in the image, show an object from now on."""
-        if len(pixels):
-            self._pixels.setdefault(frame, []).append((pixels.astype(np.int32), number))
+    def put(self, frame: int, pixels: PixelSet, number: int) -> None:
+        """Pixels show an object from now on."""
+        self._pixels.setdefault(frame, []).append((pixels, number))
 
     def image(self, frame: int) -> NDArray[np.uint16]:
         """(H, W) numbers, 0 = none."""
         image = np.zeros(self._shapes[frame], np.uint16)
         for pixels, number in self._pixels.get(frame, ()):
-            image.ravel()[pixels] = number
+            pixels.write(image, number)
         return image
 
     def frames(self) -> dict[int, list[int]]:
@@ -204,7 +204,8 @@ def _by_boxes(search: _Search) -> Sequence[NDArray[np.int64]]:
     owners = search.cache.frames(len(frames), owner_of)
     for v, frame in enumerate(frames):
         for source in sorted({b.id for b in frame.boxes} & number.keys()):
-            search.numbers.put(v, np.flatnonzero(owners[v] == source), number[source])
+            if (mask := owners[v] == source).any():
+                search.numbers.put(v, PixelSet.of(mask), number[source])
     return owners
 
 
@@ -237,7 +238,7 @@ def _by_instances(search: _Search, boxed: Sequence[NDArray[np.int64]], visibilit
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
             for v, mask in masks.items():
-                search.numbers.put(v, np.flatnonzero(mask), number)
+                search.numbers.put(v, PixelSet.of(mask), number)
 
 
 def _without_others(frames: Sequence[FrameVisibility], masks: Mapping[int, Mask]) -> Sequence[FrameVisibility]:

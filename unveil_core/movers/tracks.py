@@ -16,6 +16,7 @@ from unveil_core.base.types import Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.contacts import Contacts, find_contacts
+from unveil_core.movers.pixel_set import PixelSet
 from unveil_core.movers.seen_through import Body, DriveVisibility, count_evidence, probe_points
 
 __all__ = ["Patch", "find_patches", "instance_moves", "link_patches"]
@@ -38,26 +39,22 @@ class Patch:
 
     Attributes:
         frame, label: which.
-        pixels: (P,) flat indices of its pixels in the image (H, W), rising.
-        box: (4,) left, upper, right and lower end, pixels.
+        pixels: those of the image (H, W) that show it.
         state: MOVING, STATIC or UNKNOWN.
         number: of the dynamic object that it belongs to, 0 = none.
     """
 
     frame: int
     label: int
-    pixels: NDArray[np.int32]
-    box: NDArray[np.float64]
+    pixels: PixelSet
     state: int
     number: int = 0
 
-
-def _patch(frame: int, label: int, mask: Mask, state: int) -> Patch:
-    """The patch of the pixels of a mask (H, W)."""
-    pixels = np.flatnonzero(mask).astype(np.int32)
-    rows, columns = np.divmod(pixels, mask.shape[1])
-    box = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], dtype=np.float64)
-    return Patch(frame, label, pixels, box, state)
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """(4,) left, upper, right and lower end, pixels."""
+        own = self.pixels
+        return np.array([own.left, own.upper, own.right, own.lower], dtype=np.float64)
 
 
 def _certain(contacts: Contacts, body: Body) -> Contacts:
@@ -138,9 +135,9 @@ def find_patches(
             through, known = _seen_through(contacts, frame, visibility, body, ground)
             share = float(through[known].mean()) if known.sum() >= COLUMNS else -1.0
             if share < 0:
-                patches.append(_patch(frame, k, mask, UNKNOWN))
+                patches.append(Patch(frame, k, PixelSet.of(mask), UNKNOWN))
             elif share >= MOST or share <= FEW:
-                patches.append(_patch(frame, k, mask, MOVING if share >= MOST else STATIC))
+                patches.append(Patch(frame, k, PixelSet.of(mask), MOVING if share >= MOST else STATIC))
             else:
                 patches += _cut(frame, k, mask, contacts.where(known), through[known], visibility.cameras[frame])
     return patches
@@ -156,13 +153,13 @@ def _cut(frame: int, label: int, mask: Mask, contacts: Contacts, through: Mask, 
     for state, columns in ((MOVING, moving), (STATIC, ~moving)):
         part = mask & columns[None]
         if part.sum() >= SMALLEST_PX:
-            parts.append(_patch(frame, label, part, state))
+            parts.append(Patch(frame, label, PixelSet.of(part), state))
     return parts
 
 
 def _alike(a: Patch, b: Patch) -> float:
     """Similarity of two patches of neighbouring frames, 0 to 1."""
-    area = min(len(a.pixels), len(b.pixels)) / max(len(a.pixels), len(b.pixels))
+    area = min(a.pixels.size, b.pixels.size) / max(a.pixels.size, b.pixels.size)
     size = max(float(np.hypot(*(p.box[2:] - p.box[:2]))) for p in (a, b))
     gap = float(np.hypot(*((a.box[:2] + a.box[2:]) / 2 - (b.box[:2] + b.box[2:]) / 2)))
     return area * max(0.0, 1 - gap / size) if a.label == b.label and area > 0.3 else 0.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -11,7 +12,7 @@ import torch
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["REACH_M", "near_camera", "near_cameras"]
+__all__ = ["REACH_M", "near_camera", "near_cameras", "near_runs"]
 
 REACH_M = 200.0
 """How far a camera is given surfels, metres: as far as a block's frames see. A house fills five pixels there."""
@@ -43,6 +44,12 @@ def near_cameras(surfels: Surfels, cameras: Sequence[Camera]) -> Surfels:
     for cell in sorted({_cell(camera) for camera in cameras}):
         near |= _near_cell(surfels, cell)
     return surfels if bool(near.all()) else surfels.select(near)
+
+
+def near_runs(surfels: Surfels, cameras: Sequence[Camera]) -> Iterator[tuple[list[Camera], torch.Tensor]]:
+    """The cameras in their order, those of one place together, and (N,) which surfels :func:`near_camera` gives them."""
+    for cell, run in groupby(cameras, _cell):
+        yield list(run), _near_cell(surfels, cell)
 
 
 def _cell(camera: Camera) -> tuple[int, int]:

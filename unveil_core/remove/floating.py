@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import PointGrid
 from unveil_core.ground.street import Ground
 
 __all__ = ["floating_ground"]
@@ -38,10 +39,12 @@ def floating_ground(
     over = street.over(place)
     some = some[street.inside(place[:, 0], place[:, 1]) & (over > FLOATS_M) & (over < HIGHEST_M)]
     looked, covered = np.zeros(len(some)), np.zeros(len(some))
+    grid = PointGrid(means[some])
     for camera, mask in zip(cameras, objects, strict=True):
-        in_view, masked = camera.fall_in(means[some], mask)
-        near = np.linalg.norm(means[some] - camera.centre, axis=1) < FARTHEST_M
-        looked += in_view & near
-        covered += masked & near
+        index = grid.near(camera.centre, FARTHEST_M)
+        in_view, masked = camera.fall_in(means[some[index]], mask)
+        near = np.linalg.norm(means[some[index]] - camera.centre, axis=1) < FARTHEST_M
+        looked[index] += in_view & near
+        covered[index] += masked & near
     floats[some] = (looked > 0) & (covered >= COVERED * looked)
     return floats

@@ -18,6 +18,7 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_runs
 from unveil_core.surfels.initialize import SH_C0
 from unveil_core.surfels.surfels import Surfels
 
@@ -39,16 +40,26 @@ def remains(surfels: Surfels, gone: Mask, cameras: Sequence[Camera], objects: It
         cameras: of the frames; objects: (H, W) pixels of removed objects per frame, borders included, asked for once each.
     """
     # What a surfel weighs in a picture is what the picture changes by with its colour.
-    color = torch.zeros((len(surfels), 1, 3), dtype=surfels.sh.dtype, requires_grad=True)
-    plain = replace(surfels, sh=color)
-    for camera, mask in zip(cameras, objects, strict=True):
-        width = min(WIDTH_PX, camera.width)
-        small = camera.resized(width, max(1, round(camera.height * width / camera.width)))
-        share = cv2.resize(mask.astype(np.float32), (small.width, small.height), interpolation=cv2.INTER_AREA)
-        picture = render(plain, small, ("rgb",), near=NEAR_M, far=FAR_M).rgb
-        assert picture is not None
-        asked = torch.from_numpy(np.stack([share, np.ones_like(share), np.zeros_like(share)], axis=2))
-        torch.autograd.backward((picture * asked).sum())
-    assert color.grad is not None
-    on_objects, everywhere = (color.grad[:, 0, :2].double().numpy() / SH_C0).T
+    weight = torch.zeros((len(surfels), 3), dtype=surfels.sh.dtype)
+    masks = iter(objects)
+    for run, near in near_runs(surfels, cameras):
+        some = surfels.select(near)
+        color = torch.zeros((len(some), 1, 3), dtype=surfels.sh.dtype, requires_grad=True)
+        plain = replace(some, sh=color)
+        for camera in run:
+            _draw(plain, camera, next(masks))
+        if color.grad is not None:
+            weight[near] += color.grad[:, 0]
+    on_objects, everywhere = (weight[:, :2].double().numpy() / SH_C0).T
     return np.asarray(~gone & (everywhere > LEAST_PX) & (on_objects >= SHARE * everywhere))
+
+
+def _draw(plain: Surfels, camera: Camera, mask: NDArray[np.bool_]) -> None:
+    """Add to the gradient of the colours: of red what surfels weigh on the mask's pixels, of green what on all."""
+    width = min(WIDTH_PX, camera.width)
+    small = camera.resized(width, max(1, round(camera.height * width / camera.width)))
+    share = cv2.resize(mask.astype(np.float32), (small.width, small.height), interpolation=cv2.INTER_AREA)
+    picture = render(plain, small, ("rgb",), near=NEAR_M, far=FAR_M).rgb
+    assert picture is not None
+    asked = torch.from_numpy(np.stack([share, np.ones_like(share), np.zeros_like(share)], axis=2))
+    torch.autograd.backward((picture * asked).sum())

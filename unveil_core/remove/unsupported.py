@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import PointGrid
 
 __all__ = ["unsupported"]
 
@@ -38,10 +40,12 @@ def unsupported(
     close = np.isfinite(gap)
     others, beside = others[close], means[gone][nearest[close]]
     hidden, shown = np.zeros(len(others), dtype=int), np.zeros(len(others), dtype=bool)
+    grid = PointGrid(means[others])
     for camera, mask in zip(cameras, masks, strict=True):
-        in_view, masked = camera.fall_in(means[others], mask)
-        _, object_masked = camera.fall_in(beside, mask)
-        hidden += object_masked & masked
-        shown |= object_masked & in_view & ~masked
+        index = grid.near(camera.centre, FAR_M)
+        in_view, masked = camera.fall_in(means[others[index]], mask)
+        _, object_masked = camera.fall_in(beside[index], mask)
+        hidden[index] += object_masked & masked
+        shown[index] |= object_masked & in_view & ~masked
     found[others[(hidden >= LEAST_FRAMES) & ~shown]] = True
     return found

@@ -21,7 +21,7 @@ from unveil_core.inpaint.frames.holes import FrameTask, Hole, open_hole
 from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["named_frames", "plan_drive", "plan_json"]
+__all__ = ["named_frames", "plan_drive", "plan_json", "plans_json"]
 
 
 def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
@@ -93,28 +93,32 @@ def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -
     return Hole(camera, mask_of_bits(mask, (camera.height, camera.width)), depth)
 
 
-def plan_json(
-    plans: Sequence[tuple[Plan | None, Sequence[int]]], frames: Sequence[Frame], *, order: str, given: bool
-) -> dict[str, object]:
-    """The keyframes by name in the order in which they invent, and what each newly showed.
+def plan_json(plan: Plan, frames: Sequence[Frame]) -> dict[str, object]:
+    """A plan's keyframes by name in the order in which they invent, and what each newly showed.
 
     Args:
-        plans: of the blocks in the order in which they were cleaned, and which of the ``frames`` each has.
+        frames: those that were planned.
     """
-    keyframes = [(frames[own[k.frame]], k) for plan, own in plans if plan is not None for k in plan.keyframes]
-    left = [int(plan.remaining.sum()) for plan, _ in plans if plan is not None]
     return {
-        "order": order,
-        "chosen": "given" if given else "auto",
         "keyframes": [
             {
-                "camera": frame.camera_name,
-                "frame": frame.name,
+                "camera": frames[k.frame].camera_name,
+                "frame": frames[k.frame].name,
                 "newly_shown_m2": round(k.area, 3),
                 "newly_shown_px": k.pixels,
                 "deferred_to_sharper_px": int(k.deferred.sum()),
             }
-            for frame, k in keyframes
+            for k in plan.keyframes
         ],
-        "remaining_px": sum(left) if left else None,
+        "remaining_px": int(plan.remaining.sum()),
+    }
+
+
+def plans_json(plans: Sequence[dict[str, Any]], *, order: str, given: bool) -> dict[str, object]:
+    """The plans of all blocks (see :func:`plan_json`), in the order in which they were cleaned, as one."""
+    return {
+        "order": order,
+        "chosen": "given" if given else "auto",
+        "keyframes": [keyframe for plan in plans for keyframe in plan["keyframes"]],
+        "remaining_px": sum(plan["remaining_px"] for plan in plans) if plans else None,
     }

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -25,7 +26,7 @@ from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
-from unveil_core.inpaint.frames.keyframe_plan import named_frames, plan_drive, plan_json
+from unveil_core.inpaint.frames.keyframe_plan import named_frames, plan_drive, plan_json, plans_json
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
@@ -101,13 +102,14 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     parts = [] if completed is None else completed.surfels()
     # What follows from the seen part of a house or a pole is known before anything is invented.
     known = RemainingScene(concatenate([remaining, *parts]), given.sky, None, len(scene.labels))
+    del remaining  # the scene of a long drive is not held twice
     seeds = _Cleaning(context, given, known, fill, completed).run(blocks, stretches)
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
     parts += ground
     origins = [np.full(len(p), INVENTED if k in invented else CONTINUED, np.uint8) for k, p in enumerate(parts)]
     save_array(np.concatenate([np.zeros(0, np.uint8), *origins]), context.output("surfels/seed_origins.npy"))
-    seeds = concatenate(parts) if parts else remaining.select(torch.zeros(len(remaining), dtype=torch.bool))
+    seeds = concatenate(parts) if parts else surfels.select(torch.zeros(len(surfels), dtype=torch.bool))
     write_surfels(seeds, context.output("surfels/seeds.ply"), to_world=drive.to_world)
     save_array(displaced.astype(np.uint8), context.output("surfels/displaced.npy"))
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
@@ -209,15 +211,16 @@ class _Cleaning:
     def run(self, blocks: Blocks, stretches: Sequence[Stretch]) -> Surfels | None:
         """Clean and write all frames, and record the keyframes; returns the surfels of what was invented."""
         seeds: list[Surfels] = []
-        plans: list[tuple[Plan | None, tuple[int, ...]]] = []
-        for block in reversed(blocks.blocks):
+        plans: list[dict[str, Any]] = []
+        for done, block in enumerate(reversed(blocks.blocks)):
             stretch = stretches[block.number] if stretches else None
-            progress = part_of(self.context.progress, len(plans), len(blocks.blocks))
+            progress = part_of(self.context.progress, done, len(blocks.blocks))
             plan, new = self._clean(block, self._known(block, stretch, seeds), progress)
-            plans.append((plan, block.own))
+            frames = [self.given.drive.frames[i] for i in block.own]
+            plans += [] if plan is None else [plan_json(plan, frames)]
             seeds += [] if new is None else [new]
-        settings, frames = self.context.settings, self.given.drive.frames
-        record = plan_json(plans, frames, order=settings.order, given=bool(settings.keyframes))
+        settings = self.context.settings
+        record = plans_json(plans, order=settings.order, given=bool(settings.keyframes))
         write_json_atomic(self.context.output("inpaint/keyframes.json"), record)
         return concatenate(seeds) if seeds else None
 

@@ -1,0 +1,43 @@
+"""Some pixels of an image, one bit for each pixel of the box around them: those of all frames of a long drive are held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Mask
+
+__all__ = ["PixelSet"]
+
+
+@dataclass(frozen=True, eq=False)
+class PixelSet:
+    """Pixels of an image.
+
+    Attributes:
+        left, upper, right, lower: of the box around them; the last two are the first column and row outside.
+        size: how many there are.
+    """
+
+    left: int
+    upper: int
+    right: int
+    lower: int
+    size: int
+    _bits: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, mask: Mask) -> PixelSet:
+        """The pixels of a mask (H, W), which must have one at least."""
+        rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+        box = int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+        crop = mask[box[1] : box[3], box[0] : box[2]]
+        return cls(*box, int(crop.sum()), np.packbits(crop))
+
+    def write(self, image: NDArray[np.uint16], value: int) -> None:
+        """Give these pixels of an image (H, W) a value."""
+        shape = self.lower - self.upper, self.right - self.left
+        crop = np.unpackbits(self._bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)
+        image[self.upper : self.lower, self.left : self.right][crop] = value
