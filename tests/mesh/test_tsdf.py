@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 import weakref
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.mesh.street import HALF_WIDTH, Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, SettingsError
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.parallel import threads
+from unveil_core.base.progress import Progress
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh import DepthView, Mesh, fuse
 
@@ -219,6 +222,49 @@ def test_views_of_a_long_drive_are_not_kept() -> None:
     mesh = fuse(Frames(6, make), voxel_size=0.2, max_depth=10.0)
     assert len(mesh.faces) > 1000
     assert most <= 2
+
+
+def test_an_interrupted_attempt_is_gone_on_with_and_ends_the_same(tmp_path: Path) -> None:
+    cameras = [street_camera(1.5 * i) for i in range(6)]
+    made: list[int] = []
+
+    def make(i: int) -> DepthView:
+        made.append(i)
+        seen = cast(cameras[i])
+        return DepthView(cameras[i], seen["depth"], seen["rgb"], None if i % 2 else np.full(seen["depth"].shape, 0.5))
+
+    def region_of(places: NDArray[np.float64]) -> NDArray[np.int64]:
+        return (places[:, 0] > 6).astype(np.int64)
+
+    def stopped(after: int) -> Progress:
+        calls = iter(range(after))
+
+        def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+            if next(calls, None) is None:
+                raise KeyboardInterrupt
+
+        return progress
+
+    whole = fuse([make(i) for i in range(6)], voxel_size=0.2, max_depth=10.0, region_of=region_of)
+    made.clear()
+    for after in (4, 9, 16):
+        with pytest.raises(KeyboardInterrupt):
+            fuse(
+                Frames(6, make),
+                voxel_size=0.2,
+                max_depth=10.0,
+                region_of=region_of,
+                cameras=cameras,
+                scratch=tmp_path,
+                progress=stopped(after),
+            )
+    assert made == [0, 1, 2, 3, 4, 5]
+    assert [path.name for path in (tmp_path / "regions").iterdir()] == ["0.npz"]
+    again = fuse(
+        Frames(6, make), voxel_size=0.2, max_depth=10.0, region_of=region_of, cameras=cameras, scratch=tmp_path
+    )
+    assert len(made) == 6
+    assert all(np.array_equal(value, getattr(again, name)) for name, value in vars(whole).items())
 
 
 def test_limits_of_depth_and_space() -> None:

@@ -10,13 +10,18 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import IO
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import cameras_near, centres_of
@@ -50,57 +55,54 @@ class DepthView:
     weight: NDArray[np.floating] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """A view as the kernels want it, 11 to 15 bytes a pixel.
+class _Views:
+    """Depth views as the kernels want them, in files, for fusing goes through them twice: those of a long drive need gigabytes.
 
-    Attributes:
-        camera: the view.
-        inverse_depth: (H, W), 0 where there is none; factor: (H, W), see ``kernels.inverse_depth_slopes``.
-        rgb: (H, W, 3); weight: (H, W), None for 1 everywhere.
+    Args:
+        views: each is asked for once.
+        cameras: of the views; None = those that the views say themselves, once they were asked for.
+        folder: for the files, 7 to 11 bytes a pixel; what lies there from an interrupted attempt is not made again.
+        cache: room for views in memory.
     """
 
-    camera: Camera
-    inverse_depth: NDArray[np.float32]
-    factor: NDArray[np.float32]
-    rgb: NDArray[np.uint8]
-    weight: NDArray[np.float32] | None
+    def __init__(
+        self, views: Sequence[DepthView], cameras: Sequence[Camera] | None, folder: Path, cache: FrameCache
+    ) -> None:
+        self.cameras = [] if cameras is None else list(cameras)
 
+        def make(index: int) -> tuple[NDArray[Any], ...]:
+            view = views[index]
+            if cameras is None:
+                self.cameras.append(view.camera)
+            return _packed(view, index)
 
-class _Spool:
-    """Prepared views in a file, for fusing goes through them twice: those of a long drive need gigabytes."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._views: list[tuple[Camera, bool, int]] = []
+        self._packed = cache.stored(folder, len(views), make)
 
     def __len__(self) -> int:
-        return len(self._views)
-
-    @property
-    def cameras(self) -> list[Camera]:
-        """Of all views."""
-        return [camera for camera, _, _ in self._views]
-
-    def add(self, view: _Prepared) -> None:
-        """One more view, behind the others."""
-        self._views.append((view.camera, view.weight is not None, self._file.tell()))
-        for plane in (view.inverse_depth, view.factor, view.rgb, view.weight):
-            if plane is not None:
-                self._file.write(plane.data)
+        return len(self._packed)
 
     def read(self, index: int) -> _Prepared:
-        """One view."""
-        camera, weighted, place = self._views[index]
-        self._file.seek(place)
-        size = (camera.height, camera.width)
-        inverse, factor = np.empty((2, *size), np.float32)
-        rgb = np.empty((*size, 3), np.uint8)
-        weight = np.empty(size, np.float32) if weighted else None
-        for plane in (inverse, factor, rgb, weight):
-            if plane is not None and self._file.readinto(plane.data) != plane.nbytes:  # type: ignore[attr-defined]
-                raise OSError("the temporary file of depth views is cut short")
-        return _Prepared(camera, inverse, factor, rgb, weight)
+        """One view; the first time in order."""
+        inverse, rgb, *weight = self._packed[index]
+        lens = self.cameras[index]
+        normals, factor = kernels.inverse_depth_slopes(inverse, lens.fx, lens.fy, lens.cx, lens.cy)
+        return _Prepared(inverse, normals, factor, rgb, weight[0] if weight else np.ones_like(inverse))
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """A view as the kernels want it.
+
+    Attributes:
+        inverse_depth: (H, W), 0 where there is none; normals: (H, W, 3) and factor: (H, W), see ``kernels.inverse_depth_slopes``.
+        rgb: (H, W, 3); weight: (H, W).
+    """
+
+    inverse_depth: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    factor: NDArray[np.float32]
+    rgb: NDArray[np.uint8]
+    weight: NDArray[np.float32]
 
 
 def fuse(
@@ -112,6 +114,9 @@ def fuse(
     max_depth: float = 40.0,
     smallest_triangles: int = 200,
     region_of: Callable[[NDArray[np.float64]], NDArray[np.int64]] | None = None,
+    cameras: Sequence[Camera] | None = None,
+    scratch: Path | None = None,
+    cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> Mesh:
     """Fuse depth images into a mesh with vertex colours.
@@ -120,7 +125,7 @@ def fuse(
     there is no surface.
 
     Args:
-        views: posed depth images; each is asked for once, one after the other, and kept in a file of 11 to 15 bytes a pixel.
+        views: posed depth images; each is asked for once, one after the other, and kept in a file of 7 to 11 bytes a pixel.
         voxel_size: edge of a voxel in metres.
         truncation: distance over which a view speaks about space around its surface; 4 voxels by default, at least 2.
         bounds: (2, 3) lowest and highest corner of the space to keep, or None.
@@ -128,6 +133,10 @@ def fuse(
         smallest_triangles: connected pieces of fewer triangles are dropped.
         region_of: numbers of the regions that places (N, 3) lie in; one region after the other is fused, and only one is in
             memory. The mesh is the same; None = all in one.
+        cameras: of the views, needed with ``scratch``.
+        scratch: folder in which an interrupted attempt finds its views and regions again, the caller's to remove; None = a
+            temporary one. It must be given to calls with the same arguments only.
+        cache: room for views in memory.
         progress: called once per view, then for the surface.
     Returns:
         the mesh, in the frame of the cameras; empty where nothing was seen.
@@ -146,12 +155,14 @@ def fuse(
     if box.shape != (2, 3) or not (box[0] < box[1]).all():
         raise SettingsError("bounds must be a lowest and a highest corner", mend="give two rows of three")
 
-    with tempfile.TemporaryFile() as file:
-        prepared = _Spool(file)
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory())) if scratch is None else scratch
+        prepared = _Views(views, cameras, folder / "views", FrameCache(0) if cache is None else cache)
         found = _SeenBlocks(voxel, band, float(max_depth), box, LARGEST_BLOCKS if region_of is None else MOST_KEYS)
         total = 2 * len(views) + 1
-        for index, view in enumerate(views):
-            prepared.add(_prepare(view, index, found))
+        for index in range(len(prepared)):
+            view = prepared.read(index)
+            found.add(prepared.cameras[index], view)
             progress(index + 1, total, "finding surfaces")
         keys = found.keys
         if not len(keys):
@@ -162,11 +173,13 @@ def fuse(
         if region_of is not None:
             region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)
         regions = np.unique(region)
+        kept = Kept(None if scratch is None else scratch / "regions")
         parts = []
         for done, number in enumerate(regions):
-            own = region == number
             step = part_of(_from(progress, len(prepared), total), done, len(regions))
-            parts.append(_fuse_region(prepared, keys, own, voxel, band, float(max_depth), step))
+            work = partial(_fuse_region, prepared, keys, region == number, voxel, band, float(max_depth), step)
+            part = kept.once(str(number), lambda work=work: vars(work()))  # type: ignore[misc]
+            parts.append(Mesh(**part))
     mesh = _joined(parts)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
@@ -201,7 +214,7 @@ def _places_of(keys: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _fuse_region(
-    views: _Spool,
+    views: _Views,
     keys: NDArray[np.int64],
     own: NDArray[np.bool_],
     voxel: float,
@@ -234,14 +247,13 @@ def _fuse_region(
     for done, camera in enumerate(cameras):
         if done in near and len(chosen := _blocks_in_view(blocks, camera, voxel, furthest)):
             view = views.read(done)
-            weight = np.ones_like(view.factor) if view.weight is None else view.weight
             kernels.integrate(
                 volume,
                 blocks,
                 chosen,
                 view.inverse_depth,
                 view.factor,
-                weight,
+                view.weight,
                 view.rgb,
                 camera.fx,
                 camera.fy,
@@ -280,8 +292,8 @@ def _joined(parts: list[Mesh]) -> Mesh:
     return Mesh(vertices[kept], index[faces], colors[kept])
 
 
-def _prepare(view: DepthView, index: int, found: _SeenBlocks) -> _Prepared:
-    """A view as the kernels want it; its blocks are added to those ``found``."""
+def _packed(view: DepthView, index: int) -> tuple[NDArray[Any], ...]:
+    """What is kept of a view: (H, W) float32 inverse depth, 0 where there is none, (H, W, 3) uint8 and, if it has them, weights."""
     size = (view.camera.height, view.camera.width)
     depth = np.asarray(view.depth)
     if depth.shape != size or view.rgb.shape != (*size, 3):
@@ -294,11 +306,8 @@ def _prepare(view: DepthView, index: int, found: _SeenBlocks) -> _Prepared:
     rgb = view.rgb
     if rgb.dtype != np.uint8:
         rgb = np.round(np.clip(np.nan_to_num(rgb), 0, 1) * 255).astype(np.uint8)
-    weight = None if view.weight is None else np.maximum(np.nan_to_num(view.weight).astype(np.float32), 0)
-    camera = view.camera
-    normals, factor = kernels.inverse_depth_slopes(inverse, camera.fx, camera.fy, camera.cx, camera.cy)
-    found.add(camera, inverse, normals, factor)
-    return _Prepared(camera, inverse, factor, np.ascontiguousarray(rgb), weight)
+    weight = () if view.weight is None else (np.maximum(np.nan_to_num(view.weight).astype(np.float32), 0),)
+    return inverse, np.ascontiguousarray(rgb), *weight
 
 
 class _SeenBlocks:
@@ -315,17 +324,13 @@ class _SeenBlocks:
         self._table = np.full(1 << 16, -1, dtype=np.int64)
         self._count = 0
 
-    def add(
-        self,
-        camera: Camera,
-        inverse_depth: NDArray[np.float32],
-        normals: NDArray[np.float32],
-        factor: NDArray[np.float32],
-    ) -> None:
+    def add(self, camera: Camera, view: _Prepared) -> None:
         """Those that a view sees, see ``kernels.allocate``."""
         lens = (camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world)
         while True:
-            count = kernels.allocate(inverse_depth, normals, factor, *lens, *self._space, self._table, self._count)
+            count = kernels.allocate(
+                view.inverse_depth, view.normals, view.factor, *lens, *self._space, self._table, self._count
+            )
             if count >= 0:
                 self._count = count
                 return

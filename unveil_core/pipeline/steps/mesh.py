@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
@@ -22,17 +24,24 @@ def run(context: StageContext) -> None:
     drive = read_imported(workspace.drive_dir, points=False)
     voxel = MESH_VOXEL_M[context.settings.quality]
     for state, path in (("full", workspace.surfels_full), ("empty", workspace.surfels_empty)):
+        last = context.output(f"meshes/{state}.glb" if state == "empty" else f"meshes/{state}.ply")
+        if last.is_file():
+            continue  # written by an attempt that was interrupted
         surfels = read_surfels(path)
         mesh = fuse(
             depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M),
             voxel_size=voxel,
             max_depth=30.0,
             region_of=cut_into_blocks(drive).of_places,
+            cameras=[f.camera for f in drive.frames],
+            scratch=context.scratch(state),
+            cache=context.cache,
             progress=context.progress,
         )
         write_ply(mesh, context.output(f"meshes/{state}.ply"), drive.to_world)
         if state == "empty":
-            write_glb(mesh, context.output("meshes/empty.glb"), drive.to_world)
+            write_glb(mesh, last, drive.to_world)
+        shutil.rmtree(context.scratch(state), ignore_errors=True)
 
 
 STAGE = Stage(
