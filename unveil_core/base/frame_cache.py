@@ -24,7 +24,7 @@ __all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "nbytes_of", "subset"]
 
 T = TypeVar("T")
 DEFAULT_BYTES = 1 << 30
-"""Room where the caller does not say how much there is: 28 frames of 1920x1280 with all that training asks of them."""
+"""Room where the caller does not say how much there is: a dozen frames of 1920x1280 with all that training asks of them."""
 
 
 def nbytes_of(value: object) -> int:

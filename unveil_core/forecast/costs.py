@@ -26,7 +26,7 @@ __all__ = [
 
 LONGEST_M = 150.0
 """Length of street that is read at once, metres: a block and its surroundings."""
-PIXEL_BYTES = 53.0
+PIXEL_BYTES = 34.0
 """That a frame takes in the cache for each of its pixels, with all that training asks of it: measured at 1920x1280."""
 
 

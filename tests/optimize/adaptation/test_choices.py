@@ -87,13 +87,13 @@ def test_probe_error_is_that_of_the_hidden_pixels() -> None:
     view = views_of(scene, 3)[1]
     state = optimization(scene)
     assert probe_error(state, [view]) < 1e-5
-    spoilt = view.image.clone()
+    spoilt = view.photograph.clone()
     hidden = torch.from_numpy(hidden_blocks(48, 64))
-    spoilt[~hidden] = 0.0
-    assert probe_error(state, [replace(view, image=spoilt)]) < 1e-5, "what is shown does not count"
-    spoilt = view.image.clone()
-    spoilt[hidden] = (spoilt[hidden] + 0.5) % 1.0
-    assert probe_error(state, [replace(view, image=spoilt)]) > 0.1
+    spoilt[~hidden] = 0
+    assert probe_error(state, [replace(view, photograph=spoilt)]) < 1e-5, "what is shown does not count"
+    spoilt = view.photograph.clone()
+    spoilt[hidden] += 128  # wraps around
+    assert probe_error(state, [replace(view, photograph=spoilt)]) > 0.1
 
 
 @pytest.mark.parametrize(("curve", "pays"), [(lambda w: 20 + 3 * np.log(w), True), (lambda w: 30 - 1 / w, False)])

@@ -170,7 +170,7 @@ class Optimization:
     def _render(self, current: Surfels, view: TrainingView, geometry: bool) -> Rendered:
         w, s = self.settings.weights, self.settings
         planes = ["rgb", "alpha"]
-        if w.semantic > 0 and view.labels is not None and not s.soft_labels:
+        if w.semantic > 0 and view.label_image is not None and not s.soft_labels:
             planes.append("semantics")
         if geometry:
             planes += ["normal"] if w.normal > 0 else []
@@ -184,13 +184,13 @@ class Optimization:
         assert out.rgb is not None and out.alpha is not None
         image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_grid, self.texture)
         loss = l1_dssim(image, view.image, view.weight, dssim=w.dssim)
-        semantics = out.semantics
-        if self.settings.soft_labels and w.semantic > 0 and view.labels is not None:
+        semantics, labels = out.semantics, view.labels
+        if self.settings.soft_labels and w.semantic > 0 and labels is not None:
             logits, s = self.trainable.leaves["label_logits"], self.settings
             semantics = render_soft_labels(current, logits, view.camera, near=s.near, far=s.far)
-        if semantics is not None and view.labels is not None:
+        if semantics is not None and labels is not None:
             loss = loss + w.semantic * semantic_cross_entropy(
-                semantics, out.alpha, view.labels, sky_label=self.sky_label, weight=view.weight
+                semantics, out.alpha, labels, sky_label=self.sky_label, weight=view.weight
             )
         if out.distortion is not None:
             loss = loss + w.distortion * out.distortion.mean()

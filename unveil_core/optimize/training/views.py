@@ -24,8 +24,8 @@ class TrainingView:
 
     Attributes:
         camera: at the resolution of the tensors.
-        image: (H, W, 3) float32 in [0, 1].
-        labels: (H, W) int64 compact labels, negative = ignore; None = no semantics.
+        photograph: (H, W, 3) uint8; many views are held, and few are used at a time (see :attr:`image`).
+        label_image: (H, W) int16 compact labels, negative = ignore; None = no semantics.
         weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
         sky_grid: (1, H, W, 2) where the sky panorama is sampled.
         depth: (H, W) depth that is expected here, metres along the optical axis, 0 where there is no expectation; None =
@@ -33,11 +33,21 @@ class TrainingView:
     """
 
     camera: Camera
-    image: Tensor
-    labels: Tensor | None
+    photograph: Tensor
+    label_image: Tensor | None
     weight: Tensor | None
     sky_grid: Tensor
     depth: Tensor | None = None
+
+    @property
+    def image(self) -> Tensor:
+        """(H, W, 3) float32 in [0, 1]."""
+        return self.photograph.float() / 255
+
+    @property
+    def labels(self) -> Tensor | None:
+        """(H, W) int64 compact labels, negative = ignore; None = no semantics."""
+        return None if self.label_image is None else self.label_image.long()
 
     @property
     def rays(self) -> Tensor:
@@ -65,14 +75,14 @@ def training_view(
         size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
         image = cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
         if labels is not None:
-            labels = cv2.resize(labels.astype(np.int16), size, interpolation=cv2.INTER_NEAREST).astype(np.int64)
+            labels = cv2.resize(labels.astype(np.int16), size, interpolation=cv2.INTER_NEAREST)
         if weight is not None:
             weight = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
         camera = camera.resized(*size)
     return TrainingView(
         camera=camera,
-        image=torch.from_numpy(image.astype(np.float32) / 255),
-        labels=None if labels is None else torch.from_numpy(labels.astype(np.int64)),
+        photograph=torch.from_numpy(np.ascontiguousarray(image)),
+        label_image=None if labels is None else torch.from_numpy(labels.astype(np.int16)),
         weight=None if weight is None else torch.from_numpy(weight.astype(np.float32)),
         sky_grid=sky.grid(camera),
     )
