@@ -168,7 +168,8 @@ def _watched(batch: Batch, ended: Any, futures: dict[str, Any], tell: Teller) ->
             again = f", at try {state.tries}" if state.tries > 1 else ""
             tell(f"{where}: done in {state.seconds:.0f} s{again}{clock.left()}")
             continue
-        if any(i in futures and futures[i].status != "finished" for i in task.after):
+        # A task that ended well may be asked for again, for its result died with its worker: pending, not failed.
+        if any(i in futures and futures[i].status in ("error", "cancelled") for i in task.after):
             tell(f"{where}: not run, what it depends on failed")
             continue
         failed.append(task.id)
