@@ -11,6 +11,8 @@ import torch
 
 from tests.hard_drives import make_tiny_street
 from unveil_core.base.checkpoint import Kept
+from unveil_core.base.files import read_label_image, write_image_atomic
+from unveil_core.base.parts import Parts
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
@@ -79,9 +81,8 @@ def test_finished_blocks_are_not_made_again(street: tuple[Drive, SceneLabels], t
             raise Killed
         begun.append(message.split(",")[0])
 
-    work = BlockwiseReconstruction(
-        drive, scene, settings, blocks, Exposures(), kept=Kept(tmp_path / "kept"), progress=kill
-    )
+    kept, parts = Kept(tmp_path / "kept"), Parts(tmp_path / "parts")
+    work = BlockwiseReconstruction(drive, scene, settings, blocks, Exposures(), kept=kept, parts=parts, progress=kill)
     with pytest.raises(Killed):
         work.whole()
     before = len(begun)
@@ -89,3 +90,38 @@ def test_finished_blocks_are_not_made_again(street: tuple[Drive, SceneLabels], t
     assert set(begun[before:]) == {"block 3 of 3"}
     assert all(torch.equal(torch.from_numpy(a), getattr(again.surfels, n)) for n, a in whole.surfels.arrays().items())
     assert torch.equal(whole.sky.texture, again.sky.texture)
+
+
+def test_a_change_makes_only_the_blocks_again_that_see_it(street: tuple[Drive, SceneLabels], tmp_path: Path) -> None:
+    drive, scene = street
+    settings, blocks = replace(SETTINGS, iterations=24), cut_into_blocks(drive, 3.0)
+    begun: set[str] = set()
+
+    def watch(done: int, total: int, message: str = "", **_: float) -> None:
+        begun.add(message.split(" of ")[0])
+
+    def made(drive: Drive, scene: SceneLabels = scene, code: str = "") -> set[str]:
+        begun.clear()
+        parts = Parts(tmp_path / "parts")
+        work = BlockwiseReconstruction(
+            drive, scene, settings, blocks, Exposures(), parts=parts, code=code, progress=watch
+        )
+        work.whole()
+        parts.tidy()
+        return set(begun)
+
+    everything = {f"block {k + 1}" for k in range(len(blocks.blocks))}
+    assert made(drive) == everything and made(drive) == set()
+    # What was chosen to be removed is nothing to the scene.
+    assert made(drive, replace(scene, removed=(), pixel_counts=tuple(2 * c for c in scene.pixel_counts))) == set()
+    last = len(drive.frames) - 1
+    sees_last = {f"block {b.number + 1}" for b in blocks.blocks if last in b.frames}
+    assert sees_last != everything
+    labels = read_label_image(drive.frames[last].semantic_path)
+    road, car = (scene.labels.disk_ids[scene.labels.index(n)] for n in ("road", "car"))
+    changed = tmp_path / "changed.png"
+    write_image_atomic(changed, np.where(labels == car, road, labels).astype(np.uint8))
+    assert (read_label_image(changed) != labels).any()
+    frames = (*drive.frames[:last], replace(drive.frames[last], semantic_path=changed))
+    assert made(replace(drive, frames=frames)) == sees_last
+    assert made(replace(drive, frames=frames), code="another") == everything

@@ -14,7 +14,7 @@ from sample_scenes.long_street import long_street, long_way
 from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.ground import blocks
 from unveil_core.pipeline.run import run, stage_named
-from unveil_core.pipeline.runner import run_block
+from unveil_core.pipeline.runner import run_block, run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
@@ -77,6 +77,14 @@ def test_blocks_made_alone_make_the_stage(drive: Path, tmp_path: Path, monkeypat
     assert not [m for m in said if m.startswith("block")]
     assert (parts.root / "surfels/full.ply").read_bytes() == (whole.root / "surfels/full.ply").read_bytes()
     assert not run_block(parts, stage, 0, settings, drive), "nothing is left to make"
+    # A workspace whose stage is to be made again, of the same photographs, has its blocks; asked for by force it has not.
+    parts.replace_stage("reconstruct", {})
+    for force, expected in ((False, False), (True, True)):
+        before = len(parts.events())
+        assert run_stages(parts, [stage], settings, drive, force=force) == ["reconstruct"]
+        said = [e["message"] for e in parts.events()[before:] if e["stage"] == "reconstruct"]
+        assert "started" in said and any(m.startswith("block") for m in said) == expected
+        assert (parts.root / "surfels/full.ply").read_bytes() == (whole.root / "surfels/full.ply").read_bytes()
     for name, number, wrong in (
         ("remove", 0, "not made in blocks"),
         ("reoptimize", 0, "has no"),

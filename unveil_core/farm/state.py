@@ -12,7 +12,7 @@ from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.farm.manifest import Batch, Task
 from unveil_core.pipeline.graph import STAGES
-from unveil_core.pipeline.stage import kept_of_block
+from unveil_core.pipeline.stage import note_of_block
 
 __all__ = ["TaskState", "note_state", "seen_state", "state_of"]
 
@@ -76,7 +76,7 @@ def seen_state(batch: Batch, task: Task) -> TaskState:
     except (UnveilError, KeyError, TypeError, AttributeError):
         done = False
     if task.block is not None:
-        done = done or kept_of_block(root, stage, task.block).is_file()
+        done = done or note_of_block(root, stage, task.block).is_file()
     return TaskState("done" if done else "to do")
 
 

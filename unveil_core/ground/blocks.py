@@ -18,13 +18,11 @@ from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.fit import longest_track
 from unveil_core.ground.path import first_of_places, travelled
 
-__all__ = ["BLOCK_M", "RESULT", "Block", "Blocks", "block_name", "cut_into_blocks"]
+__all__ = ["BLOCK_M", "Block", "Blocks", "block_name", "cut_into_blocks"]
 
 BLOCK_M = 100.0
 """Length of a block, metres, about: as far as a frame looks ahead. Shorter ones would see more of their neighbours than of
 themselves."""
-RESULT = "block"
-"""Name under which a stage keeps what it made of a block."""
 LOOKS_M = (5.0, 10.0, 15.0, 20.0)
 """Depths at which it is asked what a frame looks at, metres: nearer than that other frames show the same better, and what is
 farther off fills few pixels."""

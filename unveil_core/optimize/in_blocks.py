@@ -2,6 +2,8 @@
 
 Each block is reconstructed from its own frames and those that look into it, with the same start of the sky. Of the result it keeps
 the surfels of places that belong to it; what a block saw of its neighbours only served its own frames as their background.
+
+A block gets no more than it needs, and is kept under the digest of all that it gets: a change elsewhere does not make it again.
 """
 
 from __future__ import annotations
@@ -16,7 +18,9 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.checkpoint import Kept, facts_array, facts_of
+from unveil_core.base.digest import digest_of
 from unveil_core.base.frame_cache import FrameCache, subset
+from unveil_core.base.parts import Parts
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.types import Float64, Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -24,7 +28,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import PointGrid
-from unveil_core.ground.blocks import RESULT, Block, Blocks
+from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
 from unveil_core.semantics.labels import SceneLabels
@@ -49,7 +53,9 @@ class BlockwiseReconstruction:
         blocks: of the drive; with one, all is as :func:`reconstruct` does it.
         exposures: of the photographs; hidden: (H, W) per frame, pixels that count for nothing; None = no such pixels.
         seed: order of the views.
-        cache: room for the frames; kept: finished blocks and checkpoints, by the blocks' names.
+        cache: room for the frames.
+        kept: what is the same for all blocks, and the checkpoints of a drive that is one block.
+        parts: finished blocks and their checkpoints; code: digest of the code that makes them.
     """
 
     drive: Drive
@@ -61,12 +67,24 @@ class BlockwiseReconstruction:
     seed: int = 0
     cache: FrameCache = field(default_factory=FrameCache)
     kept: Kept = field(default_factory=Kept)
+    parts: Parts = field(default_factory=Parts)
+    code: str = ""
     progress: Progress = no_progress
 
     def whole(self) -> Reconstruction:
         """All blocks together."""
         if len(self.blocks.blocks) == 1:
-            return self._reconstruct(self.drive, self.hidden, self.kept, self.progress)
+            return reconstruct(
+                self.drive,
+                self.scene,
+                self.settings,
+                exposures=self.exposures,
+                hidden=self.hidden,
+                seed=self.seed,
+                cache=self.cache,
+                kept=self.kept,
+                progress=self.progress,
+            )
         found = [self.block(block) for block in self.blocks.blocks]
         choices = [facts_of(f["choices"]) for f in found]
         start, sky_choice = self._sky
@@ -78,24 +96,35 @@ class BlockwiseReconstruction:
 
     def block(self, block: Block) -> dict[str, NDArray[Any]]:
         """The surfels that a block owns, its sky and choices: made, unless they are kept already."""
-        own = self.kept.within(block.name)
+        drive = block_of_drive(self.drive, block)
+        # What was chosen, and how often a label occurs elsewhere, is nothing to a block.
+        scene = replace(self.scene, removed=(), instances=(), pixel_counts=())
+        own_exposures = Exposures({(f.camera_name, f.name): self.exposures.of(f) for f in drive.frames})
+        hidden = None if self.hidden is None else subset(self.hidden, block.frames)
+        sky, count = self._sky[0], len(block.own)
+        given = (drive, scene, self.settings, own_exposures, hidden, sky, count, self.seed)
+        place = (block.number, self.blocks.nodes, self.blocks.of_node)
 
-        def make() -> dict[str, NDArray[Any]]:
-            hidden, frames = self.hidden, block.frames
-            done = self._reconstruct(
-                block_of_drive(self.drive, block),
-                None if hidden is None else subset(hidden, frames),
-                own,
-                part_of(self.progress, block.number, len(self.blocks.blocks)),
-                sky=self._sky[0],
-                own_frames=len(block.own),
+        def make(kept: Kept) -> dict[str, NDArray[Any]]:
+            done = reconstruct(
+                drive,
+                scene,
+                self.settings,
+                exposures=own_exposures,
+                hidden=hidden,
+                sky=sky,
+                own_frames=count,
+                seed=self.seed,
+                cache=self.cache,
+                kept=kept,
+                progress=part_of(self.progress, block.number, len(self.blocks.blocks)),
             )
             owned = self.blocks.of_places(done.surfels.means.double().numpy()) == block.number
             part = done.surfels.select(torch.from_numpy(owned))
-            sky = {"sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes}
-            return {**part.arrays(), **sky, "choices": facts_array(done.choices)}
+            found = {"sky": done.sky.texture.numpy(), "sky_axes": done.sky.axes}
+            return {**part.arrays(), **found, "choices": facts_array(done.choices)}
 
-        return own.once(RESULT, make)
+        return self.parts.once(block.name, digest_of(self.code, given, place), make)
 
     @cached_property
     def _sky(self) -> tuple[Sky | None, dict[str, Any]]:
@@ -110,37 +139,19 @@ class BlockwiseReconstruction:
         sky = Sky(torch.from_numpy(found["texture"]), found["axes"]) if "texture" in found else None
         return sky, facts_of(found["choice"])
 
-    def _reconstruct(
-        self,
-        drive: Drive,
-        hidden: Sequence[NDArray[np.bool_]] | None,
-        kept: Kept,
-        progress: Progress,
-        **more: Any,
-    ) -> Reconstruction:
-        return reconstruct(
-            drive,
-            self.scene,
-            self.settings,
-            exposures=self.exposures,
-            hidden=hidden,
-            seed=self.seed,
-            cache=self.cache,
-            kept=kept,
-            progress=progress,
-            **more,
-        )
-
 
 def block_of_drive(drive: Drive, block: Block) -> Drive:
-    """The frames of a block, and the points that they may see."""
-    frames = tuple(drive.frames[i] for i in block.frames)
+    """The frames of a block, and the points that they may see: no more than a block is made of."""
+    frames = tuple(
+        replace(drive.frames[i], boxes=(), instance_path=None, ego_path=None, footage=None) for i in block.frames
+    )
+    drive = replace(drive, frames=frames, sources=(), sweeps=(), notices=(), truth_root=None, key_frames=None)
     positions = drive.points.positions
     if not len(positions):
-        return replace(drive, frames=frames)
+        return drive
     seen = np.zeros(len(positions), dtype=bool)
     seen[_in_some_view(PointGrid(positions, CELL_M), [f.camera for f in frames])] = True
-    return replace(drive, frames=frames, points=drive.points.select(seen))
+    return replace(drive, points=drive.points.select(seen))
 
 
 def _in_some_view(grid: PointGrid, cameras: Sequence[Camera]) -> NDArray[np.int64]:
@@ -195,7 +206,8 @@ class BlockwiseReoptimization:
         settings: see :class:`ReoptimizeSettings`.
         blocks: of the drive.
         label_count: K; seed: order of the views.
-        cache: room for the frames; kept: finished blocks and checkpoints, by the blocks' names.
+        cache: room for the frames.
+        parts: finished blocks and their checkpoints; code: digest of the code that makes them.
     """
 
     surfels: Surfels
@@ -207,7 +219,8 @@ class BlockwiseReoptimization:
     label_count: int
     seed: int = 0
     cache: FrameCache = field(default_factory=FrameCache)
-    kept: Kept = field(default_factory=Kept)
+    parts: Parts = field(default_factory=Parts)
+    code: str = ""
     progress: Progress = no_progress
 
     def whole(self) -> Surfels:
@@ -224,32 +237,34 @@ class BlockwiseReoptimization:
         mine = self._mine(block)
         if not len(mine) or not block.frames:
             return {}
-        own = self.kept.within(block.name)
+        near, moves = np.zeros((2, len(self.surfels)), dtype=bool)
+        if len(self.blocks.blocks) == 1:
+            near[:] = True
+        else:
+            near[_in_some_view(self._grid, [self.targets[i][0] for i in block.frames])] = True
+        near[mine] = moves[mine] = True
+        surfels, moves = self.surfels.select(torch.from_numpy(near)), moves[near]
+        targets, settings = subset(self.targets, block.frames), self.settings.scaled(len(block.own))
+        given = (surfels.arrays(), moves, self.sky, targets, settings, self.label_count, self.seed)
 
-        def make() -> dict[str, NDArray[Any]]:
-            near, moves = np.zeros((2, len(self.surfels)), dtype=bool)
-            if len(self.blocks.blocks) == 1:
-                near[:] = True
-            else:
-                near[_in_some_view(self._grid, [self.targets[i][0] for i in block.frames])] = True
-            near[mine] = moves[mine] = True
+        def make(kept: Kept) -> dict[str, NDArray[Any]]:
             done = reoptimize(
-                self.surfels.select(torch.from_numpy(near)),
-                moves[near],
+                surfels,
+                moves,
                 self.sky,
-                subset(self.targets, block.frames),
-                self.settings.scaled(len(block.own)),
+                targets,
+                settings,
                 near=NEAR_M,
                 far=FAR_M,
                 label_count=self.label_count,
                 seed=self.seed,
                 cache=self.cache,
-                checkpoint=own.checkpoint("training"),
+                checkpoint=kept.checkpoint("training"),
                 progress=part_of(self.progress, block.number, len(self.blocks.blocks)),
             )
-            return done.select(torch.from_numpy(moves[near])).arrays()
+            return done.select(torch.from_numpy(moves)).arrays()
 
-        return own.once(RESULT, make)
+        return self.parts.once(block.name, digest_of(self.code, given), make)
 
     @cached_property
     def _places(self) -> Float64:

@@ -23,12 +23,22 @@ from typing import Any
 from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.parts import Parts
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import SCRATCH, Notice, Reporter, Stage, StageContext, silent
+from unveil_core.pipeline.stage import (
+    SCRATCH,
+    Notice,
+    Reporter,
+    Stage,
+    StageContext,
+    note_of_block,
+    parts_of,
+    silent,
+)
 from unveil_core.pipeline.up_to_date import Digests, depends_on, input_hash, is_current
 from unveil_core.workspace.assumptions import recorded_assumptions
 from unveil_core.workspace.journal import PARTIAL, commit, open_partial, recover
@@ -130,6 +140,8 @@ def run_stages(
                 if expected is not None:
                     expected.clock.end(stage.name)
                 continue
+            if force:
+                shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
             _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows)
             ran.append(stage.name)
             digests.save()
@@ -176,6 +188,9 @@ def run_block(
             stage.run_block(attempt.context(partial), number)
             if stop.is_set():
                 raise Cancelled(stage.name)
+            note = note_of_block(workspace.root, stage.name, number)
+            note.parent.mkdir(parents=True, exist_ok=True)
+            note.touch()
     return True
 
 
@@ -223,6 +238,7 @@ class _Attempt:
             # What was computed so far serves the next attempt, unless it may be what is wrong.
             if not isinstance(error, Cancelled | KeyboardInterrupt | OSError | MemoryError):
                 shutil.rmtree(partial, ignore_errors=True)
+                Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
             self._record_end(error)
             if isinstance(error, KeyboardInterrupt):
                 raise Cancelled(stage.name) from error

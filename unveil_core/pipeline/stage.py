@@ -8,13 +8,14 @@ from pathlib import Path
 
 from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.parts import Parts
 from unveil_core.base.progress import Progress
-from unveil_core.ground.blocks import RESULT, block_name
+from unveil_core.ground.blocks import block_name
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.journal import PARTIAL
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["Facts", "Notice", "Reporter", "Stage", "StageContext", "kept_of_block", "silent"]
+__all__ = ["Facts", "Notice", "Reporter", "Stage", "StageContext", "note_of_block", "parts_of", "silent"]
 
 Reporter = Callable[[dict[str, object]], None]
 """Receives each event as it is logged."""
@@ -25,9 +26,14 @@ SCRATCH = ".scratch"
 """Folder beside a stage's outputs that none of them is in."""
 
 
-def kept_of_block(root: Path, stage: str, number: int) -> Path:
-    """The file in which a workspace keeps a block of a stage that is made in blocks, until the stage has put them together."""
-    return root / f"{PARTIAL}{stage}" / SCRATCH / KEPT / block_name(number) / f"{RESULT}.npz"
+def note_of_block(root: Path, stage: str, number: int) -> Path:
+    """The file that shows that a block of a stage, made alone, waits for the stage to put all together."""
+    return root / f"{PARTIAL}{stage}" / SCRATCH / "blocks" / block_name(number)
+
+
+def parts_of(root: Path, stage: str) -> Path:
+    """The folder in which a workspace keeps the blocks of a stage, each by its own digest: they outlast the stage's attempts."""
+    return root / ".blocks" / stage
 
 
 def silent(event: dict[str, object]) -> None:
@@ -79,6 +85,11 @@ class StageContext:
     def kept(self) -> Kept:
         """Results within the stage that an interrupted attempt leaves to the next."""
         return Kept(self.scratch(KEPT))
+
+    def parts(self, blocks: int) -> Parts:
+        """Results for each block of the drive, which stay for the next run; what is one block has the stage's own digest."""
+        stage = self.partial.name.removeprefix(PARTIAL)
+        return Parts(parts_of(self.workspace.root, stage) if blocks > 1 else self.scratch("parts"))
 
     def output(self, relative: str) -> Path:
         """The path to write an output to; it moves to the same place in the workspace when the stage has finished."""

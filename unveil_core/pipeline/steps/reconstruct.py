@@ -16,6 +16,7 @@ from unveil_core.optimize.exposure import fit_exposures
 from unveil_core.optimize.in_blocks import BlockwiseReconstruction
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.sky import save_sky
@@ -50,6 +51,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
     comments = (f"labels {','.join(n.replace(' ', '_') for n in work.scene.labels.names)}",)
     write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=work.drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
+    work.parts.tidy()
     return {"choices": done.choices}
 
 
@@ -65,16 +67,19 @@ def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReco
 
     # Of the whole drive: fitted once, whichever block is made first.
     kept = facts_of(context.kept.once("exposures", exposures)["exposures"])
+    blocks = cut_into_blocks(drive)
     return BlockwiseReconstruction(
         drive,
         load_labels(context.workspace),
         settings,
-        cut_into_blocks(drive),
+        blocks,
         exposures_of_json(kept),
         hidden,
         context.settings.seed,
         context.cache,
         context.kept,
+        context.parts(len(blocks.blocks)),
+        code_digest(run),
         context.progress,
     )
 

@@ -19,6 +19,7 @@ from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
+from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage, StageContext
 from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
@@ -41,8 +42,11 @@ def run(context: StageContext) -> None:
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
     clean = _inpainted(context, drive)
-    empty = _work(context, drive, clean, sky).whole()
+    work = _work(context, drive, clean, sky)
+    empty = work.whole()
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
+    work.parts.tidy()
+    del work  # it holds the scene as it was
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
         finished = frame_file(context.output("clean"), frame)
@@ -82,17 +86,19 @@ def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]
     preset = REOPTIMIZE_PRESETS[context.settings.quality]
     stays = ~(gone | displaced)
     near = near_removed(full, gone, preset.near_m)
+    blocks = cut_into_blocks(drive)
     return BlockwiseReoptimization(
         concatenate([full.select(torch.from_numpy(stays)), seeds]),
         np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)]),
         sky,
         Frames(len(clean), lambda i: (drive.frames[i].camera, clean[i])),
         preset,
-        cut_into_blocks(drive),
+        blocks,
         len(load_labels(workspace).labels),
         context.settings.seed,
         context.cache,
-        context.kept,
+        context.parts(len(blocks.blocks)),
+        code_digest(run),
         context.progress,
     )
 
