@@ -5,17 +5,22 @@ There is no true empty street of a real drive. See :mod:`unveil_core.evaluate.ho
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress
+from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
@@ -25,10 +30,12 @@ from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.pictures import workspace_mask
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.files import read_ground
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
+from unveil_core.raster.near_camera import near_camera
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_selection
@@ -37,6 +44,8 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
 CARS, MOST_CARS = 2, 9
+SCRATCH = ".scene"
+"""Folder of what the scene shows in each frame, while the check runs."""
 NEEDED = (
     "drive/cameras.json",
     "labels.json",
@@ -54,8 +63,8 @@ class _Scene:
 
     drive: Drive
     labels: SceneLabels
-    sights: list[SceneView]
-    removed: list[np.ndarray]
+    views: CameraViews[SceneView]
+    removed: Sequence[Mask]
     cars: list[VirtualCar]
 
 
@@ -97,16 +106,18 @@ def check_footage(
         folder = Path(output)
         footage = run(source, folder / "footage", settings, until="inpaint", reporter=reporter)
     started = time.monotonic()
-    scene = _scene(footage, cars, _progress(reporter))
-    pixels = [see_cars(scene.cars, sight) for sight in scene.sights]
+    recorded = RunSettings.from_json(footage.state().get("settings", {}))
+    cache, scratch = FrameCache(recorded.memory_bytes), folder / SCRATCH
+    shutil.rmtree(scratch, ignore_errors=True)  # of another scene, it may be
+    scene = _scene(footage, cars, cache, scratch, _progress(reporter))
+    pixels = cache.frames(len(scene.drive.frames), lambda i: see_cars(scene.cars, scene.views.frames[i]))
     for frame, own in zip(scene.drive.frames, pixels, strict=True):
         write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
     added = added_labels(scene.drive, scene.labels)
-    points = moved_points(scene.drive.points, scene.sights, pixels, scene.cars)
+    points = moved_points(scene.drive.points, scene.views, pixels, scene.cars)
     drive = write_holdout_drive(
         scene.drive, pixels, scene.removed, points, added, folder / "drive", _progress(reporter)
     )
-    recorded = RunSettings.from_json(footage.state().get("settings", {}))
     ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(scene.cars)))
     chosen = replace(
         recorded.without_drive_options(),
@@ -117,17 +128,20 @@ def check_footage(
     )
     workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", reporter=reporter)
     progress = _progress(reporter)
-    known = seen_elsewhere(scene.sights, pixels, far=FAR_M, progress=progress)
-    parts = zip(scene.drive.frames, scene.sights, pixels, scene.removed, known, strict=True)
-    frames = [HoldoutFrame(*part) for part in parts]
+    known = seen_elsewhere(scene.views, pixels, far=FAR_M, cache=cache)
+    real = scene.drive.frames
+    frames = Frames(
+        len(real), lambda i: HoldoutFrame(real[i], scene.views.frames[i], pixels[i], scene.removed[i], known[i])
+    )
     found = measure_holdout(frames, scene.cars, drive, workspace.root, progress=progress)
     write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
+    shutil.rmtree(scratch, ignore_errors=True)
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
     write_json_atomic(folder / "holdout.json", found)
     return found
 
 
-def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
+def _scene(workspace: Workspace, count: int, cache: FrameCache, scratch: Path, progress: Progress) -> _Scene:
     missing = [n for n in NEEDED if not (workspace.root / n).exists()]
     if missing:
         raise WorkspaceError(
@@ -143,16 +157,27 @@ def _scene(workspace: Workspace, count: int, progress: Progress) -> _Scene:
             path=workspace.root,
             mend="give a drive that shows the street",
         )
-    sights, removed = [], []
-    for done, frame in enumerate(drive.frames):
-        shape = (frame.camera.height, frame.camera.width)
-        own, shadow = (workspace_mask(workspace.root / f"masks/{n}", frame, shape) for n in ("removed", "shadows"))
-        removed.append(np.zeros(shape, dtype=bool) if own is None else own)
-        barred = removed[-1] if shadow is None else removed[-1] | shadow
-        sights.append(scene_view(surfels, frame.camera, barred, near=NEAR_M, far=FAR_M))
-        progress(done + 1, len(drive.frames), "looking at the street")
-    cars = find_places(street, surfels, drive.points.positions, sights, count=count, progress=progress)
-    return _Scene(drive, labels, sights, removed, cars)
+    frames, kept = drive.frames, Kept(scratch)
+
+    def mask(name: str, i: int) -> Mask:
+        shape = (frames[i].camera.height, frames[i].camera.width)
+        found = workspace_mask(workspace.root / f"masks/{name}", frames[i], shape)
+        return np.zeros(shape, dtype=bool) if found is None else found
+
+    removed = cache.frames(len(frames), lambda i: mask("removed", i))
+
+    def look(i: int) -> SceneView:
+        def drawn() -> dict[str, NDArray[Any]]:
+            camera, barred = frames[i].camera, removed[i] | mask("shadows", i)
+            view = scene_view(near_camera(surfels, camera), camera, barred, near=NEAR_M, far=FAR_M)
+            progress(i + 1, len(frames), "looking at the street")
+            return {"depth": view.depth, "excluded": view.excluded}
+
+        return SceneView(frames[i].camera, **kept.once(str(i), drawn))
+
+    views = CameraViews([f.camera for f in frames], cache.frames(len(frames), look))
+    cars = find_places(street, surfels, drive.points.positions, views.frames, count=count, progress=progress)
+    return _Scene(drive, labels, views, removed, cars)
 
 
 def _progress(reporter: Reporter) -> Callable[..., None]:

@@ -25,6 +25,7 @@ from unveil_core.evaluate.holdout.placement import CarPixels, SceneView, see_car
 from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.geometry.images import grow
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
 
@@ -60,6 +61,10 @@ def parked(drive: Drive) -> VirtualCar:
 def seen(drive: Drive) -> tuple[list[SceneView], list[CarPixels]]:
     views = [ground_view(drive, i) for i in range(len(drive.frames))]
     return views, [see_cars([parked(drive)], s) for s in views]
+
+
+def together(views: list[SceneView]) -> CameraViews[SceneView]:
+    return CameraViews([v.camera for v in views], views)
 
 
 # ------------------------------------------------------------------------------------------------------------------ labels
@@ -145,7 +150,7 @@ def test_points_behind_the_car_are_measured_on_it(drive: Drive) -> None:
     nowhere = np.array([-30.0, 0.0, 0.0])  # behind all cameras
     points = np.stack([beside, under, nowhere]) - drive.to_world.translation
     colors = np.full((3, 3), 77, np.uint8)
-    moved = moved_points(PointCloud(points, colors), views, pixels, [car])
+    moved = moved_points(PointCloud(points, colors), together(views), pixels, [car])
     assert len(moved.positions) == 3
     assert np.array_equal(moved.positions[[0, 2]], points[[0, 2]])
     local = (moved.positions[1] - car.centre) @ car.axes.T
@@ -160,7 +165,7 @@ def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
     car = parked(drive)
     x, y = np.meshgrid(np.arange(4, 30, 0.4), np.arange(-5, 6, 0.4))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) - drive.to_world.translation
-    moved = moved_points(PointCloud(points), views, pixels, [car])
+    moved = moved_points(PointCloud(points), together(views), pixels, [car])
     assert moved.colors is None
     stayed = {tuple(p) for p in moved.positions} & {tuple(p) for p in points}
     shown_somewhere, covered_somewhere = np.zeros(len(points), bool), np.zeros(len(points), bool)
@@ -180,21 +185,21 @@ def test_no_point_is_left_that_only_hidden_pixels_showed(drive: Drive) -> None:
 def test_seen_elsewhere_is_what_another_frame_shows_beside_the_car(drive: Drive) -> None:
     views, pixels = seen(drive)
     with_car = max(range(len(pixels)), key=lambda i: int((pixels[i].number > 0).sum()))
-    found = seen_elsewhere(views, pixels, far=100.0)[with_car]
+    found = seen_elsewhere(together(views), pixels, far=100.0)[with_car]
     covered = pixels[with_car].number > 0
     assert not found[~covered].any() and 0 < found.sum() < covered.sum()
     # The ground under the car: no frame sees it. Its top hides what lies beyond, which others see.
     points = views[with_car].camera.unproject(np.where(np.isfinite(views[with_car].depth), views[with_car].depth, 0))
     under = covered & (np.abs(points + drive.to_world.translation - CAR_AT) < (1.6, 0.6, 0.1)).all(axis=2)
     assert under.sum() > 5 and not found[under].any()
-    (alone,) = seen_elsewhere([views[with_car]], [pixels[with_car]], far=100.0)
+    (alone,) = seen_elsewhere(together([views[with_car]]), [pixels[with_car]], far=100.0)
     assert not alone.any()
 
 
 def test_a_removed_object_is_no_evidence(drive: Drive) -> None:
     views, pixels = seen(drive)
     excluded = [SceneView(s.camera, s.depth, np.ones_like(s.excluded)) for s in views]
-    assert not any(seen.any() for seen in seen_elsewhere(excluded, pixels, far=100.0))
+    assert not any(seen.any() for seen in seen_elsewhere(together(excluded), pixels, far=100.0))
 
 
 # ----------------------------------------------------------------------------------------------------------------- scores
@@ -206,7 +211,7 @@ def delivered(drive: Drive, tmp_path: Path) -> tuple[list[HoldoutFrame], Drive, 
     views, pixels = seen(drive)
     gone = [np.zeros((80, 128), bool) for _ in drive.frames]
     written = write_holdout_drive(drive, pixels, gone, drive.points, AddedLabels(13, 6, False), tmp_path / "drive")
-    frames, known = [], seen_elsewhere(views, pixels, far=100.0)
+    frames, known = [], seen_elsewhere(together(views), pixels, far=100.0)
     for i, frame in enumerate(drive.frames):
         elsewhere = known[i]
         frames.append(HoldoutFrame(frame, views[i], pixels[i], gone[i], elsewhere))

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Float64, Mask, Picture
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Drive, Footage, Frame, PointCloud
 from unveil_core.drives.importing.frames import at_work_size
@@ -27,12 +28,14 @@ from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar, cast_car, paint_car
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.semantics.classes import CITYSCAPES, GROUPS
 from unveil_core.semantics.labels import SceneLabels
 
 __all__ = ["AddedLabels", "added_labels", "moved_points", "seen_elsewhere", "write_holdout_drive"]
 
 
+Indices = NDArray[np.int64]
 DEPTH_SHARE, DEPTH_M = 0.04, 0.1
 """A point is visible in a frame if it lies behind the frame's depth by no more than this share of it, plus these metres."""
 
@@ -54,8 +57,8 @@ class AddedLabels:
 
 def added_labels(drive: Drive, scene: SceneLabels) -> AddedLabels:
     """Labels for which this scene removes the virtual cars: a class that is removed anyway, preferably the car's."""
-    used = [read_instance_image(f.instance_path) for f in drive.frames if f.instance_path is not None]
-    first = _unused_ids(np.unique(np.concatenate([np.unique(image) for image in used]))) if used else None
+    used = [np.unique(read_instance_image(f.instance_path)) for f in drive.frames if f.instance_path is not None]
+    first = _unused_ids(np.unique(np.concatenate(used))) if used else None
     if scene.source != "semantics":
         return AddedLabels(None, first, False)
     vehicles = [n for n in ("car", *GROUPS["vehicle"]) if n in scene.removed]
@@ -74,45 +77,58 @@ def _unused_ids(used: NDArray[np.uint16]) -> int:
 
 
 def seen_elsewhere(
-    views: Sequence[SceneView], cars: Sequence[CarPixels], *, far: float, progress: Progress = no_progress
-) -> list[Mask]:
-    """Per frame (H, W), pixels of its virtual cars behind which another frame shows the street, outside that frame's own cars.
+    views: CameraViews[SceneView], cars: Sequence[CarPixels], *, far: float, cache: FrameCache | None = None
+) -> Sequence[Mask]:
+    """Per frame (H, W), found when it is asked for, pixels of its virtual cars behind which another frame shows the street, outside
+    that frame's own cars.
 
     Args:
         views, cars: of all frames.
         far: the sky is taken to be this far away, metres.
+        cache: room for masks.
     """
-    hidden = [
-        grow(car_pixels.number > 0, border_px(car_pixels.number.shape[1])) | view.excluded
-        for car_pixels, view in zip(cars, views, strict=True)
-    ]
-    found = []
-    for i, (view, car_pixels) in enumerate(zip(views, cars, strict=True)):
-        rows, columns = np.nonzero(car_pixels.number)
-        depth = np.minimum(view.depth[rows, columns], far)
-        points = view.camera.centre + depth[:, None] * view.camera.rays()[rows, columns]
+    cache = cache or FrameCache()
+
+    def hides(i: int) -> Mask:
+        number = cars[i].number
+        return grow(number > 0, border_px(number.shape[1])) | views.frames[i].excluded
+
+    hidden = cache.frames(len(cars), hides)
+
+    def seen(i: int) -> Mask:
+        mask = np.zeros(cars[i].number.shape, dtype=bool)
+        rows, columns = np.nonzero(cars[i].number)
+        if not len(rows):
+            return mask
+        camera = views.cameras[i]
+        depth = np.minimum(views.frames[i].depth[rows, columns], far)
+        points = camera.centre + depth[:, None] * camera.rays()[rows, columns]
         known = np.zeros(len(rows), dtype=bool)
         # Neighbours first: they see most, and what is found need not be looked for again.
-        for other in sorted(range(len(views)), key=lambda k: abs(k - i)):
+        for other in views.by_distance(views.around(points, far * views.longest_ray), camera.centre):
             unknown = np.flatnonzero(~known)
-            if other == i or not len(unknown):
+            if other == i:
                 continue
-            inside, row, column, z = _pixels_of(points[unknown], views[other], 0.2)
-            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= _reach(views[other], row, column))
+            if not len(unknown):
+                break
+            inside, row, column, z = _pixels_of(points[unknown], views.cameras[other], 0.2)
+            if not len(inside):
+                continue
+            reach = _reach(views.frames[other], row, column)
+            shown = ~hidden[other][row, column] & (np.minimum(z, far) <= reach)
             known[unknown[inside[shown]]] = True
-        seen = np.zeros(view.depth.shape, dtype=bool)
-        seen[rows[known], columns[known]] = True
-        found.append(seen)
-        progress(i + 1, len(views), "finding what other frames saw")
-    return found
+        mask[rows[known], columns[known]] = True
+        return mask
+
+    return cache.frames(len(cars), seen)
 
 
 def _pixels_of(
-    points: NDArray[np.float64], view: SceneView, near: float
+    points: NDArray[np.float64], camera: Camera, near: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Indices of the points (M, 3) that project into a view, and their rows, columns and depths there."""
-    pixel, depth = view.camera.project(points)
-    index = np.flatnonzero(view.camera.in_picture(pixel, depth, nearest=near))
+    """Indices of the points (M, 3) that project into a picture, and their rows, columns and depths there."""
+    pixel, depth = camera.project(points)
+    index = np.flatnonzero(camera.in_picture(pixel, depth, nearest=near))
     return index, pixel[index, 1].astype(np.int64), pixel[index, 0].astype(np.int64), depth[index]
 
 
@@ -122,7 +138,7 @@ def _reach(view: SceneView, row: NDArray[np.int64], column: NDArray[np.int64]) -
 
 
 def moved_points(
-    points: PointCloud, views: Sequence[SceneView], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
+    points: PointCloud, views: CameraViews[SceneView], pixels: Sequence[CarPixels], cars: Sequence[VirtualCar]
 ) -> PointCloud:
     """The points that would have been measured if the virtual cars had stood there.
 
@@ -132,21 +148,34 @@ def moved_points(
     positions = points.positions
     blocked, seen = np.zeros(len(positions), dtype=bool), np.zeros(len(positions), dtype=bool)
     nearest, blocker = np.full(len(positions), np.inf), np.full(len(positions), -1)
-    for v, (view, car_pixels) in enumerate(zip(views, pixels, strict=True)):
-        index, row, column, depth = _pixels_of(positions, view, 0.2)
-        behind = (car_pixels.number[row, column] > 0) & (depth > car_pixels.depth[row, column] - DEPTH_M)
-        # This view cannot measure what a car occludes; what is in front of the car or beside it, it can.
-        seen[index[~behind & (depth <= _reach(view, row, column))]] = True
+
+    def behind_cars(v: int, row: Indices, column: Indices, depth: Float64) -> Mask:
+        car = pixels[v]
+        behind: Mask = (car.number[row, column] > 0) & (depth > car.depth[row, column] - DEPTH_M)
+        return behind
+
+    with_car = [v for v, own in enumerate(pixels) if own.number.any()]
+    for v in with_car:
+        index, row, column, depth = _pixels_of(positions, views.cameras[v], 0.2)
+        behind = behind_cars(v, row, column, depth)
         through = index[behind]
         blocked[through] = True
         closer = depth[behind] < nearest[through]
         nearest[through[closer]], blocker[through[closer]] = depth[behind][closer], v
+    asked = np.flatnonzero(blocked)
+    for v, camera in enumerate(views.cameras):
+        index, row, column, depth = _pixels_of(positions[asked], camera, 0.2)
+        if len(index):
+            # This view cannot measure what a car occludes; what is in front of the car or beside it, it can.
+            shown = ~behind_cars(v, row, column, depth) & (depth <= _reach(views.frames[v], row, column))
+            seen[asked[index[shown]]] = True
+            asked = asked[~seen[asked]]
     gone = blocked & ~seen
     moved, colors = positions.copy(), None if points.colors is None else points.colors.copy()
     lost = np.zeros(len(positions), dtype=bool)
     for v in np.unique(blocker[gone]):
         which = np.flatnonzero(gone & (blocker == v))
-        centre = views[v].camera.centre
+        centre = views.cameras[v].centre
         rays = positions[which] - centre
         depth, paint = np.full(len(which), np.inf), np.zeros((len(which), 3), dtype=np.uint8)
         for car in cars:

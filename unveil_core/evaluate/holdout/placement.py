@@ -16,6 +16,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.raster import render
 from unveil_core.surfels.surfels import Surfels
@@ -75,10 +76,8 @@ class SceneView:
     def coarse(self, width: int) -> SceneView:
         """About so wide, by leaving pixels out."""
         step = max(1, self.camera.width // width)
-        depth, excluded = (
-            self.depth[step // 2 :: step, step // 2 :: step],
-            self.excluded[step // 2 :: step, step // 2 :: step],
-        )
+        some = (slice(step // 2, None, step),) * 2
+        depth, excluded = self.depth[some].copy(), self.excluded[some].copy()
         camera, shift = self.camera, step // 2
         # The middle of a kept pixel stays where it is: x -> (x - 0.5 - shift) / step + 0.5.
         camera = replace(
@@ -236,13 +235,19 @@ def _standing(ground: Ground, points: Float64) -> Float64:
     return street[(above > LOW_M) & (above < HEIGHT_M + ROOM_M), :2]
 
 
-def _value(car: VirtualCar, views: Sequence[SceneView]) -> tuple[float, NDArray[np.float64]]:
-    """How well a place is seen, and its share of each frame (F,); 0 where it is seen by too few."""
-    shares, cleaned = np.zeros(len(views)), np.zeros(len(views))
-    good = np.zeros(len(views), dtype=bool)
-    for i, view in enumerate(views):
-        if np.linalg.norm(view.camera.centre - car.centre) > FARTHEST_M:
-            continue
+def _value(
+    car: VirtualCar, views: Sequence[SceneView], centres: Float64
+) -> tuple[float, NDArray[np.int64], NDArray[np.float64]]:
+    """How well a place is seen, 0 where it is by too few frames; the frames near it and its share of each.
+
+    Args:
+        views: of all frames; centres: (F, 3) of their cameras.
+    """
+    near = np.flatnonzero(np.linalg.norm(centres - car.centre, axis=1) <= FARTHEST_M)
+    shares, cleaned = np.zeros(len(near)), np.zeros(len(near))
+    good = np.zeros(len(near), dtype=bool)
+    for i, v in enumerate(near):
+        view = views[v]
         found = _visible(car, view)
         if found is None:
             continue
@@ -257,8 +262,8 @@ def _value(car: VirtualCar, views: Sequence[SceneView]) -> tuple[float, NDArray[
             and shares[i] <= MOST_SHARE
         )
     if good.sum() < LEAST_FRAMES or (shares > MOST_SHARE).any():
-        return 0.0, shares
-    return float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), shares
+        return 0.0, near, shares
+    return float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), near, shares
 
 
 def find_places(
@@ -281,22 +286,24 @@ def find_places(
         WorkspaceError: there is no room for a single one.
     """
     opaque = surfels.opacity_logits.numpy() > -1.0
-    places = _free_places(ground, surfels.means.double().numpy()[opaque], [s.camera for s in views], measured)
     coarse = [s.coarse(COARSE_PX) for s in views]
-    valued: list[tuple[float, int, VirtualCar, NDArray[np.float64]]] = []
+    cameras = [s.camera for s in coarse]
+    places = _free_places(ground, surfels.means.double().numpy()[opaque], cameras, measured)
+    centres = centres_of(cameras)
+    valued: list[tuple[float, int, VirtualCar, NDArray[np.int64], NDArray[np.float64]]] = []
     for k, (s, t) in enumerate(places):
         car = park(ground, s, t, number=1)
-        value, shares = _value(car, coarse)
+        value, near, shares = _value(car, coarse, centres)
         if value > 0:
-            valued.append((value, k, car, shares))
+            valued.append((value, k, car, near, shares))
         progress(k + 1, len(places), "looking for room for a car")
     chosen: list[VirtualCar] = []
     total = np.zeros(len(views))
-    for _, _, car, shares in sorted(valued, key=lambda v: (-v[0], v[1])):
-        near = any(np.linalg.norm(car.centre - other.centre) < APART_M for other in chosen)
-        if len(chosen) < count and not near and (total + shares <= MOST_SHARE).all():
+    for _, _, car, near, shares in sorted(valued, key=lambda v: (-v[0], v[1])):
+        apart = all(np.linalg.norm(car.centre - other.centre) >= APART_M for other in chosen)
+        if len(chosen) < count and apart and (total[near] + shares <= MOST_SHARE).all():
             chosen.append(replace(car, number=len(chosen) + 1))
-            total += shares
+            total[near] += shares
     if not chosen:
         seen = (
             "nowhere beside the path is a car's length and width of ground free"

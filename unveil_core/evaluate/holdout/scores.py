@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.frame_cache import subset
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.delivery.lens import work_positions
@@ -67,7 +68,7 @@ def measure_holdout(
     """Compare what was delivered for the drive with virtual cars with the real photographs.
 
     Args:
-        frames: all frames of the drive; cars: the cars in them.
+        frames: all frames of the drive, asked for one by one; cars: the cars in them.
         drive: with the cars, as imported; root: its workspace, up to ``frames/``.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
@@ -112,19 +113,27 @@ def measure_holdout(
         outside, changed = outside + len(difference), changed + int((difference > 0).any(axis=1).sum())
         change += float(difference.mean(axis=1).sum())
         progress(done + 1, len(shown), "comparing with the photographs")
-    by_frame = {f.frame: f for f in frames}
+    real = [f.frame for f in frames]
+    order, with_region = {frame: i for i, frame in enumerate(real)}, set(shown)
+
+    def depth_of(frame: Frame) -> DepthGrid:
+        depth = frames[order[frame]].view.depth
+        return DepthGrid(frame.camera, np.where(np.isfinite(depth), depth, 0))
+
+    def pictures_of(frame: Frame) -> dict[str, Picture]:
+        photograph = read_image(frame.image_path)
+        return {"truth": photograph} | _pictures(frames[order[frame]], root, photograph, filled)
+
     flicker = measure_flicker(
-        [f.frame for f in frames],
-        lambda f: DepthGrid(f.camera, np.where(np.isfinite(by_frame[f].view.depth), by_frame[f].view.depth, 0)),
-        lambda f: by_frame[f].region if by_frame[f].region.any() else None,
-        lambda f: (
-            {"truth": (photograph := read_image(f.image_path))} | _pictures(by_frame[f], root, photograph, filled)
-        ),
+        real,
+        depth_of,
+        lambda f: frames[order[f]].region if order[f] in with_region else None,
+        pictures_of,
         progress,
     )
     return {
         "frames": len(shown),
-        "cars": [_of_car(car, frames, sums) for car in cars],
+        "cars": [_of_car(car, subset(frames, shown), sums) for car in cars],
         "regions": {
             region: {"pixels": int(sums[region, "ours"][2]), "methods": _methods(sums, region)}
             for region in ("removed", "unseen", "seen_elsewhere")
@@ -241,10 +250,10 @@ def _methods(sums: Mapping[tuple[str, str], list[float]], region: str) -> dict[s
 
 
 def _of_car(
-    car: VirtualCar, frames: Sequence[HoldoutFrame], sums: Mapping[tuple[str, str], list[float]]
+    car: VirtualCar, shown: Sequence[HoldoutFrame], sums: Mapping[tuple[str, str], list[float]]
 ) -> dict[str, Any]:
     methods = _methods(sums, f"car {car.number}")
-    names = [f.frame.name for f in frames if (f.region & (f.cars.number == car.number)).any()]
+    names = [f.frame.name for f in shown if (f.region & (f.cars.number == car.number)).any()]
     return {
         "number": car.number,
         "along_m": round(car.s, 2),
