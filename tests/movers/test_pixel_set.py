@@ -21,6 +21,8 @@ def test_what_is_written_is_the_mask(mask: Mask, value: int) -> None:
     rows, columns = np.nonzero(mask)
     assert (pixels.left, pixels.upper) == (columns.min(), rows.min())
     assert (pixels.right, pixels.lower) == (columns.max() + 1, rows.max() + 1)
+    again = PixelSet.of_bits(pixels.numbers, np.concatenate([pixels.bits, np.array([255], np.uint8)]))
+    assert again.numbers == pixels.numbers and np.array_equal(again.bits, pixels.bits)
 
 
 def test_other_pixels_in_the_box_keep_their_value() -> None:

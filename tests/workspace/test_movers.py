@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from tests.moving_street import FRAMES, MOVER_ID, ONCOMING, PARKED_ID, make_moving_street
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import no_progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.evaluate.baselines import BASELINES
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
@@ -123,3 +125,42 @@ def test_a_workspace_without_the_folder_has_no_movers(street: Path, tmp_path: Pa
     ids = np.full((drive.frames[6].camera.height, drive.frames[6].camera.width), PARKED_ID)
     static = moving.ids_of_static(drive.frames[6], ids)
     assert static is not None and ((static == 0) == moving.pixels(drive.frames[6])).all() and (static == 0).any()
+
+
+class Killed(BaseException):
+    pass
+
+
+@pytest.mark.parametrize("ids", [True, False])
+def test_what_was_found_before_a_kill_is_not_looked_for_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ids: bool
+) -> None:
+    path = make_moving_street(tmp_path / "street", ONCOMING, instances=ids, boxes=False)
+    drive = import_drive(open_drive(path), tmp_path / "drive")
+    scene = choose_labels(drive, ["car"])
+
+    def run(folder: Path, kept: Kept, calls: int = 10**6) -> int:
+        """Calls of progress until the end, or until it is killed."""
+        made = 0
+
+        def progress(done: int, total: int, message: str = "", **_: float) -> None:
+            nonlocal made
+            made += 1
+            if made == calls:
+                raise Killed
+
+        folder.mkdir(exist_ok=True)
+        assert write_moving(drive, scene, folder, "auto", progress, FrameCache(), kept) == 1
+        return made
+
+    def files(folder: Path) -> dict[str, bytes]:
+        return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+    whole = run(tmp_path / "whole", Kept())
+    for calls in (2, len(drive.frames) - 1, whole - 3):
+        kept, parts = Kept(tmp_path / f"kept{calls}", every_s=0.0), tmp_path / f"parts{calls}"
+        with pytest.raises(Killed):
+            run(parts, kept, calls)
+        # An object's verdict is told again; the rest is not looked at a second time.
+        assert run(parts, kept) <= whole - calls + 2 * ids + 1
+        assert files(parts) == files(tmp_path / "whole") != {}

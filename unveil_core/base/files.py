@@ -190,9 +190,11 @@ def read_instance_image(path: Path) -> NDArray[np.uint16]:
 
 
 def link_or_copy(source: Path, destination: Path) -> None:
-    """Make ``destination`` the same file as ``source``: a hard link where the file system allows it, else a copy."""
+    """Make ``destination`` the same file as ``source``: a hard link where the file system allows it, else a copy, whole or not at
+    all."""
     destination.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(source, destination)
     except OSError:
-        shutil.copyfile(source, destination)
+        with Path(source).open("rb") as content:
+            write_atomic(destination, lambda stream: shutil.copyfileobj(content, stream))

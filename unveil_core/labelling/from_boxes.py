@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive, Frame, FrameLabels
@@ -22,13 +23,13 @@ from unveil_core.semantics.classes import CITYSCAPES
 __all__ = ["label_frame", "label_frames"]
 
 
-def label_frames(drive: Drive, progress: Progress = no_progress) -> Iterator[FrameLabels]:
-    """Label every frame.
+def label_frames(drive: Drive, progress: Progress = no_progress) -> Sequence[FrameLabels]:
+    """Labels of every frame, found when they are asked for.
 
     Args:
         drive: localized, its frames undistorted and of the size of their files; with points, boxes, and sweeps where there are.
-        progress: called per sweep and per frame.
-    Yields:
+        progress: called per sweep.
+    Returns:
         classes, and ids of boxes as instances, in the order of the frames.
     Raises:
         DriveError: a picture or sweep that cannot be read, or a box of an unknown class.
@@ -43,9 +44,8 @@ def label_frames(drive: Drive, progress: Progress = no_progress) -> Iterator[Fra
                 )
     street = street_points(drive)
     objects, strays = gather_objects(drive, None if street.ground is None else street.ground.over, progress)
-    for done, frame in enumerate(drive.frames):
-        yield label_frame(frame, street, objects, strays)
-        progress(done + 1, len(drive.frames), "labelling frames")
+    frames = drive.frames
+    return Frames(len(frames), lambda i: label_frame(frames[i], street, objects, strays))
 
 
 def label_frame(

@@ -9,7 +9,7 @@ a square. YOLO sees the image whole, as it was trained.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_image
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.onnx_files import files_of
 from unveil_core.base.types import Float32, Picture
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID, train_id
@@ -81,15 +82,14 @@ class Segmenter:
         return self._label(image)
 
 
-def label_by_network(drive: Drive, path: Path) -> Iterator[FrameLabels]:
-    """Labels of each frame of an imported drive, one after the other, by the network in a file.
+def label_by_network(drive: Drive, path: Path) -> Sequence[FrameLabels]:
+    """Labels of each frame of an imported drive, found when they are asked for, by the network in a file.
 
     Raises:
         SettingsError: see :func:`load_segmenter`. DriveError: an image that cannot be read.
     """
-    segmenter = load_segmenter(path)
-    for frame in drive.frames:
-        yield segmenter.segment(read_image(frame.image_path))
+    segmenter, frames = load_segmenter(path), drive.frames
+    return Frames(len(frames), lambda i: segmenter.segment(read_image(frames[i].image_path)))
 
 
 def segmenter_files(path: Path) -> list[Path]:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Checkpoint, Kept
 from unveil_core.base.files import read_image
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
@@ -36,7 +37,14 @@ from unveil_core.movers.seen_through import (
     probe_points,
 )
 from unveil_core.movers.shadows import mover_shadow
-from unveil_core.movers.tracks import Patch, find_patches, instance_moves, link_patches
+from unveil_core.movers.tracks import (
+    Patch,
+    arrays_of_patches,
+    find_patches,
+    instance_moves,
+    link_patches,
+    patches_of_arrays,
+)
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SLIM_CLASSES, THIN_CLASSES
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 
@@ -156,7 +164,11 @@ class _Search:
 
 
 def find_movers(
-    drive: Drive, scene: SceneLabels, progress: Progress = no_progress, cache: FrameCache | None = None
+    drive: Drive,
+    scene: SceneLabels,
+    progress: Progress = no_progress,
+    cache: FrameCache | None = None,
+    kept: Kept | None = None,
 ) -> FoundMovers | None:
     """The dynamic objects of a drive, None where there are none.
 
@@ -164,15 +176,16 @@ def find_movers(
         drive: an imported drive; scene: its labels.
         progress: called per frame.
         cache: room for the frames.
+        kept: where an interrupted call leaves what the next one goes on from.
     Raises:
         DriveError: a box of an unknown class.
     """
-    search = _Search(drive, scene, cache or FrameCache())
+    search, kept = _Search(drive, scene, cache or FrameCache()), kept or Kept()
     boxed = _by_boxes(search)
     if search.ground is not None:
         visibility = search.visibility()
-        _by_instances(search, boxed, visibility)
-        _by_patches(search, boxed, visibility, progress)
+        _by_instances(search, boxed, visibility, kept.checkpoint("evidence"), progress)
+        _by_patches(search, boxed, visibility, kept.checkpoint("patches"), progress)
     if not search.movers:
         return None
     shown = search.numbers.frames()
@@ -187,7 +200,8 @@ def find_movers(
         for k, (name, evidence, source) in enumerate(search.movers)
     )
     numbers = Frames(len(drive.frames), search.numbers.image)
-    return FoundMovers(movers, numbers, _shadows(search), _points(search, shown))
+    points = kept.once("points", lambda: {"on_mover": _points(search, shown)})
+    return FoundMovers(movers, numbers, _shadows(search), points["on_mover"])
 
 
 def _by_boxes(search: _Search) -> Sequence[NDArray[np.int64]]:
@@ -209,7 +223,13 @@ def _by_boxes(search: _Search) -> Sequence[NDArray[np.int64]]:
     return owners
 
 
-def _by_instances(search: _Search, boxed: Sequence[NDArray[np.int64]], visibility: DriveVisibility) -> None:
+def _by_instances(
+    search: _Search,
+    boxed: Sequence[NDArray[np.int64]],
+    visibility: DriveVisibility,
+    checkpoint: Checkpoint,
+    progress: Progress,
+) -> None:
     """Objects with ids in the instance images that no box has."""
     assert search.ground is not None
     frames, count = search.drive.frames, len(search.cameras)
@@ -227,14 +247,23 @@ def _by_instances(search: _Search, boxed: Sequence[NDArray[np.int64]], visibilit
             for source in np.unique(instances[v]):
                 if source:
                     shown.setdefault(int(source), []).append(v)
-    for source in sorted(shown):
+    state = checkpoint.load()
+    # By id: how it is known to move, or None.
+    known: dict[str, str | None] = {} if state is None else state[1]["known"]
+    for done, source in enumerate(sorted(shown)):
         masks = {v: instances[v] == source for v in shown[source]}
         counts = np.zeros(len(search.names), np.int64)
         for v, mask in masks.items():
             counts += np.bincount(search.labels[v][mask], minlength=len(search.names))
         label = int(counts.argmax())
-        alone = DriveVisibility(search.cameras, _without_others(visibility.frames, masks))
-        evidence = instance_moves(masks, Frames(count, search.below), alone, search.body(label), search.ground)
+        if str(source) not in known:
+            alone = DriveVisibility(search.cameras, _without_others(visibility.frames, masks))
+            below, body = Frames(count, search.below), search.body(label)
+            known[str(source)] = instance_moves(masks, below, alone, body, search.ground)
+            if checkpoint.due():
+                checkpoint.save({}, {"known": known})
+        progress(done + 1, len(shown), "looking for what moves")
+        evidence = known[str(source)]
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
             for v, mask in masks.items():
@@ -252,16 +281,29 @@ def _without_others(frames: Sequence[FrameVisibility], masks: Mapping[int, Mask]
 
 
 def _by_patches(
-    search: _Search, boxed: Sequence[NDArray[np.int64]], visibility: DriveVisibility, progress: Progress
+    search: _Search,
+    boxed: Sequence[NDArray[np.int64]],
+    visibility: DriveVisibility,
+    checkpoint: Checkpoint,
+    progress: Progress,
 ) -> None:
     """Objects without ids, frame by frame."""
     assert search.ground is not None
     wanted = {k: search.body(k) for k in search.removable}
     patches: dict[int, list[Patch]] = {}
-    for v, frame in enumerate(search.drive.frames):
+    begun = 0
+    if (state := checkpoint.load()) is not None:
+        begun = state[1]["frames"]
+        patches = {v: [] for v in state[1]["asked"]}
+        for patch in patches_of_arrays(state[0]):
+            patches[patch.frame].append(patch)
+    for v, frame in enumerate(search.drive.frames[begun:], start=begun):
         if frame.instance_path is None:
             label = np.where(boxed[v] > 0, -1, search.labels[v]).astype(np.int8)
             patches[v] = find_patches(v, label, wanted, search.below(v), visibility, search.ground)
+        if checkpoint.due():
+            found = arrays_of_patches([p for of_frame in patches.values() for p in of_frame])
+            checkpoint.save(found, {"frames": v + 1, "asked": list(patches)})
         progress(v + 1, len(search.cameras), f"looking for what moves, {frame.name}")
     cameras = list(dict.fromkeys(f.camera_name for f in search.drive.frames))
     tracks = [[v for v, f in enumerate(search.drive.frames) if f.camera_name == c] for c in cameras]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ class PixelSet:
     Attributes:
         left, upper, right, lower: of the box around them; the last two are the first column and row outside.
         size: how many there are.
+        bits: one for each pixel of the box, row by row, packed.
     """
 
     left: int
@@ -26,7 +28,7 @@ class PixelSet:
     right: int
     lower: int
     size: int
-    _bits: NDArray[np.uint8]
+    bits: NDArray[np.uint8]
 
     @classmethod
     def of(cls, mask: Mask) -> PixelSet:
@@ -36,8 +38,19 @@ class PixelSet:
         crop = mask[box[1] : box[3], box[0] : box[2]]
         return cls(*box, int(crop.sum()), np.packbits(crop))
 
+    @classmethod
+    def of_bits(cls, numbers: Sequence[int], bits: NDArray[np.uint8]) -> PixelSet:
+        """From its :attr:`numbers` and an array that begins with its bits."""
+        left, upper, right, lower, size = numbers
+        return cls(left, upper, right, lower, size, bits[: -(-(right - left) * (lower - upper) // 8)].copy())
+
+    @property
+    def numbers(self) -> tuple[int, int, int, int, int]:
+        """left, upper, right, lower, size."""
+        return self.left, self.upper, self.right, self.lower, self.size
+
     def write(self, image: NDArray[np.uint16], value: int) -> None:
         """Give these pixels of an image (H, W) a value."""
         shape = self.lower - self.upper, self.right - self.left
-        crop = np.unpackbits(self._bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)
+        crop = np.unpackbits(self.bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)
         image[self.upper : self.lower, self.left : self.right][crop] = value

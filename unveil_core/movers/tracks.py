@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from unveil_core.movers.contacts import Contacts, find_contacts
 from unveil_core.movers.pixel_set import PixelSet
 from unveil_core.movers.seen_through import Body, DriveVisibility, count_evidence, probe_points
 
-__all__ = ["Patch", "find_patches", "instance_moves", "link_patches"]
+__all__ = ["Patch", "arrays_of_patches", "find_patches", "instance_moves", "link_patches", "patches_of_arrays"]
 
 COLUMNS = 3
 """Least number of contacts that say anything about an object."""
@@ -55,6 +56,24 @@ class Patch:
         """(4,) left, upper, right and lower end, pixels."""
         own = self.pixels
         return np.array([own.left, own.upper, own.right, own.lower], dtype=np.float64)
+
+
+def arrays_of_patches(patches: Sequence[Patch]) -> dict[str, NDArray[Any]]:
+    """Patches as arrays for a file, before any has a number."""
+    pixels = [p.pixels for p in patches]
+    rows = [(p.frame, p.label, p.state, *p.pixels.numbers) for p in patches]
+    bits = np.concatenate([np.zeros(0, np.uint8), *(p.bits for p in pixels)])
+    return {"rows": np.array(rows, np.int64).reshape(len(rows), 8), "bits": bits}
+
+
+def patches_of_arrays(arrays: Mapping[str, NDArray[Any]]) -> list[Patch]:
+    """Inverse of :func:`arrays_of_patches`."""
+    found, begun = [], 0
+    for frame, label, state, *numbers in arrays["rows"].tolist():
+        pixels = PixelSet.of_bits(numbers, arrays["bits"][begun:])
+        begun += len(pixels.bits)
+        found.append(Patch(frame, label, pixels, state))
+    return found
 
 
 def _certain(contacts: Contacts, body: Body) -> Contacts:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress
@@ -103,25 +104,39 @@ class Moving:
 
 
 def write_moving(
-    drive: Drive, scene: SceneLabels, folder: Path, mode: str, progress: Progress, cache: FrameCache
+    drive: Drive,
+    scene: SceneLabels,
+    folder: Path,
+    mode: str,
+    progress: Progress,
+    cache: FrameCache,
+    kept: Kept | None = None,
 ) -> int:
     """Find the dynamic objects and write ``folder``; returns how many there are.
 
     Args:
         mode: "auto", or "keep" to treat everything as static.
         cache: room for the frames.
+        kept: where an interrupted call leaves what the next one goes on from.
     Raises:
         DriveError: a tracked box of an unknown class.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    found = find_movers(drive, scene, progress, cache) if mode == "auto" else None
+    kept = kept or Kept()
+    found = find_movers(drive, scene, progress, cache, kept) if mode == "auto" else None
     entries: list[dict[str, object]] = []
     if found is not None:
-        for frame, numbers, shadow in zip(drive.frames, found.numbers, found.shadows, strict=True):
+        checkpoint = kept.checkpoint("written")
+        state = checkpoint.load()
+        for i in range(0 if state is None else state[1]["frames"], len(drive.frames)):
+            frame, numbers, shadow = drive.frames[i], found.numbers[i], found.shadows[i]
             if numbers.any():
                 write_image_atomic(frame_file(folder / "pixels", frame), numbers)
             if shadow.any():
                 save_mask(shadow, frame_file(folder / "shadows", frame))
+            if checkpoint.due():
+                checkpoint.save({}, {"frames": i + 1})
+            progress(i + 1, len(drive.frames), "looking for shadows of what moves")
         save_array(found.on_mover.astype(np.uint8), folder / "points.npy")
         entries = [
             {

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives import open_drive
-from unveil_core.drives.drive import PointCloud, tracks
+from unveil_core.drives.drive import Drive, FrameLabels, PointCloud, Sweep, SweepPoints, tracks
 from unveil_core.drives.imported import read_imported
-from unveil_core.drives.importing.whole_drive import import_drive
+from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.points import write_points
 from unveil_core.semantics.classes import CITYSCAPES
 
@@ -101,3 +103,88 @@ def test_a_rig_keeps_its_rate_its_sizes_and_its_front_camera(tmp_path: Path) -> 
     bare = read_imported(drive.root, points=False)
     assert len(drive.points.positions) and not len(bare.points.positions)
     assert [f.image_path for f in bare.frames] == [f.image_path for f in drive.frames]
+
+
+class Killed(BaseException):
+    pass
+
+
+def stop_at(call: int, message: str):  # type: ignore[no-untyped-def]
+    """A progress that ends the work at a call with a message, as a kill does."""
+    calls: list[str] = []
+
+    def progress(done: int, total: int, said: str = "", **_: float) -> None:
+        calls.append(said)
+        if calls.count(message) == call:
+            raise Killed
+
+    return progress
+
+
+def with_sweeps(drive: Drive) -> tuple[Drive, list[int]]:
+    """A drive whose points are in six sweeps, and which of them were read."""
+    read: list[int] = []
+
+    def sweep(k: int) -> Sweep:
+        def points() -> SweepPoints:
+            read.append(k)
+            return SweepPoints(np.random.default_rng(k).uniform(-20, 20, (300, 3)))
+
+        return Sweep(drive.root, points)
+
+    return replace(drive, points=PointCloud(np.zeros((0, 3)), None), sweeps=tuple(map(sweep, range(6)))), read
+
+
+def test_an_import_goes_on_where_it_was_killed(tmp_path: Path) -> None:
+    path = make_small_rig(tmp_path / "rig", [LEFT, FRONT], np.arange(6.0))
+    drive, read = with_sweeps(open_drive(path))
+    bare = {"semantic_path": None, "instance_path": None, "mask_path": None}
+    drive = replace(drive, frames=tuple(replace(f, **bare) for f in drive.frames))
+    labelled: list[int] = []
+
+    def labels(i: int) -> FrameLabels:
+        labelled.append(i)
+        camera = done.frames[i].camera
+        some = np.full((camera.height, camera.width), i, np.uint8)
+        return FrameLabels(some, some.astype(np.uint16) if i % 2 else None, some > 3)
+
+    def files(folder: Path) -> dict[str, bytes]:
+        return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+    done = import_drive(drive, tmp_path / "whole", work_side=60)
+    write_labels(tmp_path / "whole", Frames(len(drive.frames), labels))
+    parts, kept = tmp_path / "parts", Kept(tmp_path / "kept", every_s=0.0)
+    for call, message in ((3, "checking files"), (4, "reading sweeps"), (5, "importing")):
+        with pytest.raises(Killed):
+            import_drive(drive, parts, work_side=60, kept=kept, progress=stop_at(call, message))
+    made = {p: p.stat().st_ino for p in parts.with_name(".parts.partial").rglob("*.png")}
+    assert made
+    read.clear()
+    imported = import_drive(drive, parts, work_side=60, kept=kept)
+    assert not read, "sweeps are not read twice"
+    moved = {p.relative_to(parts): p.stat().st_ino for p in parts.rglob("*.png")}
+    assert all(moved[p.relative_to(parts.with_name(".parts.partial"))] == inode for p, inode in made.items())
+    labelled.clear()
+    with pytest.raises(Killed):
+        write_labels(parts, Frames(len(drive.frames), labels), stop_at(4, "labelling"))
+    again = import_drive(drive, parts, work_side=60, kept=kept)
+    assert [f.image_path for f in again.frames] == [f.image_path for f in imported.frames]
+    write_labels(parts, Frames(len(drive.frames), labels))
+    assert labelled == list(range(len(drive.frames)))
+    assert files(parts) == files(tmp_path / "whole")
+    # Nobody is to go on: nothing stays.
+    with pytest.raises(Killed):
+        import_drive(drive, tmp_path / "other", work_side=60, progress=stop_at(2, "importing"))
+    assert not list(tmp_path.glob("*other*"))
+
+
+def test_sweeps_are_gathered_from_the_last_checkpoint_on(tmp_path: Path) -> None:
+    drive, read = with_sweeps(open_drive(make_small_rig(tmp_path / "rig", [FRONT], np.arange(3.0))))
+    kept = Kept(tmp_path / "kept", every_s=0.0)
+    with pytest.raises(Killed):
+        import_drive(drive, tmp_path / "parts", kept=kept, progress=stop_at(4, "reading sweeps"))
+    read.clear()
+    import_drive(drive, tmp_path / "parts", kept=kept)
+    assert read == [4, 5]
+    import_drive(drive, tmp_path / "whole")
+    assert (tmp_path / "parts/points.ply").read_bytes() == (tmp_path / "whole/points.ply").read_bytes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,8 @@ def labels_at_work_size(frame: Frame, found: FrameLabels, target: Camera) -> Fra
 
 
 def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str, object]:
-    """Write the pictures of a frame, in local coordinates, into ``folder``.
+    """Write the pictures of a frame, in local coordinates, into ``folder``. A file that is there already stays: an interrupted
+    import left it.
 
     Returns:
         its entry in cameras.json.
@@ -138,46 +140,58 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         "timestamp": frame.timestamp,
         "image": image,
     }
+
+    def unless_there(relative: str, put: Callable[[Path], None]) -> None:
+        if not (folder / relative).is_file():
+            put(folder / relative)
+
+    def warp(picture: NDArray[Any], *, border: int, label: bool = True) -> NDArray[Any]:
+        return _warp(picture, frame.camera, frame.distortion, target, label=label, border=border)
+
+    def put_photograph(path: Path) -> None:
+        store_photograph(frame, path)
+
     if frame.boxes:
         entry["boxes"] = [box.to_json() for box in frame.boxes]
     if kept:
-        store_photograph(frame, folder / image)
+        unless_there(image, put_photograph)
     else:
-        picture = _warp(photograph(frame), frame.camera, frame.distortion, target, label=False, border=0)
-        write_image_atomic(folder / image, picture)
+        unless_there(image, lambda path: write_image_atomic(path, warp(photograph(frame), border=0, label=False)))
     if frame.footage is not None:  # the drive was imported before
-        relative = f"footage/{stem}{frame.footage.path.suffix.lower()}"
+        source = frame.footage.path
+        relative = f"footage/{stem}{source.suffix.lower()}"
         entry["footage"] = _footage(frame.footage, relative)
-        link_or_copy(frame.footage.path, folder / relative)
+        unless_there(relative, lambda path: link_or_copy(source, path))
     elif not kept:
-        footage = Footage(frame.image_path, frame.camera, frame.distortion)
-        entry["footage"] = _footage(footage, f"footage/{stem}{suffix}")
-        store_photograph(frame, folder / f"footage/{stem}{suffix}")
+        relative = f"footage/{stem}{suffix}"
+        entry["footage"] = _footage(Footage(frame.image_path, frame.camera, frame.distortion), relative)
+        unless_there(relative, put_photograph)
     kinds = (
         ("semantics", "semantics", frame.semantic_path, read_label_image, 255),
         ("instances", "instances", frame.instance_path, read_instance_image, 0),
         ("mask", "masks", frame.mask_path, _read_mask, 255),
     )
-    for key, place, path, read, border in kinds:
-        if path is None:
+    for key, place, found, read, border in kinds:
+        if found is None:
             continue
-        relative = f"{place}/{stem}.png"
-        if warped or path.suffix.lower() != ".png":
-            labels = read(path)
-            labels = (
-                _warp(labels, frame.camera, frame.distortion, target, label=True, border=border) if warped else labels
-            )
-            write_image_atomic(folder / relative, labels)
-        else:
-            link_or_copy(path, folder / relative)
-        entry[key] = relative
+
+        def put_labels(
+            path: Path, found: Path = found, read: Callable[[Path], NDArray[Any]] = read, border: int = border
+        ) -> None:
+            if warped:
+                write_image_atomic(path, warp(read(found), border=border))
+            elif found.suffix.lower() != ".png":
+                write_image_atomic(path, read(found))
+            else:
+                link_or_copy(found, path)
+
+        entry[key] = f"{place}/{stem}.png"
+        unless_there(f"{place}/{stem}.png", put_labels)
     if frame.ego_rows:
         ego = np.zeros((frame.camera.height, frame.camera.width), np.uint8)
         ego[-frame.ego_rows :] = 255
         entry["ego"] = f"ego/{stem}.png"
-        write_image_atomic(
-            folder / f"ego/{stem}.png", _warp(ego, frame.camera, frame.distortion, target, label=True, border=0)
-        )
+        unless_there(f"ego/{stem}.png", lambda path: write_image_atomic(path, warp(ego, border=0)))
     return entry
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
@@ -52,7 +53,7 @@ def in_boxes(points: Float64, boxes: Collection[TrackedBox], margin: float = MAR
     return inside
 
 
-def gathered(drive: Drive, progress: Progress = no_progress) -> PointCloud:
+def gathered(drive: Drive, progress: Progress = no_progress, checkpoint: Checkpoint | None = None) -> PointCloud:
     """The points of all sweeps of a localized drive, thinned to one a cell; of those in a cell that of the earliest sweep, and its
     class, stay.
 
@@ -61,14 +62,18 @@ def gathered(drive: Drive, progress: Progress = no_progress) -> PointCloud:
 
     Args:
         drive: in metres; with frames.
+        checkpoint: from which an interrupted call is continued.
     Raises:
         DriveError: a sweep that cannot be read, or no points at all.
     """
     moved = moved_ids(drive)
     cameras = np.stack([f.camera.centre for f in drive.frames])
     low, high = cameras.min(axis=0) - FAR_M, cameras.max(axis=0) + FAR_M
-    cloud, cell = _Cells(), CELL_M
-    for done, sweep in enumerate(drive.sweeps):
+    cloud, cell, begun = _Cells(), CELL_M, 0
+    checkpoint = checkpoint or Checkpoint()
+    if (state := checkpoint.load()) is not None:
+        cloud, cell, begun = _Cells(**state[0]), state[1]["cell"], state[1]["done"]
+    for done, sweep in enumerate(drive.sweeps[begun:], start=begun):
         found = sweep.read()
         keep = ((found.positions > low) & (found.positions < high)).all(axis=1)
         positions = found.positions[keep]
@@ -78,6 +83,8 @@ def gathered(drive: Drive, progress: Progress = no_progress) -> PointCloud:
         while len(cloud.keys) > MOST_POINTS:
             cell *= CELL_GROWTH
             cloud = _Cells().with_points(cloud.positions, cloud.classes, cloud.moving, cell)
+        if checkpoint.due():
+            checkpoint.save(vars(cloud), {"cell": cell, "done": done + 1})
         progress(done + 1, len(drive.sweeps), "reading sweeps")
     if not len(cloud.keys):
         raise DriveError("its sweeps hold no points near the cameras", path=drive.root, mend="a drive needs points")

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
@@ -30,6 +32,9 @@ from unveil_core.drives.scale_and_up import Placement, place_drive
 from unveil_core.geometry.axes import UP
 
 __all__ = ["frame_rate", "import_drive", "localized", "write_labels"]
+
+CAMERAS = "cameras.json"
+"""File of an imported drive that is written last."""
 
 
 def localized(drive: Drive, placement: Placement | None = None) -> Drive:
@@ -81,6 +86,7 @@ def import_drive(
     *,
     work_side: int | None = None,
     placement: Placement | None = None,
+    kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Drive:
     """Check a drive and write it to ``destination``, which appears whole or not at all.
@@ -90,68 +96,84 @@ def import_drive(
         destination: the folder to make; it must not exist or is replaced.
         work_side: longer image side that larger images are reduced to, pixels; None keeps them.
         placement: scale and up of the drive; None = as :func:`place_drive` finds them.
+        kept: where an interrupted call leaves what the next one, of the same drive, goes on from; None = it leaves nothing.
     Returns:
         the imported drive, as :func:`read_imported` gives it, with the sweeps in its coordinates and the labels that a
         dataset has (see :func:`write_labels`) still unread.
     Raises:
         DriveError: see :func:`check_drive`.
     """
-    check_drive(drive, progress)
-    drive = localized(drive, placement)
-    partial = destination.with_name(f".{destination.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    try:
-        partial.mkdir(parents=True)
-        points = gathered(drive, progress) if drive.sweeps else drive.points
-        write_points(points, partial / "points.ply")
-        entries = []
-        for done, frame in enumerate(drive.frames):
-            entries.append(import_frame(frame, partial, work_side))
-            progress(done + 1, len(drive.frames), "importing")
-        write_json_atomic(
-            partial / "cameras.json",
-            {
-                "source": str(drive.root),
-                "to_world": drive.to_world.to_json(),
-                "scale_source": drive.scale_source,
-                "up_source": drive.up_source,
-                "frame_rate": frame_rate(drive),
-                "front_cameras": list(drive.front_cameras),
-                "semantic_classes": drive.semantic_classes,
-                "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
-                "frames": entries,
-            },
-        )
-        shutil.rmtree(destination, ignore_errors=True)
-        partial.rename(destination)
-    except BaseException:
-        shutil.rmtree(partial, ignore_errors=True)
-        raise
+    drive_as_read, drive = drive, localized(drive, placement)
+    if kept is None or not (destination / CAMERAS).is_file():
+        partial = destination.with_name(f".{destination.name}.partial")
+        if kept is None:
+            shutil.rmtree(partial, ignore_errors=True)
+        try:
+            _write(drive_as_read, drive, partial, work_side, kept or Kept(), progress)
+            shutil.rmtree(destination, ignore_errors=True)
+            partial.rename(destination)
+        except BaseException:
+            if kept is None:
+                shutil.rmtree(partial, ignore_errors=True)
+            raise
     imported = read_imported(destination)
     frames = [replace(new, labels=old.labels) for new, old in zip(imported.frames, drive.frames, strict=True)]
     return replace(imported, frames=tuple(frames), sweeps=drive.sweeps)
 
 
-def write_labels(folder: Path, labels: Iterable[FrameLabels], progress: Progress = no_progress) -> None:
-    """Add labels to an imported drive that came without.
+def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, kept: Kept, progress: Progress) -> None:
+    """Write a localized drive into a folder; ``as_read``: the same before, which the messages of checks are about."""
+
+    def check() -> dict[str, NDArray[Any]]:
+        check_drive(as_read, progress)
+        return {}
+
+    kept.once("checked", check)
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / "points.ply").is_file():
+        points = gathered(drive, progress, kept.checkpoint("sweeps")) if drive.sweeps else drive.points
+        write_points(points, folder / "points.ply")
+    entries = []
+    for done, frame in enumerate(drive.frames):
+        entries.append(import_frame(frame, folder, work_side))
+        progress(done + 1, len(drive.frames), "importing")
+    write_json_atomic(
+        folder / CAMERAS,
+        {
+            "source": str(drive.root),
+            "to_world": drive.to_world.to_json(),
+            "scale_source": drive.scale_source,
+            "up_source": drive.up_source,
+            "frame_rate": frame_rate(drive),
+            "front_cameras": list(drive.front_cameras),
+            "semantic_classes": drive.semantic_classes,
+            "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
+            "frames": entries,
+        },
+    )
+
+
+def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress = no_progress) -> None:
+    """Add labels to an imported drive that came without; of a frame that has them, an interrupted call left them.
 
     Args:
         folder: of :func:`import_drive`.
-        labels: of its frames in their order, of working size.
+        labels: of its frames in their order, of working size; asked for those that are missing only.
     """
-    path = folder / "cameras.json"
+    path = folder / CAMERAS
     data: dict[str, Any] = json.loads(path.read_text())
     entries = data["frames"]
-    for done, (entry, found) in enumerate(zip(entries, labels, strict=True)):
+    for done, entry in enumerate(entries):
         stem = f"{entry['camera']}/{entry['name']}.png"
-        write_image_atomic(folder / "semantics" / stem, found.semantic)
-        entry["semantics"] = f"semantics/{stem}"
-        if found.instance is not None:
-            write_image_atomic(folder / "instances" / stem, found.instance)
-            entry["instances"] = f"instances/{stem}"
-        if found.ego is not None and found.ego.any():
-            write_image_atomic(folder / "ego" / stem, found.ego.astype(np.uint8) * 255)
-            entry["ego"] = f"ego/{stem}"
+        files = {name: folder / name / stem for name in ("semantics", "instances", "ego")}
+        if not files["semantics"].is_file():  # the last that is written
+            found = labels[done]
+            if found.instance is not None:
+                write_image_atomic(files["instances"], found.instance)
+            if found.ego is not None and found.ego.any():
+                write_image_atomic(files["ego"], found.ego.astype(np.uint8) * 255)
+            write_image_atomic(files["semantics"], found.semantic)
+        entry |= {name: f"{name}/{stem}" for name, file in files.items() if file.is_file()}
         progress(done + 1, len(entries), "labelling")
     data["semantic_classes"] = "cityscapes"
     write_json_atomic(path, data)

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import subset
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
@@ -128,6 +131,7 @@ def rectified_path(
     images: Sequence[NDArray[np.uint8]],
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
+    kept: Kept | None = None,
 ) -> tuple[StreetPath, float]:
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
@@ -135,15 +139,15 @@ def rectified_path(
 
     Args:
         images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
+        kept: where an interrupted call leaves the pieces that it has read.
     Returns:
         the path, and how far it was moved at most, metres.
     """
-    per_m, count = 1 / TEXEL_M, rows_of(ground)
+    per_m, count, kept = 1 / TEXEL_M, rows_of(ground), kept or Kept()
     s_of_camera = ground.path.to_street(centres_of(cameras))[:, 0]
     length = bin_rows(per_m) * round(PIECE_M / BIN_M)
-    pieces = []
-    for first in range(0, count, length):
-        end = min(first + length, count)
+
+    def read(first: int, end: int) -> dict[str, NDArray[Any]]:
         low, high = (ground.s_start + TEXEL_M * row for row in (first, end))
         near = np.flatnonzero((s_of_camera >= low - READ_M) & (s_of_camera <= high + READ_M)).tolist()
         chart = read_chart(
@@ -154,7 +158,13 @@ def rectified_path(
             subset(usable, near),
             rows=(first, end),
         )
-        pieces.append(RowBins.of_chart(chart.color, chart.source == OBSERVED, texels_per_m=per_m))
+        bins = RowBins.of_chart(chart.color, chart.source == OBSERVED, texels_per_m=per_m)
+        return {"lines": bins.lines, "shown": bins.shown}
+
+    pieces = []
+    for first in range(0, count, length):
+        piece = partial(read, first, min(first + length, count))
+        pieces.append(RowBins(**kept.once(f"lines-{first}", piece)))
     aside = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m) * TEXEL_M
     return shift_path(ground.path, arc_lengths(ground, (0, count)), aside), float(np.abs(aside).max(initial=0.0))
 

@@ -88,7 +88,8 @@ def run(context: StageContext) -> Facts:
         usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
         context.progress(2, 4, "following lines and kerbs")
         images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
-        rectified, moved = rectified_path(street, [f.camera for f in frames], images, labels, usable)
+        cameras = [f.camera for f in frames]
+        rectified, moved = rectified_path(street, cameras, images, labels, usable, context.kept)
         street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 
+from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels
@@ -34,7 +35,9 @@ def run(context: StageContext) -> Facts:
     drive = open_drive(context.drive, settings.drive_options)
     placement = place_drive(drive, scale=settings.scale, up=settings.up)
     folder = context.output("drive")
-    imported = import_drive(drive, folder, work_side=side, placement=placement, progress=context.progress)
+    imported = import_drive(
+        drive, folder, work_side=side, placement=placement, kept=context.kept, progress=context.progress
+    )
     labels, source = _labels(drive, imported, settings, context.progress)
     if labels is not None:
         write_labels(folder, labels, context.progress)
@@ -43,7 +46,7 @@ def run(context: StageContext) -> Facts:
 
 def _labels(
     drive: Drive, imported: Drive, settings: RunSettings, progress: Progress
-) -> tuple[Iterator[FrameLabels] | None, str]:
+) -> tuple[Sequence[FrameLabels] | None, str]:
     """Labels for the frames of a drive that has none in files of its own, and where they come from.
 
     Args:
@@ -85,10 +88,13 @@ def labels_come_from(drive: Drive, settings: RunSettings) -> str:
     return "points" if points_have_classes(drive) else "nothing"
 
 
-def _of_dataset(drive: Drive, imported: Drive) -> Iterator[FrameLabels]:
-    for frame, done in zip(drive.frames, imported.frames, strict=True):
+def _of_dataset(drive: Drive, imported: Drive) -> Sequence[FrameLabels]:
+    def of_frame(i: int) -> FrameLabels:
+        frame = drive.frames[i]
         assert frame.labels is not None
-        yield labels_at_work_size(frame, frame.labels(), done.camera)
+        return labels_at_work_size(frame, frame.labels(), imported.frames[i].camera)
+
+    return Frames(len(drive.frames), of_frame)
 
 
 def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:

@@ -17,7 +17,7 @@ def run(context: StageContext) -> Facts:
     scene = find_labels(drive)
     write_json_atomic(context.output("labels.json"), scene.labels_json())
     mode, folder = context.settings.movers, context.output("movers")
-    count = write_moving(drive, scene, folder, mode, context.progress, context.cache)
+    count = write_moving(drive, scene, folder, mode, context.progress, context.cache, context.kept)
     return {"movers": count}
 
 
