@@ -16,7 +16,10 @@ from tests.ground.test_street import look
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.delivery.views import EmptyView, EmptyViews, choose_sources
 from unveil_core.drives.drive import PointCloud
+from unveil_core.evaluate.holdout.drive import seen_elsewhere
+from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground import blocks
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.inpaint.frames.holes import Hole
@@ -154,7 +157,18 @@ def evidence_of(frames: int) -> None:
         count_evidence(camera.centre + 8 * camera.rays()[7:9, 11:13].reshape(-1, 1, 3), visibility, i, farther=4.0)
 
 
-@pytest.mark.parametrize("work", [visibility_of, keyframes_of, sources_of, evidence_of])
+def footage_of(frames: int) -> None:
+    cameras, shape = line(frames), (16, 24)
+    number = np.zeros(shape, dtype=np.uint8)
+    number[8:12, 10:14] = 1
+    car = CarPixels(number, np.full(shape, 5.0, np.float32), np.zeros((*shape, 3), np.uint8))
+    # What no frame shows is asked of all that may.
+    views = [SceneView(c, np.full(shape, 12.0, np.float32), np.ones(shape, bool)) for c in cameras]
+    found = seen_elsewhere(CameraViews(cameras, views), [car] * frames, far=100.0)
+    assert not any(mask.any() for mask in found)
+
+
+@pytest.mark.parametrize("work", [visibility_of, keyframes_of, sources_of, evidence_of, footage_of])
 def test_twice_the_way_is_twice_the_work(work: Callable[[int], None], monkeypatch: pytest.MonkeyPatch) -> None:
     # Of the shorter drive more frames lie near an end. Each frame against all others would be 4.
     assert growth(work, monkeypatch) < 3
