@@ -48,7 +48,9 @@ def test_what_did_not_finish_goes_on_or_is_dropped(tmp_path: Path) -> None:
     parts = Parts(tmp_path / "parts", every_s=0.0)
 
     def killed(kept: Kept) -> dict[str, NDArray[np.int64]]:
-        kept.checkpoint("training").save({"half": np.arange(2)}, {"at": 1})
+        checkpoint = kept.checkpoint("training")
+        assert checkpoint.due()
+        checkpoint.save({"half": np.arange(2)}, {"at": 1})
         raise KeyboardInterrupt
 
     def resumed(kept: Kept) -> dict[str, NDArray[np.int64]]:
