@@ -129,15 +129,20 @@ def _wall_limit(side: Float64, s_low: float, fallback: Float64) -> Float64:
     rows = len(fallback)
     limit = np.full(rows, np.nan)
     row = np.round((side[:, 0] - s_low) / S_CELL_M).astype(int)
-    for r in range(rows):
-        near = np.abs(row - r) <= 3
-        if near.sum() >= 15:
-            limit[r] = max(fallback[r], float(np.percentile(side[near, 1], 15)))
+    order = np.argsort(row, kind="stable")
+    row, offset = row[order], side[order, 1]
+    index = np.arange(rows)
+    first, last = np.searchsorted(row, index - 3, "left"), np.searchsorted(row, index + 3, "right")
+    for r in np.flatnonzero(last - first >= 15):
+        limit[r] = max(fallback[r], float(np.percentile(offset[first[r] : last[r]], 15)))
     known = np.flatnonzero(np.isfinite(limit))
     if not len(known):
         return fallback
     # Where no wall was seen the street is as wide as at the nearest place where one was.
-    limit = limit[known[np.abs(np.arange(rows)[:, None] - known[None]).argmin(axis=1)]]
+    after = np.searchsorted(known, index).clip(max=len(known) - 1)
+    before = (after - 1).clip(min=0)
+    nearest = np.where(np.abs(index - known[before]) <= np.abs(known[after] - index), known[before], known[after])
+    limit = limit[nearest]
     return median_filter(np.maximum(limit, fallback), 5, mode="nearest")
 
 
