@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import re
 import shutil
@@ -234,7 +235,11 @@ def test_words_from_files_are_only_words(workspace: Path) -> None:
     write_json_atomic(workspace / "workspace.json", state)
     write_json_atomic(
         workspace / "instances.json",
-        [{"id": evil, "class": evil, "thumbnail": "../../../etc/hostname", "first_frame": evil, "removed": True}, 7],
+        [
+            {"id": evil, "class": evil, "thumbnail": "../../../etc/hostname", "first_frame": evil, "removed": True},
+            {"id": 1, "class": "car", "picture": 'x" onerror="alert(1)'},
+            7,
+        ],
     )
     cameras = (workspace / "drive/cameras.json").read_text()
     document = json.loads(cameras)
@@ -245,6 +250,15 @@ def test_words_from_files_are_only_words(workspace: Path) -> None:
     assert not any("onerror" in attributes for _, attributes in page.found)
     assert page.frames()[0]["name"] == "</script><b>"
     assert not any(tag == "b" and "class" in attributes for tag, attributes in page.found)
+
+
+def test_only_its_own_script_may_run(finished: Path, tmp_path: Path) -> None:
+    _, page = page_of(finished, tmp_path / "report")
+    (policy,) = [a["content"] for tag, a in page.found if tag == "meta" and "content-security-policy" in str(a).lower()]
+    (script,) = [text for attributes, text in page.scripts if not attributes]
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert policy is not None and f"script-src 'sha256-{digest}'" in policy and "default-src 'none'" in policy
+    assert "unsafe-inline" not in policy.split("script-src")[1]
 
 
 def test_damaged_json_is_one_line(workspace: Path) -> None:

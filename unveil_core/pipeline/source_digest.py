@@ -87,7 +87,9 @@ def _digest(paths: tuple[Path, ...]) -> str:
     for path in paths:
         # What lies beside the code of a package belongs to it: a page's style sheet, say.
         beside = (
-            sorted(p for p in path.parent.glob("*.*") if p.suffix in (".css", ".js")) if path.stem == "__init__" else []
+            sorted(p for p in path.parent.glob("*.*") if p.suffix in (".css", ".js", ".j2"))
+            if path.stem == "__init__"
+            else []
         )
         for file in (path, *beside):
             digest.update(file.name.encode() + b"\0" + file.read_bytes().replace(b"\r\n", b"\n") + b"\0")

@@ -92,7 +92,7 @@ def read_json(path: Path, default: Any) -> Any:
     if not path.is_file():
         return default
     try:
-        return json.loads(path.read_text())
+        return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WorkspaceError(
             f"cannot be read: {error}", path=path, mend="run the stage that writes it again"
@@ -167,6 +167,7 @@ def _instances(root: Path) -> tuple[dict[str, Any], ...]:
         if not isinstance(entry, dict):
             continue
         name = entry.get("thumbnail")
+        entry = {key: value for key, value in entry.items() if key != "picture"}  # ours to add
         path = (root / str(name)).resolve() if name else None
         # A thumbnail is a file of this workspace, whatever the JSON says.
         if path is not None and path.is_file() and path.is_relative_to(root.resolve()):

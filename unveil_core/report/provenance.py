@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -81,17 +80,16 @@ def _ramp() -> NDArray[np.float64]:
     return colors
 
 
-def mode_legend(mode: str) -> str:
-    """The legend of a view of the viewer; empty where it needs none."""
+def mode_legend(mode: str) -> list[tuple[str, str]]:
+    """Colours, as CSS has them, and words of a view of the viewer; none where it needs no legend."""
     if mode == "provenance":
         entries = {ORIGIN_NAMES[k]: ORIGIN_COLORS[k] for k in ORIGIN_COLORS}
     elif mode == "certainty":
         entries = {f"expected to be right: {share:.0%}".replace("%", " %"): color for share, color in RAMP.items()}
         entries["certain"] = SURE
     else:
-        return ""
-    items = "".join(f'<li><i style="background:rgb{color}"></i>{escape(name)}</li>' for name, color in entries.items())
-    return f'<ul class="legend" data-legend="{mode}" hidden>{items}</ul>'
+        return []
+    return [(f"rgb{color}", words) for words, color in entries.items()]
 
 
 def certainty_cards(metrics: dict[str, Any]) -> list[tuple[str, str]]:
