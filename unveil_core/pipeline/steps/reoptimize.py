@@ -61,13 +61,16 @@ def run(context: StageContext) -> None:
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(finished, delivered)
+        context.progress(i + 1, len(frames), "drawing the empty street")
     scratch = context.scratch("origins")
-    for known in provenance_of(workspace.root, context.partial, frames, empty, cache, scratch):
+    told = provenance_of(workspace.root, context.partial, frames, empty, cache, scratch)
+    for done, known in enumerate(told):
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
         write_image_atomic(frame_file(context.output("provenance"), known.frame), known.origin)
         write_image_atomic(frame_file(context.output("certainty"), known.frame), certainty)
+        context.progress(done + 1, len(frames), "telling where pixels come from")
 
 
 def _inpainted(context: StageContext, drive: Drive) -> Sequence[NDArray[np.uint8]]:
