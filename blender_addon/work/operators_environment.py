@@ -118,7 +118,10 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         if base is None:
             raise UserError("No Python 3.11, 3.12 or 3.13 that can make an environment was found: install one first")
         chosen = preferences(context)
-        wanted = environment.requirement(chosen.install_from)
+        try:
+            wanted = environment.requirement(chosen.install_from)
+        except LookupError as error:
+            raise UserError(str(error)) from error
         command = [base, "-I", "-u", str(Path(environment.__file__)), str(folder), wanted]
         return Job([*command, "--torch-index", chosen.torch_index])
 

@@ -90,12 +90,9 @@ def environment_folder(*, create: bool = False) -> Path | None:
 def _candidates(context: bpy.types.Context) -> list[Candidate]:
     chosen = preferences(context)
     folder = environment_folder()
-    settings = context.scene.unveil
-    beside = [Path(bpy.path.abspath(p)) for p in (settings.drive, settings.workspace, bpy.data.filepath) if p]
     return candidates(
         bpy.path.abspath(chosen.python) if chosen else "",
         own=venv_python(folder) if folder is not None and environment.is_ready(folder) else None,
-        beside=[p for p in beside if p.is_absolute()],
     )
 
 

@@ -25,7 +25,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-__all__ = ["ADDON", "READY", "base_python", "is_ready", "remove_unfinished", "requirement"]
+__all__ = ["ADDON", "READY", "base_python", "is_ready", "on_path", "remove_unfinished", "requirement"]
 
 ADDON = Path(__file__).absolute().parent.parent
 """The add-on's folder; the wheel that came with it lies in its ``core/``."""
@@ -56,9 +56,15 @@ def _previous(folder: Path) -> Path:
 
 
 def requirement(named: str = "", addon: Path = ADDON) -> str:
-    """What pip is to install: what the user has named, else the wheel that came with the add-on, else the package by its name."""
+    """What pip is to install: what the user has named, else the wheel that came with the add-on.
+
+    Raises:
+        LookupError: neither is there. Whatever a registry calls unveil-core may be another's.
+    """
     wheels = sorted((addon / "core").glob("unveil_core-*.whl"))
-    return named.strip() or (str(wheels[-1]) if wheels else "unveil-core")
+    if not named.strip() and not wheels:
+        raise LookupError("the add-on came without unveil_core (install the extension again, or name what to install)")
+    return named.strip() or str(wheels[-1])
 
 
 def base_python(own: str, environ: Mapping[str, str] | None = None) -> str | None:
@@ -67,13 +73,20 @@ def base_python(own: str, environ: Mapping[str, str] | None = None) -> str | Non
     Args:
         own: the interpreter of this process.
     """
-    path = (os.environ if environ is None else environ).get("PATH", "")
+    environ = os.environ if environ is None else environ
     minors = range(LEAST[1], MOST[1] + 1)
-    names = [shutil.which(f"python3.{minor}", path=path) for minor in minors] + [shutil.which("python3", path=path)]
+    names = [on_path(f"python3.{minor}", environ) for minor in minors] + [on_path("python3", environ)]
     for python in (own, *names):
         if python and _can_make(python):
             return python
     return None
+
+
+def on_path(name: str, environ: Mapping[str, str]) -> str | None:
+    """A program in one of the path's folders. Never one in the working folder, where Windows looks first: who opens a .blend works
+    where it lies."""
+    folders = [folder for folder in environ.get("PATH", "").split(os.pathsep) if os.path.isabs(folder)]
+    return next((found for folder in folders if (found := shutil.which(os.path.join(folder, name)))), None)
 
 
 def _can_make(python: str) -> bool:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .environment import on_path
 from .jobs import worker_environment
 
 __all__ = ["Candidate", "Found", "candidates", "check", "find", "venv_python"]
@@ -90,7 +90,6 @@ def candidates(
     preferred: str = "",
     *,
     own: Path | None = None,
-    beside: Iterable[Path] = (),
     environ: Mapping[str, str] | None = None,
 ) -> list[Candidate]:
     """Interpreters that exist, the likeliest first, each once.
@@ -98,12 +97,11 @@ def candidates(
     Args:
         preferred: what the user has named: an interpreter, or a virtual environment's folder.
         own: the environment that the add-on makes.
-        beside: files and folders beside which, or above which, a ``.venv`` may be: the drive, the .blend, the workspace.
         environ: UNVEIL_PYTHON, VIRTUAL_ENV, CONDA_PREFIX and PATH are looked at; the process's own by default.
     """
     environ = os.environ if environ is None else environ
     found: dict[Path, Candidate] = {}
-    for path, source in _places(preferred, own, beside, environ):
+    for path, source in _places(preferred, own, environ):
         path = venv_python(path) if path.is_dir() else path
         if path.is_file() and os.access(path, os.X_OK):
             # Not resolved: a virtual environment is known by its link to the interpreter that it was made with.
@@ -111,9 +109,8 @@ def candidates(
     return list(found.values())
 
 
-def _places(
-    preferred: str, own: Path | None, beside: Iterable[Path], environ: Mapping[str, str]
-) -> Iterator[tuple[Path, str]]:
+def _places(preferred: str, own: Path | None, environ: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
+    """Nothing that lies beside a drive or a .blend: these come from strangers, and what is found here is run."""
     if preferred.strip():
         yield Path(preferred.strip()).expanduser(), "from the preferences"
         return  # who names one wants that one, or to hear what is wrong with it
@@ -121,19 +118,15 @@ def _places(
         yield Path(environ["UNVEIL_PYTHON"]).expanduser(), "from UNVEIL_PYTHON"
     if own is not None:
         yield own, "made by the add-on"
-    command = shutil.which("unveil", path=environ.get("PATH", ""))
+    command = on_path("unveil", environ)
     if command:
         yield from ((python, "of the unveil command") for python in _python_of_script(Path(command)))
-    for start in beside:
-        for folder in (start, *start.parents):
-            for name in (".venv", "venv"):
-                yield folder / name, f"beside {start.name}"
     for name in ("VIRTUAL_ENV", "CONDA_PREFIX"):
         if environ.get(name):
             folder = Path(environ[name])
             yield folder / "python.exe" if WINDOWS and name == "CONDA_PREFIX" else venv_python(folder), f"from {name}"
     for name in ("python3", "python"):
-        path = shutil.which(name, path=environ.get("PATH", ""))  # pyenv's, too: its shims lie on the path
+        path = on_path(name, environ)  # pyenv's, too: its shims lie on the path
         if path:
             yield Path(path), "on the path"
 

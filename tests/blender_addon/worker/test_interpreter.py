@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import venv
 from pathlib import Path
@@ -27,13 +28,24 @@ def test_the_usual_places_in_their_order(tmp_path: Path) -> None:
     of_script = fake(tmp_path / "tool/python3.11")
     command = fake(tmp_path / "bin/unveil")
     command.write_text(f"#!{of_script}\n")
-    beside_drive = fake(venv_python(tmp_path / "work/.venv"))
     active = fake(venv_python(tmp_path / "active"))
     on_path = fake(tmp_path / "bin/python3")
     environ = {"UNVEIL_PYTHON": str(variable), "PATH": str(tmp_path / "bin"), "VIRTUAL_ENV": str(tmp_path / "active")}
-    found = candidates(own=own, beside=[tmp_path / "work/drives/street/transforms.json"], environ=environ)
-    assert [c.python for c in found] == [variable, own, of_script, beside_drive, active, on_path]
-    assert found[0].source == "from UNVEIL_PYTHON" and found[3].source == "beside transforms.json"
+    found = candidates(own=own, environ=environ)
+    assert [c.python for c in found] == [variable, own, of_script, active, on_path]
+    assert found[0].source == "from UNVEIL_PYTHON" and found[3].source == "from VIRTUAL_ENV"
+
+
+def test_what_lies_in_the_working_folder_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive and a .blend come from strangers, and Blender's working folder may be theirs."""
+    for name in (".venv", "venv", "."):
+        fake(venv_python(tmp_path / "street" / name))
+    (tmp_path / "street/drive").mkdir()
+    monkeypatch.chdir(tmp_path / "street/drive")
+    assert candidates(environ={}) == []
+    for name in ("unveil", "python3"):
+        fake(tmp_path / "street/drive" / name)
+    assert candidates(environ={"PATH": os.pathsep.join((".", "", str(tmp_path / "none")))}) == []
 
 
 def test_who_names_one_gets_that_one(tmp_path: Path) -> None:
