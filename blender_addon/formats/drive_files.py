@@ -110,7 +110,7 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: cannot be read: {error}") from error
 
 
@@ -132,11 +132,27 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
         drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(similarity["scale"]), rotation)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
-            tracks.setdefault(entry["camera"], []).append(_frame(entry, drive))
-    except (KeyError, TypeError, ValueError) as error:
+            tracks.setdefault(_name(entry["camera"]), []).append(_frame(entry, drive))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
     drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
     return drive
+
+
+def _name(text: object) -> str:
+    """The name of one file or folder, as import gives them; others would lead out of the workspace's folders.
+
+    Raises:
+        ValueError: it is none.
+    """
+    name = str(text)
+    if name != name.strip(" .") or not name or any(c in '<>:"/\\|?*' or ord(c) < 32 for c in name):
+        raise ValueError(f"{name[:40]!r} is no name of a file")
+    return name
+
+
+def _file(folder: Path, name: object) -> Path:
+    return folder.joinpath(*(_name(part) for part in str(name).split("/")))
 
 
 def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
@@ -147,16 +163,17 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     footage = entry.get("footage", entry)
     in_lens = footage.get("distortion") is not None
     shown = entry if in_lens else footage
+    width, height = int(shown["width"]), int(shown["height"])
+    lens = [float(shown[key]) for key in ("fx", "fy", "cx", "cy")]
+    if width < 1 or height < 1 or not np.isfinite([*lens, *placed.ravel()]).all() or min(lens[:2]) <= 0:
+        raise ValueError(f"the camera of frame {entry['name']} has no size, focal length or pose")
     return DriveFrame(
-        str(entry["name"]),
-        drive.workspace / "drive" / shown["image"],
-        int(shown["width"]),
-        int(shown["height"]),
-        float(shown["fx"]),
-        float(shown["fy"]),
-        float(shown["cx"]),
-        float(shown["cy"]),
+        _name(entry["name"]),
+        _file(drive.workspace / "drive", shown["image"]),
+        width,
+        height,
+        *lens,
         placed @ FLIP,
-        drive.workspace / "drive" / footage["image"],
+        _file(drive.workspace / "drive", footage["image"]),
         in_lens,
     )

@@ -7,6 +7,7 @@ workspace.
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Sequence
@@ -57,6 +58,10 @@ def _numbers(files: Sequence[Path]) -> int | None:
     return first
 
 
+MADE = re.compile(r"\d{6}\.[a-z]{1,5}")
+"""Names of the links that :func:`numbered` makes."""
+
+
 def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
     """A sequence of files; where their names are none, of links to them in ``folder``.
 
@@ -73,8 +78,10 @@ def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
         if not _same(target, file):
             link_or_copy(file, target)
         linked.append(target)
+    # Only what was made here before: the folder may hold, or be, something else.
     for left in set(folder.iterdir()) - set(linked):
-        left.unlink()
+        if MADE.fullmatch(left.name):
+            left.unlink()
     return PictureSequence(tuple(linked), 0)
 
 

@@ -115,7 +115,7 @@ def test_names_are_single_files_and_never_the_same_twice(street: Path, drive: Dr
     odd = [("../../etc/passwd", "../.."), ("a b/c:d.png", "left eye"), (".hidden", "..")]
     frames: list[dict[str, Any]] = [{"file_path": f, "camera": c, "transform_matrix": matrix} for f, c in odd]
     views = read_camera_path(written(tmp_path, {"frames": frames}), drive)
-    assert [(v.name, v.track) for v in views] == [("passwd", "camera"), ("c_d", "left_eye"), ("hidden", "camera")]
+    assert [(v.name, v.track) for v in views] == [("passwd", "camera"), ("c_d", "left eye"), ("hidden", "camera")]
     views = read_camera_path(written(tmp_path, {"frames": [frames[0], frames[0]]}), drive)
     assert [v.name for v in views] == ["0000", "0001"]
 

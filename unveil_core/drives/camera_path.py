@@ -9,7 +9,6 @@ drive's file. Views are pinhole: a lens distortion that a file names is left out
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
+from unveil_core.base.names import file_name
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.transforms_json import pose_from_matrix
@@ -70,7 +70,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
     for i, entry in enumerate(entries):
         if not isinstance(entry, dict):
             raise DriveError(f"view {i} is no JSON object", path=path)
-        name = _file_name(Path(str(entry.get("file_path", entry.get("name", "")))).stem, f"{i:04d}")
+        name = file_name(Path(str(entry.get("file_path", entry.get("name", "")))).stem, f"{i:04d}")
         try:
             if "world_to_camera" in entry:
                 camera = _workspace_camera(entry, top, path, name)
@@ -83,7 +83,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
         except (TypeError, ValueError, OverflowError) as error:
             raise DriveError(f"view {name} is damaged: {error}", path=path) from error
         views.append(
-            View(name, _file_name(str(entry.get("camera", "camera")), "camera"), drive.to_world.camera_to_local(camera))
+            View(name, file_name(str(entry.get("camera", "camera")), "camera"), drive.to_world.camera_to_local(camera))
         )
     if len({(v.track, v.name) for v in views}) < len(views):
         views = [replace(v, name=f"{i:04d}") for i, v in enumerate(views)]
@@ -133,11 +133,6 @@ def _moved(camera: Camera, by: Float64) -> Camera:
     pose = camera.world_to_camera.copy()
     pose[:3, 3] = -pose[:3, :3] @ (camera.centre + by)
     return replace(camera, world_to_camera=pose)
-
-
-def _file_name(text: str, otherwise: str) -> str:
-    """A name that is a single, visible file name, whatever the JSON says."""
-    return re.sub(r"[^\w.-]+", "_", text).strip("._") or otherwise
 
 
 def _number(entry: dict[str, Any], top: dict[str, Any], name: str) -> float | None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.names import is_file_name
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points
@@ -28,17 +29,17 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
     """
     path = folder / "cameras.json"
     try:
-        data = json.loads(path.read_text())
+        data = json.loads(path.read_text(encoding="utf-8"))
         frames = tuple(
             Frame(
-                name=e["name"],
-                camera_name=e["camera"],
+                name=_own_name(e["name"]),
+                camera_name=_own_name(e["camera"]),
                 camera=_camera(e, e),
-                image_path=folder / e["image"],
-                semantic_path=folder / e["semantics"] if "semantics" in e else None,
-                instance_path=folder / e["instances"] if "instances" in e else None,
-                mask_path=folder / e["mask"] if "mask" in e else None,
-                ego_path=folder / e["ego"] if "ego" in e else None,
+                image_path=_inside(folder, e["image"]),
+                semantic_path=_inside(folder, e["semantics"]) if "semantics" in e else None,
+                instance_path=_inside(folder, e["instances"]) if "instances" in e else None,
+                mask_path=_inside(folder, e["mask"]) if "mask" in e else None,
+                ego_path=_inside(folder, e["ego"]) if "ego" in e else None,
                 footage=_footage(e, folder),
                 timestamp=e.get("timestamp"),
                 boxes=read_boxes(e.get("boxes"), path, e["name"]),
@@ -58,8 +59,23 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),
         )
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
+
+
+def _own_name(text: object) -> str:
+    """A name that import gives: others would lead out of the workspace's folders."""
+    if not is_file_name(text):
+        raise ValueError(f"{str(text)[:40]!r} is no name of a file")
+    return str(text)
+
+
+def _inside(folder: Path, name: object) -> Path:
+    """The path of a file in the folder."""
+    parts = PurePosixPath(str(name)).parts
+    if not parts or not all(is_file_name(part) for part in parts):
+        raise ValueError(f"{str(name)[:40]!r} is no file in this folder")
+    return folder.joinpath(*parts)
 
 
 def _camera(numbers: dict[str, Any], entry: dict[str, Any]) -> Camera:
@@ -81,4 +97,4 @@ def _footage(entry: dict[str, Any], folder: Path) -> Footage | None:
         return None
     lens = found["distortion"]
     distortion = None if lens is None else Distortion(str(lens["model"]), tuple(float(k) for k in lens["coefficients"]))
-    return Footage(folder / found["image"], _camera(found, entry), distortion)
+    return Footage(_inside(folder, found["image"]), _camera(found, entry), distortion)

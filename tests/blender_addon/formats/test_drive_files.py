@@ -10,8 +10,10 @@ import pytest
 from blender_addon.formats.boxes import SceneBox
 from blender_addon.formats.drive_files import read_drive
 from tests.drives.tiny_drive import edit, make_tiny_drive
+from unveil_core.drives import open_drive
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.geometry.axes import up_frame, upright
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.pipeline.run import run
@@ -71,3 +73,24 @@ def test_a_missing_or_damaged_drive_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "drive/cameras.json").write_text("{")
     with pytest.raises(ValueError, match="cameras.json: cannot be read"):
         read_drive(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("camera", "../../../home/x/Pictures"),
+        ("name", ".."),
+        ("image", "../../x.png"),
+        ("image", "/etc/passwd"),
+        ("width", 0),
+        ("fx", float("nan")),
+        ("fy", -1.0),
+    ],
+)
+def test_a_drive_that_leads_out_of_its_workspace_is_one_line(tmp_path: Path, field: str, value: object) -> None:
+    folder = tmp_path / "ws/drive"
+    import_drive(open_drive(make_tiny_drive(tmp_path / "drive")), folder)
+    assert read_drive(tmp_path / "ws").tracks
+    edit(folder / "cameras.json", lambda d: d["frames"][0].update({field: value}))
+    with pytest.raises(ValueError, match="cameras.json: is no imported drive"):
+        read_drive(tmp_path / "ws")

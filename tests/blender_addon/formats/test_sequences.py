@@ -30,8 +30,13 @@ def test_other_files_get_numbered_links(names: tuple[str, ...], tmp_path: Path) 
     files[0].unlink()
     files[0].write_text("new")  # as a stage replaces its results
     (tmp_path / "links/000007.png").write_text("left over")
+    (tmp_path / "links/holiday.jpg").write_text("somebody's")
+    (tmp_path / "links/000007.jpg.bak").write_text("somebody's")
     again = numbered(files, tmp_path / "links")
-    assert again.files[0].read_text() == "new" and len(list((tmp_path / "links").iterdir())) == 2
+    assert again.files[0].read_text() == "new"
+    # What was not made here stays.
+    left = {p.name for p in (tmp_path / "links").iterdir()} - {f.name for f in again.files}
+    assert left == {"holiday.jpg", "000007.jpg.bak"}
 
 
 def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
+from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
@@ -159,7 +160,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         drive = kind.read(path, _scene(kind, path, kind.scenes(path), options.scene))
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
-    return select_part(in_order_of_time(drive), options)
+    return select_part(in_order_of_time(with_file_names(drive)), options)
 
 
 def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:

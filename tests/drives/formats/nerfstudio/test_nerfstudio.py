@@ -75,7 +75,7 @@ def test_folders_are_cameras(
 
 def test_cameras_by_key(tmp_path: Path) -> None:
     path = drive_with(tmp_path, lambda d: set_frames(d, camera_id=[1, 1, 2, "rear cam"]))
-    assert [f.camera_name for f in open_drive(path).frames] == ["camera_1", "camera_1", "camera_2", "rear_cam"]
+    assert [f.camera_name for f in open_drive(path).frames] == ["camera_1", "camera_1", "camera_2", "rear cam"]
     edit(path, lambda d: set_frames(d, camera=["front"] * 3 + ["rear"]))
     assert [f.camera_name for f in open_drive(path).frames] == ["front"] * 3 + ["rear"]
 

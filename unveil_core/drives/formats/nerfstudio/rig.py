@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 from typing import Any
+
+from unveil_core.base.names import file_name
 
 __all__ = ["camera_names", "frame_names"]
 
@@ -26,12 +27,12 @@ def camera_names(entries: Sequence[dict[str, Any]]) -> list[str]:
         return [str(e.get("camera", ALONE)) for e in entries]
     if any(e.get("camera_id") is not None for e in entries):
         ids = [str(e.get("camera_id", "")) for e in entries]
-        return [f"camera_{i}" if not i or i.isdigit() else _safe(i) for i in ids]
+        return [f"camera_{i}" if not i or i.isdigit() else file_name(i) for i in ids]
     folders = [_folder(e) for e in entries]
     count = len(set(folders))
     if 1 < count < len(entries):
         shared = os.path.commonpath(folders) if all(folders) else ""
-        return [_safe(folder.removeprefix(shared)) or ALONE for folder in folders]
+        return [file_name(folder.removeprefix(shared).strip("/"), ALONE) for folder in folders]
     lenses = [tuple(str(e.get(k)) for k in LENS_KEYS) for e in entries]
     frames = Counter(lenses)
     if count == 1 and 1 < len(frames) <= MOST_LENSES and min(frames.values()) >= LEAST_FRAMES:
@@ -42,7 +43,7 @@ def camera_names(entries: Sequence[dict[str, Any]]) -> list[str]:
 
 def frame_names(entries: Sequence[dict[str, Any]], cameras: Sequence[str], stems: Sequence[str]) -> list[str]:
     """Stems of the files; with their folders where a camera has a stem twice and that makes them differ."""
-    long = [_safe(f"{_folder(e)}/{stem}") for e, stem in zip(entries, stems, strict=True)]
+    long = [file_name(f"{_folder(e)}/{stem}".strip("/")) for e, stem in zip(entries, stems, strict=True)]
     found = list(stems)
     for camera in dict.fromkeys(cameras):
         own = [k for k, name in enumerate(cameras) if name == camera]
@@ -55,8 +56,3 @@ def frame_names(entries: Sequence[dict[str, Any]], cameras: Sequence[str], stems
 def _folder(entry: dict[str, Any]) -> str:
     parts = PurePosixPath(str(entry["file_path"]).replace("\\", "/")).parent.parts
     return "/".join(p for p in parts if p not in (".", ".."))
-
-
-def _safe(name: str) -> str:
-    """Folders joined by ``_``, without what a file's name should not hold."""
-    return re.sub(r"[^\w.\-]+", "_", name).strip("._")

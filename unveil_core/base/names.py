@@ -1,0 +1,55 @@
+"""Names from files of strangers, as names of files: one function for all of them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+
+__all__ = ["distinct_file_names", "file_name", "is_file_name"]
+
+FORBIDDEN = re.compile(r'[\x00-\x1f\x7f-\x9f<>:"/\\|?*\ud800-\udfff\u202a-\u202e\u2066-\u2069]+')
+"""What separates folders or is no part of a file's name on some system, and what turns the direction of writing."""
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+"""Devices of Windows, with any suffix."""
+LONGEST_BYTES = 120
+"""Of a name in UTF-8: file systems allow 255, and suffixes and temporary names come to it."""
+
+
+def file_name(text: object, otherwise: str = "unnamed") -> str:
+    """A text as the name of one visible file or folder on any system; itself where it is one already.
+
+    Args:
+        otherwise: what a text becomes of which nothing is left.
+    """
+    name = FORBIDDEN.sub("_", str(text)).strip(" .")
+    if not name.strip("_ ."):
+        name = otherwise
+    if RESERVED.match(name):
+        name = f"_{name}"
+    raw = name.encode()
+    if len(raw) > LONGEST_BYTES:
+        digest = hashlib.blake2b(raw, digest_size=4).hexdigest()
+        name = f"{raw[: LONGEST_BYTES - 9].decode(errors='ignore').rstrip(' .')}_{digest}"
+    return name
+
+
+def is_file_name(text: object) -> bool:
+    """Whether a text is the name of one file, as :func:`file_name` makes them."""
+    return isinstance(text, str) and file_name(text) == text
+
+
+def distinct_file_names(texts: Iterable[str]) -> dict[str, str]:
+    """A file name for each of some texts, by text; different ones have different names, also where case does not count."""
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    # Those that keep their name come first: none is taken from them.
+    for text in sorted(dict.fromkeys(texts), key=lambda t: not is_file_name(t)):
+        name = base = file_name(text)
+        count = 1
+        while name.casefold() in taken:
+            count += 1
+            name = f"{base}_{count}"
+        found[text] = name
+        taken.add(name.casefold())
+    return found
