@@ -30,6 +30,8 @@ NODE_M = 1.0
 """Distance between nodes of the way by which places are found, metres."""
 SAME_M = 1.5
 """Where the way comes by again this near, places belong to the first time, metres: a lane's half width."""
+AT_ONCE = 65_536
+"""Places that are asked for at a time: 200 bytes each."""
 NODES_ASKED = 8
 """Nearest nodes that are compared: those of two passes."""
 
@@ -80,6 +82,12 @@ class Blocks:
         """(N,) the block that owns each world place (N, 3): that of the nearest piece of the way."""
         if len(self.blocks) == 1 or not len(places):
             return np.zeros(len(places), dtype=np.int64)
+        owners = np.empty(len(places), dtype=np.int64)
+        for first in range(0, len(places), AT_ONCE):
+            owners[first : first + AT_ONCE] = self._of_some(places[first : first + AT_ONCE])
+        return owners
+
+    def _of_some(self, places: Float64) -> Labels:
         horizontal = (places @ up_frame(UP).T)[:, :2]
         apart, nearest = self._tree.query(horizontal, k=min(NODES_ASKED, len(self.nodes)))
         block = np.where(apart <= apart[:, :1] + SAME_M, self.of_node[nearest], len(self.blocks))

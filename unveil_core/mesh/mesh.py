@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Mesh", "drop_small_components", "keep_faces"]
+__all__ = ["Mesh", "drop_small_components", "keep_faces", "renumber"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,23 +43,47 @@ def keep_faces(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     """The faces (F,) that are True, without the vertices that nobody uses any more."""
     faces = mesh.faces[keep]
     used = np.zeros(len(mesh.vertices), dtype=bool)
-    used[faces.ravel()] = True
-    new_index = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return Mesh(mesh.vertices[used], new_index[faces], mesh.colors[used])
+    _mark_used(faces, used)
+    renumber(faces, np.cumsum(used, dtype=np.int32) - np.int32(1))
+    return Mesh(mesh.vertices[used], faces, mesh.colors[used])
 
 
 def drop_small_components(mesh: Mesh, smallest_triangles: int) -> Mesh:
     """The mesh without connected pieces of fewer triangles: floating specks of badly seen depth."""
     if smallest_triangles <= 1 or not len(mesh.faces):
         return mesh
-    return keep_faces(mesh, _in_large_components(mesh, smallest_triangles))
+    keep = _in_large_components(mesh.faces, _components(mesh.faces, len(mesh.vertices)), smallest_triangles)
+    return mesh if keep.all() else keep_faces(mesh, keep)
 
 
-def _in_large_components(mesh: Mesh, smallest_triangles: int) -> NDArray[np.bool_]:
-    """(F,) faces of pieces of so many triangles and more."""
-    component = _components(mesh.faces, len(mesh.vertices))[mesh.faces[:, 0]]
-    large: NDArray[np.bool_] = np.bincount(component, minlength=len(mesh.vertices)) >= smallest_triangles
-    return large[component]
+# Compiled, for NumPy makes 64-bit copies of what it indexes by: of a long drive's mesh several hundred MB.
+
+
+@njit(cache=True)
+def renumber(faces, new_index):  # type: ignore[no-untyped-def]
+    """Replace the vertex indices of faces (F, 3), in place."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            faces[f, k] = new_index[faces[f, k]]
+
+
+@njit(cache=True)
+def _mark_used(faces, used):  # type: ignore[no-untyped-def]
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            used[faces[f, k]] = True
+
+
+@njit(cache=True)
+def _in_large_components(faces, component, smallest):  # type: ignore[no-untyped-def]
+    """(F,) bool, faces of pieces of so many triangles and more; ``component``: (V,) of each vertex."""
+    count = np.zeros(component.shape[0], np.int32)
+    for f in range(faces.shape[0]):
+        count[component[faces[f, 0]]] += 1
+    large = np.zeros(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        large[f] = count[component[faces[f, 0]]] >= smallest
+    return large
 
 
 @njit(cache=True)

@@ -26,7 +26,7 @@ from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.mesh import tsdf_kernels as kernels
-from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
+from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces, renumber
 
 __all__ = ["DepthView", "fuse"]
 
@@ -180,6 +180,7 @@ def fuse(
             work = partial(_fuse_region, prepared, keys, region == number, voxel, band, float(max_depth), step)
             part = kept.once(str(number), lambda work=work: vars(work()))  # type: ignore[misc]
             parts.append(Mesh(**part))
+        del prepared, found, keys, blocks, region, work, part
     mesh = _joined(parts)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
@@ -273,10 +274,18 @@ def _joined(parts: list[Mesh]) -> Mesh:
     a long drive is too large to be held twice."""
     if len(parts) == 1:
         return parts.pop()
-    first = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    vertices, colors = (np.concatenate([getattr(part, name) for part in parts]) for name in ("vertices", "colors"))
-    faces = np.concatenate([part.faces + np.int32(k) for part, k in zip(parts, first, strict=False)])
-    parts.clear()
+    sizes = np.array([(len(part.vertices), len(part.faces)) for part in parts])
+    vertices, colors = np.empty((sizes[:, 0].sum(), 3), np.float32), np.empty((sizes[:, 0].sum(), 3), np.uint8)
+    faces = np.empty((sizes[:, 1].sum(), 3), np.int32)
+    parts.reverse()
+    at, of_faces = 0, 0
+    while parts:
+        part = parts.pop()
+        own = slice(at, at + len(part.vertices))
+        vertices[own], colors[own] = part.vertices, part.colors
+        np.add(part.faces, np.int32(at), out=faces[of_faces : of_faces + len(part.faces)])
+        at, of_faces = own.stop, of_faces + len(part.faces)
+        del part
     bits = vertices.view(np.int32)
     order = np.lexsort(bits.T)
     new = np.zeros(len(order), dtype=bool)
@@ -284,12 +293,9 @@ def _joined(parts: list[Mesh]) -> Mesh:
     for column in bits.T:
         ordered = column[order]
         new[1:] |= ordered[1:] != ordered[:-1]
-    # Of alike vertices the first in the given order stands for all.
-    same = np.empty(len(order), dtype=np.int64)
-    same[order] = np.minimum.reduceat(order, np.flatnonzero(new))[np.cumsum(new) - 1] if len(order) else order
-    kept = same == np.arange(len(same))
-    index = (np.cumsum(kept) - 1)[same].astype(np.int32)
-    return Mesh(vertices[kept], index[faces], colors[kept])
+    index, kept = kernels.one_of_alike(order, new)
+    renumber(faces, index)
+    return Mesh(vertices[kept], faces, colors[kept])
 
 
 def _packed(view: DepthView, index: int) -> tuple[NDArray[Any], ...]:
