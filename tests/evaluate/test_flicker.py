@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import Cancelled
 from unveil_core.base.files import write_image_atomic
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.flicker import (
     DepthGrid,

@@ -10,9 +10,9 @@ import pytest
 import torch
 
 from tests.hard_drives import make_tiny_street
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.files import read_label_image, write_image_atomic
-from unveil_core.base.parts import Parts
+from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.base.resume.parts import Parts
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive

@@ -12,7 +12,7 @@ import torch
 
 from tests import small_street
 from tests.hard_drives import make_tiny_street
-from unveil_core.base.checkpoint import Kept
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.importing.whole_drive import localized

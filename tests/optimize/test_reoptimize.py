@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from unveil_core.base.checkpoint import Checkpoint
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings, reoptimize

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tests.moving_street import FRAMES, MOVER_ID, ONCOMING, PARKED_ID, make_moving_street
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import no_progress
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.whole_drive import import_drive

@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
+from unveil_core.base.resume.checkpoint import Kept
 
 __all__ = ["DEFAULT_BYTES", "FrameCache", "Frames", "nbytes_of", "subset"]
 

@@ -14,10 +14,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Checkpoint, Kept
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, Frame

@@ -18,9 +18,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.files import read_instance_image
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera

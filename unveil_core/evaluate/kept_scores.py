@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import FACTS, facts_array, facts_of
+from unveil_core.base.resume.checkpoint import FACTS, facts_array, facts_of
 from unveil_core.evaluate.detail.scores import DetailScore
 from unveil_core.evaluate.frame_scores import FrameScores, Score
 from unveil_core.evaluate.provenance import ProvenanceScore

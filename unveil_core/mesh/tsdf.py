@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress, part_of
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.mesh import tsdf_kernels as kernels

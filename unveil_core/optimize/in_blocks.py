@@ -17,11 +17,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept, facts_array, facts_of
-from unveil_core.base.digest import digest_of
 from unveil_core.base.frame_cache import FrameCache, subset
-from unveil_core.base.parts import Parts
 from unveil_core.base.progress import Progress, no_progress, part_of
+from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
+from unveil_core.base.resume.digest import digest_of
+from unveil_core.base.resume.parts import Parts
 from unveil_core.base.types import Float64, Labels, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive

@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates

@@ -23,8 +23,8 @@ from typing import Any
 from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import disk_is_full
 from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.parts import Parts
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
+from unveil_core.base.resume.parts import Parts
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import FrameCache
-from unveil_core.base.parts import Parts
 from unveil_core.base.progress import Progress
+from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.base.resume.parts import Parts
 from unveil_core.ground.blocks import block_name
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.journal import PARTIAL

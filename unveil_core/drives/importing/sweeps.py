@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Checkpoint
 from unveil_core.base.errors import DriveError
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import VOID

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.importing.check import check_drive

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.frame_cache import subset
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cheapest_path import cheapest_path

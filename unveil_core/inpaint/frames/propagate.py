@@ -18,8 +18,8 @@ import torch
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from unveil_core.base.checkpoint import Kept
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import area_px, border_px, grow, within

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import facts_array, facts_of
+from unveil_core.base.resume.checkpoint import facts_array, facts_of
 from unveil_core.drives.exposure import exposures_json, exposures_of_json, write_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from unveil_core.base.checkpoint import Checkpoint, Kept, read_arrays, write_arrays
+from unveil_core.base.resume.checkpoint import Checkpoint, Kept, read_arrays, write_arrays
 
 
 def test_a_result_is_computed_once(tmp_path: Path) -> None:

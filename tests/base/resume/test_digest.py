@@ -11,8 +11,8 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unveil_core.base.digest import digest_of
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.resume.digest import digest_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Parts of long work, each kept under a digest of all that it is made of.
 
 They outlast the work: done again after a change, only the parts whose digest is another one are made. A power cut leaves a part
-whole or not at all, as of everything that is kept (see ``base.checkpoint``).
+whole or not at all, as of everything that is kept (see ``base.resume.checkpoint``).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
+from unveil_core.base.resume.checkpoint import Kept
 
 __all__ = ["Parts"]
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from unveil_core.base.checkpoint import Kept
-from unveil_core.base.parts import Parts
+from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.base.resume.parts import Parts
 
 Made = Callable[[Kept], dict[str, NDArray[np.int64]]]
 
