@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.image_headers import header_of
 
 __all__ = [
     "decode_image",
@@ -34,6 +35,8 @@ __all__ = [
 
 IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 """Pixels as they are stored: cameras are calibrated for these, whatever a maker's note says of how to hold the picture."""
+MOST_PIXELS = 1 << 28
+"""Of an image, 800 MB as RGB: twice what the largest cameras take."""
 
 
 def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -80,8 +83,9 @@ def read_json(path: Path) -> object:
         DriveError: it cannot be read, or is no JSON.
     """
     try:
-        content: object = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        # Editors of Windows begin UTF-8 with a mark, which JSON does not have.
+        content: object = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
         raise DriveError(f"is not valid JSON: {error}", path=path) from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
@@ -105,7 +109,9 @@ def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
     write_bytes_atomic(path, encoded.tobytes())
 
 
-def _decode(path: Path, flags: int, content: NDArray[np.uint8] | None = None) -> NDArray[np.generic]:
+def _decode(
+    path: Path, flags: int, content: NDArray[np.uint8] | None = None, size: tuple[int, int] | None = None
+) -> NDArray[np.generic]:
     if content is None:
         try:
             content = np.fromfile(path, dtype=np.uint8)
@@ -113,31 +119,50 @@ def _decode(path: Path, flags: int, content: NDArray[np.uint8] | None = None) ->
             raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
         except OSError as error:
             raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
+        except ValueError as error:
+            raise DriveError("is no name of a file", path=ascii(str(path)), mend="correct it") from error
     if not content.size:
         raise DriveError("is empty", path=path, mend="copy it again from its source, or drop the frame")
-    suffix = Path(path).suffix.lower()
-    known = content[:4].tobytes() == b"\x89PNG" or content[:2].tobytes() == b"\xff\xd8"
-    truncated = (suffix == ".png" and content[-8:].tobytes() != b"IEND\xaeB`\x82") or (
-        suffix in (".jpg", ".jpeg") and b"\xff\xd9" not in content[-64:].tobytes()
-    )
-    if known and truncated:
-        raise DriveError("is cut short", path=path, mend="copy it again from its source")
-    image = cv2.imdecode(content, flags)
+    header = header_of(content.tobytes())
+    if header is not None:
+        _check_size(path, (header.width, header.height), size)
+        if not header.whole:
+            raise DriveError("is cut short", path=path, mend="copy it again from its source")
+    try:
+        image = cv2.imdecode(content, flags)
+    except cv2.error:
+        image = None
     if image is None:
         raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")
+    _check_size(path, (image.shape[1], image.shape[0]), size)
     return image
 
 
-def decode_image(content: bytes, path: Path) -> NDArray[np.uint8]:
+def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None) -> None:
+    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any."""
+    if wanted is not None and found != wanted:
+        raise DriveError(
+            f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}",
+            path=path,
+            mend="resize the image or correct w and h",
+        )
+    if found[0] * found[1] > MOST_PIXELS:
+        raise DriveError(
+            f"claims {found[0]}x{found[1]} pixels", path=path, mend=f"images have {MOST_PIXELS:,} pixels at most"
+        )
+
+
+def decode_image(content: bytes, path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB of an encoded image.
 
     Args:
-        path: of what it was read from, for messages; its suffix tells the encoding.
+        path: of what it was read from, for messages.
+        size: (width, height) that it must have, compared before a pixel is decoded; None = any.
     Raises:
-        DriveError: unreadable or cut short.
+        DriveError: unreadable, cut short, or of another size.
     """
-    image = _decode(path, IN_COLOR, np.frombuffer(content, dtype=np.uint8))
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8)
+    image = _decode(path, IN_COLOR, np.frombuffer(content, dtype=np.uint8), size)
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
 
 
 def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
@@ -154,22 +179,27 @@ def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     return ordered
 
 
-def read_image(path: Path) -> NDArray[np.uint8]:
+def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB.
 
+    Args:
+        size: see :func:`decode_image`.
     Raises:
-        DriveError: missing, unreadable or cut short.
+        DriveError: missing, unreadable, cut short, or of another size.
     """
-    return cv2.cvtColor(_decode(path, IN_COLOR), cv2.COLOR_BGR2RGB).astype(np.uint8)
+    image = _decode(path, IN_COLOR, size=size)
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
 
 
-def read_label_image(path: Path) -> NDArray[np.uint8]:
+def read_label_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
     """(H, W) uint8 labels or masks; a mask stored in colour is read by its first channel.
 
+    Args:
+        size: see :func:`decode_image`.
     Raises:
-        DriveError: missing, unreadable, or not 8 bits deep.
+        DriveError: missing, unreadable, of another size, or not 8 bits deep.
     """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    image = _decode(path, cv2.IMREAD_UNCHANGED, size=size)
     if image.ndim == 3:
         image = image[..., 0]
     if image.dtype != np.uint8:
@@ -177,24 +207,26 @@ def read_label_image(path: Path) -> NDArray[np.uint8]:
     return np.ascontiguousarray(image)
 
 
-def read_instance_image(path: Path) -> NDArray[np.uint16]:
+def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
     """(H, W) uint16 instance ids.
 
+    Args:
+        size: see :func:`decode_image`.
     Raises:
-        DriveError: missing, unreadable, or of several channels.
+        DriveError: missing, unreadable, of another size, or of several channels.
     """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
+    image = _decode(path, cv2.IMREAD_UNCHANGED, size=size)
     if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
         raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
     return image.astype(np.uint16)
 
 
 def link_or_copy(source: Path, destination: Path) -> None:
-    """Make ``destination`` the same file as ``source``: a hard link where the file system allows it, else a copy, whole or not at
-    all."""
+    """Make ``destination`` the same file as ``source``, or as what that links to: a hard link where the file system allows it, else
+    a copy, whole or not at all."""
     destination.parent.mkdir(parents=True, exist_ok=True)
     try:
-        os.link(source, destination)
+        os.link(Path(source).resolve(), destination)
     except OSError:
         with Path(source).open("rb") as content:
             write_atomic(destination, lambda stream: shutil.copyfileobj(content, stream))

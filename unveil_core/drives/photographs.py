@@ -22,11 +22,12 @@ def photograph(frame: Frame) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB of a frame as read, before import.
 
     Raises:
-        DriveError: missing, unreadable or cut short.
+        DriveError: missing, unreadable, cut short, or not of its camera's size.
     """
+    size = (frame.camera.width, frame.camera.height)
     if frame.image_bytes is not None:
-        return decode_image(frame.image_bytes(), frame.image_path)
-    return read_image(frame.image_path)
+        return decode_image(frame.image_bytes(), frame.image_path, size)
+    return read_image(frame.image_path, size)
 
 
 def store_photograph(frame: Frame, destination: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement, PlyParseError
 
 from unveil_core.base.errors import DriveError
@@ -31,6 +32,11 @@ SCANNED = frozenset(
 )
 """Properties that only laser scanners write, in lower case; CloudCompare puts ``scalar_`` before them."""
 
+UNREADABLE = (PlyParseError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError, EOFError, OSError)
+"""What comes of a file that is no such PLY."""
+MOST_LINES, MOST_LINE = 10_000, 65_536
+"""Of a header."""
+
 
 def read_points(path: Path) -> PointCloud:
     """Read x y z (any number type) and, where present, red green blue, and what :func:`write_points` writes.
@@ -43,25 +49,52 @@ def read_points(path: Path) -> PointCloud:
             "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
         )
     try:
+        _check_counts(path)
         vertex = PlyData.read(str(path))["vertex"].data
         positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
-    except (PlyParseError, KeyError, ValueError, EOFError, OSError) as error:
-        raise DriveError(f"is not a readable point PLY: {error}", path=path) from error
+        colors = _colors_of(vertex)
+        classes = np.asarray(vertex["train_id"], dtype=np.uint8) if "train_id" in vertex.dtype.names else None
+        moving = np.asarray(vertex["moving"]) != 0 if "moving" in vertex.dtype.names else None
+    except UNREADABLE as error:
+        problem = f"is not a readable point PLY: {str(error) or type(error).__name__}"
+        raise DriveError(problem, path=path, mend="export it again") from error
     if not len(positions):
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
         raise DriveError(f"point {int(np.argmin(finite))} is not finite", path=path)
-    names = vertex.dtype.names or ()
-    colors = None
-    if {"red", "green", "blue"} <= set(names):
-        colors = np.stack([np.asarray(vertex[n]) for n in ("red", "green", "blue")], axis=1)
-        colors = (colors * 255).round() if colors.dtype.kind == "f" and colors.max() <= 1 else colors
-        colors = colors.astype(np.uint8)
+    names = vertex.dtype.names
     bare = {n.lower().removeprefix("scalar_") for n in names}
-    classes = np.asarray(vertex["train_id"], dtype=np.uint8) if "train_id" in names else None
-    moving = np.asarray(vertex["moving"]) != 0 if "moving" in names else None
     return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
+
+
+def _check_counts(path: Path) -> None:
+    """Raise a ValueError where the header tells more than the file can hold: room for it would be taken first."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        for _ in range(MOST_LINES):
+            words = stream.readline(MOST_LINE).split()
+            if not words or words[0] == b"end_header":
+                return
+            # A row is a byte at least.
+            if words[0] == b"element" and len(words) > 2 and not 0 <= int(words[2]) <= size:
+                raise ValueError(f"it says {words[2].decode()} rows in {size:,} bytes")
+    raise ValueError("its header has no end")
+
+
+def _colors_of(vertex: NDArray[np.void]) -> NDArray[np.uint8] | None:
+    """(P, 3), None where there are none: of bytes, of 16 bits, or of floating point from 0 to 1."""
+    names = ("red", "green", "blue")
+    if not set(names) <= set(vertex.dtype.names or ()):
+        return None
+    found = np.stack([np.asarray(vertex[n]) for n in names], axis=1)
+    if found.dtype.kind == "f":
+        found = np.nan_to_num(found, posinf=255, neginf=0)
+        found = (found * 255).round() if found.max(initial=0) <= 1 else found
+    elif found.dtype.itemsize > 1 and found.max(initial=0) > 255:
+        found = found.astype(np.float64) / 257  # of 16 bits: 65535 is white
+        found = found.round()
+    return np.clip(found, 0, 255).astype(np.uint8)
 
 
 def write_points(points: PointCloud, path: Path) -> None:

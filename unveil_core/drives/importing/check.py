@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_instance_image, read_label_image
@@ -40,12 +39,13 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             )
         seen.add(key)
         _check_pose(frame, drive.root)
-        _check_size(photograph(frame), frame.image_path, frame)
+        size = (frame.camera.width, frame.camera.height)
+        photograph(frame)
         for path in (frame.semantic_path, frame.mask_path):
             if path is not None:
-                _check_size(read_label_image(path), path, frame)
+                read_label_image(path, size)
         if frame.instance_path is not None:
-            _check_size(read_instance_image(frame.instance_path), frame.instance_path, frame)
+            read_instance_image(frame.instance_path, size)
         progress(done + 1, len(drive.frames), "checking files")
 
 
@@ -55,14 +55,3 @@ def _check_pose(frame: Frame, root: Path) -> None:
         raise DriveError(f"the pose of frame {frame.name} holds NaN or infinity", path=root, mend="redo its pose")
     if nearest_rotation(pose[:3, :3])[1] > 1e-3:
         raise DriveError(f"the pose of frame {frame.name} is no rotation", path=root, mend="poses are rigid")
-
-
-def _check_size(picture: NDArray[np.generic], path: Path, frame: Frame) -> None:
-    height, width = picture.shape[:2]
-    wanted = (frame.camera.width, frame.camera.height)
-    if (width, height) != wanted:
-        raise DriveError(
-            f"is {width}x{height} pixels, its camera says {wanted[0]}x{wanted[1]}",
-            path=path,
-            mend="resize the image or correct w and h",
-        )

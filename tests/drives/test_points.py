@@ -1,0 +1,108 @@
+"""Points in PLY files of others: colours of any depth, and files that say more than they hold."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from plyfile import PlyData, PlyElement
+
+from unveil_core.base.errors import DriveError
+from unveil_core.drives.drive import PointCloud
+from unveil_core.drives.points import read_points, write_points
+
+
+def ply(kind: str, colors: list[list[float]], *, text: bool = False) -> bytes:
+    table = np.zeros(len(colors), [(n, "<f4") for n in "xyz"] + [(n, kind) for n in ("red", "green", "blue")])
+    for name, values in zip(("red", "green", "blue"), zip(*colors, strict=True), strict=True):
+        table[name] = values
+    stream = io.BytesIO()
+    PlyData([PlyElement.describe(table, "vertex")], text=text, byte_order="=" if text else "<").write(stream)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("text", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "given_colors", "read"),
+    [
+        ("u1", [[255, 128, 0]], [[255, 128, 0]]),
+        ("<u2", [[65535, 32896, 0]], [[255, 128, 0]]),
+        ("<u2", [[255, 128, 0]], [[255, 128, 0]]),
+        ("<i4", [[255, -3, 0]], [[255, 0, 0]]),
+        ("<f4", [[1.0, 0.5, 0.0]], [[255, 128, 0]]),
+        ("<f4", [[255.0, 128.0, np.nan]], [[255, 128, 0]]),
+    ],
+)
+def test_colours_of_any_depth(
+    tmp_path: Path, kind: str, given_colors: list[list[float]], read: list[list[int]], *, text: bool
+) -> None:
+    path = tmp_path / "points.ply"
+    path.write_bytes(ply(kind, given_colors, text=text))
+    colors = read_points(path).colors
+    assert colors is not None
+    assert colors.tolist() == read
+
+
+HEAD = b"ply\nformat ascii 1.0\n"
+XYZ = b"property float x\nproperty float y\nproperty float z\n"
+HOSTILE = {
+    "a count beyond any memory": HEAD + b"element vertex 1000000000000\n" + XYZ + b"end_header\n0 0 0\n",
+    "a count below zero": HEAD + b"element vertex -1\n" + XYZ + b"end_header\n",
+    "a count of thirty digits": HEAD + b"element vertex " + b"9" * 30 + b"\n" + XYZ + b"end_header\n",
+    "a count of 5,000 digits": HEAD + b"element vertex " + b"9" * 5000 + b"\n" + XYZ + b"end_header\n",
+    "a list beyond any memory": HEAD
+    + b"element vertex 1\nproperty list int float x\nproperty float y\nproperty float z\nend_header\n100000000000 0 0\n",
+    "an element without a name": HEAD + b"element\nend_header\n",
+    "a property before its element": HEAD + b"property float x\nend_header\n",
+    "a format without a name": b"ply\nformat\nend_header\n",
+    "text where numbers belong": HEAD + b"element vertex 1\n" + XYZ + b"end_header\na b c\n",
+    "a header without end": HEAD + b"comment x\n" * 20_000,
+    "a line without end": HEAD + b"comment " + b"x" * 200_000,
+    "no bytes": b"",
+    "a list for a coordinate": HEAD
+    + b"element vertex 1\nproperty list uchar float x\nproperty float y\nproperty float z\nend_header\n2 1 2 0 0\n",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_hostile_file_is_one_line(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "points.ply"
+    path.write_bytes(HOSTILE[name])
+    with pytest.raises(DriveError, match="points.ply: ") as caught:
+        read_points(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 6000
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(at=st.integers(0, 400), noise=st.binary(min_size=1, max_size=12), cut=st.integers(0, 12))
+@pytest.mark.parametrize("text", [False, True])
+def test_changed_bytes_are_read_or_refused(tmp_path: Path, at: int, noise: bytes, cut: int, *, text: bool) -> None:
+    whole = ply("u1", [[1, 2, 3]] * 9, text=text)
+    at %= len(whole)
+    path = tmp_path / "points.ply"
+    path.write_bytes(whole[:at] + noise + whole[at + cut :])
+    try:
+        found = read_points(path)
+    except DriveError as error:
+        assert "points.ply" in str(error)
+    else:
+        assert np.isfinite(found.positions).all()
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    cloud = PointCloud(
+        rng.normal(size=(50, 3)) * 1e6,
+        rng.integers(0, 256, (50, 3), dtype=np.uint8),
+        classes=rng.integers(0, 19, 50).astype(np.uint8),
+        moving=rng.random(50) < 0.5,
+    )
+    write_points(cloud, tmp_path / "p.ply")
+    again = read_points(tmp_path / "p.ply")
+    for name in ("positions", "colors", "classes", "moving"):
+        assert np.array_equal(getattr(cloud, name), getattr(again, name))
