@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -39,21 +40,33 @@ class Mesh:
         return unit
 
 
-def keep_faces(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
-    """The faces (F,) that are True, without the vertices that nobody uses any more."""
-    faces = mesh.faces[keep]
+def keep_faces(mesh: Mesh, keep: NDArray[np.bool_], *, overwrite: bool = False) -> Mesh:
+    """The faces (F,) that are True, without the vertices that nobody uses any more.
+
+    Args:
+        overwrite: the mesh's own arrays may be used for the result, for who has no room for two.
+    """
+    faces = _rows(mesh.faces, keep, overwrite)
     used = np.zeros(len(mesh.vertices), dtype=bool)
     _mark_used(faces, used)
     renumber(faces, np.cumsum(used, dtype=np.int32) - np.int32(1))
-    return Mesh(mesh.vertices[used], faces, mesh.colors[used])
+    return Mesh(_rows(mesh.vertices, used, overwrite), faces, _rows(mesh.colors, used, overwrite))
 
 
-def drop_small_components(mesh: Mesh, smallest_triangles: int) -> Mesh:
-    """The mesh without connected pieces of fewer triangles: floating specks of badly seen depth."""
+def drop_small_components(mesh: Mesh, smallest_triangles: int, *, overwrite: bool = False) -> Mesh:
+    """The mesh without connected pieces of fewer triangles: floating specks of badly seen depth.
+
+    Args:
+        overwrite: see :func:`keep_faces`.
+    """
     if smallest_triangles <= 1 or not len(mesh.faces):
         return mesh
     keep = _in_large_components(mesh.faces, _components(mesh.faces, len(mesh.vertices)), smallest_triangles)
-    return mesh if keep.all() else keep_faces(mesh, keep)
+    return mesh if keep.all() else keep_faces(mesh, keep, overwrite=overwrite)
+
+
+def _rows(table: NDArray[Any], keep: NDArray[np.bool_], overwrite: bool) -> NDArray[Any]:
+    return table[: _move_up(table, keep)] if overwrite else table[keep]
 
 
 # Compiled, for NumPy makes 64-bit copies of what it indexes by: of a long drive's mesh several hundred MB.
@@ -65,6 +78,18 @@ def renumber(faces, new_index):  # type: ignore[no-untyped-def]
     for f in range(faces.shape[0]):
         for k in range(3):
             faces[f, k] = new_index[faces[f, k]]
+
+
+@njit(cache=True)
+def _move_up(rows, keep):  # type: ignore[no-untyped-def]
+    """Move the rows (N, 3) that are kept to the beginning, in their order; how many they are."""
+    count = 0
+    for i in range(rows.shape[0]):
+        if keep[i]:
+            for k in range(3):
+                rows[count, k] = rows[i, k]
+            count += 1
+    return count
 
 
 @njit(cache=True)
@@ -97,7 +122,9 @@ def _root(parent, i):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _components(faces, vertex_count):  # type: ignore[no-untyped-def]
     """Union-find with path halving: the smallest vertex index of each vertex's component, (V,) int32."""
-    parent = np.arange(vertex_count).astype(np.int32)
+    parent = np.empty(vertex_count, np.int32)
+    for i in range(vertex_count):
+        parent[i] = i
     for f in range(faces.shape[0]):
         a = _root(parent, faces[f, 0])
         for k in range(1, 3):

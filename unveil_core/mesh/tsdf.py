@@ -9,7 +9,7 @@ for the triangles.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from unveil_core.base.errors import SettingsError
+from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
@@ -173,19 +173,21 @@ def fuse(
         if region_of is not None:
             region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)
         regions = np.unique(region)
-        kept = Kept(None if scratch is None else scratch / "regions")
-        parts = []
+        kept = Kept(folder / "regions")
+        sizes = []
         for done, number in enumerate(regions):
             step = part_of(_from(progress, len(prepared), total), done, len(regions))
             work = partial(_fuse_region, prepared, keys, region == number, voxel, band, float(max_depth), step)
             part = kept.once(str(number), lambda work=work: vars(work()))  # type: ignore[misc]
-            parts.append(Mesh(**part))
-        del prepared, found, keys, blocks, region, work, part
-    mesh = _joined(parts)
+            sizes.append((len(part["vertices"]), len(part["faces"])))
+            del part  # read again when all are joined: the next region needs the memory
+        # The views hold the scene that they show, which may be as large as the mesh.
+        del views, prepared, found, keys, blocks, region, work
+        mesh = _joined((Mesh(**kept.once(str(number), _lost)) for number in regions), sizes)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
         mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
-    mesh = drop_small_components(mesh, smallest_triangles)
+    mesh = drop_small_components(mesh, smallest_triangles, overwrite=True)
     progress(total, total, f"{len(mesh.faces)} triangles")
     return mesh
 
@@ -269,23 +271,28 @@ def _fuse_region(
     return _extract(volume, blocks, keys, voxel, own)
 
 
-def _joined(parts: list[Mesh]) -> Mesh:
-    """One mesh of those of all regions; vertices at their borders, which two of them have, are one. Empties the list: the mesh of
-    a long drive is too large to be held twice."""
-    if len(parts) == 1:
-        return parts.pop()
-    sizes = np.array([(len(part.vertices), len(part.faces)) for part in parts])
-    vertices, colors = np.empty((sizes[:, 0].sum(), 3), np.float32), np.empty((sizes[:, 0].sum(), 3), np.uint8)
-    faces = np.empty((sizes[:, 1].sum(), 3), np.int32)
-    parts.reverse()
+def _lost() -> dict[str, NDArray[Any]]:
+    raise WorkspaceError("a part of the mesh was removed while it was in use", mend="run it again")
+
+
+def _joined(parts: Iterable[Mesh], sizes: Sequence[tuple[int, int]]) -> Mesh:
+    """One mesh of those of all regions; vertices at their borders, which two of them have, are one.
+
+    Args:
+        parts: made one after the other, for the mesh of a long drive is too large to be held twice.
+        sizes: vertices and faces of each.
+    """
+    if len(sizes) == 1:
+        return next(iter(parts))
+    vertex_count, face_count = np.sum(sizes, axis=0)
+    vertices, colors = np.empty((vertex_count, 3), np.float32), np.empty((vertex_count, 3), np.uint8)
+    faces = np.empty((face_count, 3), np.int32)
     at, of_faces = 0, 0
-    while parts:
-        part = parts.pop()
+    for part in parts:
         own = slice(at, at + len(part.vertices))
         vertices[own], colors[own] = part.vertices, part.colors
         np.add(part.faces, np.int32(at), out=faces[of_faces : of_faces + len(part.faces)])
         at, of_faces = own.stop, of_faces + len(part.faces)
-        del part
     bits = vertices.view(np.int32)
     order = np.lexsort(bits.T)
     new = np.zeros(len(order), dtype=bool)

@@ -27,9 +27,9 @@ def run(context: StageContext) -> None:
         last = context.output(f"meshes/{state}.glb" if state == "empty" else f"meshes/{state}.ply")
         if last.is_file():
             continue  # written by an attempt that was interrupted
-        surfels = read_surfels(path)
         mesh = fuse(
-            depth_views(surfels, drive.frames, near=NEAR_M, far=FAR_M),
+            # Without a name here: ``fuse`` lets go of the scene before it joins the mesh.
+            depth_views(read_surfels(path), drive.frames, near=NEAR_M, far=FAR_M),
             voxel_size=voxel,
             max_depth=30.0,
             region_of=cut_into_blocks(drive).of_places,
