@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -29,6 +30,8 @@ KINDS = {
     "double": "f8",
     "float64": "f8",
 }
+MOST_LINES = 10_000
+"""Of a header."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +82,25 @@ def read_ply(path: str | Path) -> Ply:
                     triangles = _triangles(stream, count, properties)
                     continue
                 kind = np.dtype([(n, "<" + KINDS[k]) for n, k in properties])
-                table = _take(stream, count * kind.itemsize).view(kind)
+                table = _take(stream, count, kind)
                 if name == "vertex":
                     vertices = table
-        except (KeyError, ValueError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: is no PLY that can be read here: {error}") from error
+            _check(vertices, triangles)
+        except (LookupError, TypeError, ValueError, ArithmeticError, MemoryError) as error:
+            problem = str(error) or type(error).__name__
+            raise ValueError(f"{path}: is no PLY that can be read here: {problem[:200]}") from error
     return Ply(vertices, triangles, tuple(comments))
+
+
+def _check(vertices: np.ndarray, triangles: np.ndarray) -> None:
+    """Raise a ValueError where Blender would read outside its memory, or meet numbers that are none."""
+    missing = [n for n in "xyz" if n not in (vertices.dtype.names or ())]
+    if missing:
+        raise ValueError(f"its vertices have no {missing[0]}")
+    if not all(np.isfinite(vertices[n]).all() for n in "xyz"):
+        raise ValueError("a vertex is not finite")
+    if len(triangles) and not (triangles.min() >= 0 and triangles.max() < len(vertices)):
+        raise ValueError("a triangle names a vertex that is not there")
 
 
 Elements = list[tuple[str, int, list[tuple[str, str]]]]
@@ -95,38 +111,46 @@ def _header(stream: BinaryIO) -> tuple[Elements, list[str]]:
     comments: list[str] = []
     if stream.readline(64).strip() != b"ply":
         raise ValueError("it does not begin as one")
-    while True:
+    for _ in range(MOST_LINES):
         line = stream.readline(4096)
         if not line:
-            raise ValueError("its header has no end")
+            break
         words = line.decode("ascii").split()
         if not words:
             continue
         if words[0] == "end_header":
             return elements, comments
-        if words[0] == "format" and words[1] != "binary_little_endian":
-            raise ValueError(f"its format is {words[1]}")
+        if words[0] == "format" and words[1:2] != ["binary_little_endian"]:
+            raise ValueError(f"its format is {' '.join(words[1:2]) or 'not told'}")
         if words[0] == "comment":
             comments.append(" ".join(words[1:]))
         elif words[0] == "element":
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property":
             elements[-1][2].append((words[-1], " ".join(words[1:-1])))
+    raise ValueError("its header has no end")
 
 
-def _take(stream: BinaryIO, size: int) -> np.ndarray:
-    found = np.fromfile(stream, np.uint8, size)
-    if len(found) < size:
-        raise ValueError("it is cut short")
-    return found
+def _take(stream: BinaryIO, count: int, kind: np.dtype) -> np.ndarray:
+    """Rows of a table, if the file is that long: nothing is taken from memory for rows that it only claims."""
+    size = count * kind.itemsize
+    left = os.fstat(stream.fileno()).st_size - stream.tell()
+    if not 0 <= size <= left:
+        raise ValueError("it is cut short" if count >= 0 else f"it tells {count} rows")
+    return np.frombuffer(stream.read(size), kind) if size else np.zeros(count, kind)
 
 
 def _triangles(stream: BinaryIO, count: int, properties: list[tuple[str, str]]) -> np.ndarray:
     if len(properties) != 1 or not properties[0][1].startswith("list "):
         raise ValueError("its faces hold more than vertices")
     _, length, index = properties[0][1].split()
+    if KINDS[length][0] == "f" or KINDS[index][0] == "f":
+        raise ValueError("its faces are no whole numbers")
     kind = np.dtype([("length", "<" + KINDS[length]), ("corners", "<" + KINDS[index], 3)])
-    table = _take(stream, count * kind.itemsize).view(kind)
+    table = _take(stream, count, kind)
     if (table["length"] != 3).any():
         raise ValueError("its faces are no triangles")
-    return table["corners"].astype(np.int32)
+    corners = table["corners"]
+    if corners.size and int(corners.max()) > np.iinfo(np.int32).max:
+        raise ValueError("a triangle names a vertex that is not there")
+    return corners.astype(np.int32)
