@@ -324,8 +324,8 @@ def test_wrong_shapes_are_refused() -> None:
 def test_progress_counts_up_and_may_cancel() -> None:
     seen: list[tuple[int, int]] = []
     fuse(street_views(3), voxel_size=0.2, max_depth=10.0, progress=lambda d, t, m="", **k: seen.append((d, t)))
-    assert [d for d, _ in seen] == list(range(1, 8))
-    assert {t for _, t in seen} == {7}
+    assert [d for d, _ in seen] == list(range(1, 9))
+    assert {t for _, t in seen} == {8}
 
     def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
         raise Cancelled

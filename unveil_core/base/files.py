@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.image_headers import header_of
+from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
     "decode_image",
@@ -123,11 +123,12 @@ def _decode(
             raise DriveError("is no name of a file", path=ascii(str(path)), mend="correct it") from error
     if not content.size:
         raise DriveError("is empty", path=path, mend="copy it again from its source, or drop the frame")
-    header = header_of(content.tobytes())
+    encoded = content.tobytes()
+    header = header_of(encoded)
     if header is not None:
         _check_size(path, (header.width, header.height), size)
-        if not header.whole:
-            raise DriveError("is cut short", path=path, mend="copy it again from its source")
+    if encoded.startswith(SIGNATURES) and (header is None or not header.whole):
+        raise DriveError("is cut short", path=path, mend="copy it again from its source")
     try:
         image = cv2.imdecode(content, flags)
     except cv2.error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["Header", "header_of"]
+__all__ = ["SIGNATURES", "Header", "header_of"]
 
 PNG = b"\x89PNG\r\n\x1a\n"
 PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
@@ -16,6 +16,8 @@ PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 MOST_DEFLATED = 1032
 """Bytes that one byte of a deflate stream makes at most: 258 for two bits."""
 JPEG = b"\xff\xd8"
+SIGNATURES = (PNG[:4], JPEG)
+"""How the files begin whose headers are read here."""
 END, SCAN = 0xD9, 0xDA
 SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of frames, which hold the size of the picture."""

@@ -159,7 +159,7 @@ def fuse(
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory())) if scratch is None else scratch
         prepared = _Views(views, cameras, folder / "views", FrameCache(0) if cache is None else cache)
         found = _SeenBlocks(voxel, band, float(max_depth), box, LARGEST_BLOCKS if region_of is None else MOST_KEYS)
-        total = 2 * len(views) + 1
+        total = 2 * len(views) + 2
         for index in range(len(prepared)):
             view = prepared.read(index)
             found.add(prepared.cameras[index], view)
@@ -183,6 +183,7 @@ def fuse(
             del part  # read again when all are joined: the next region needs the memory
         # The views hold the scene that they show, which may be as large as the mesh.
         del views, prepared, found, keys, blocks, region, work
+        progress(total - 1, total, "joining the mesh")
         mesh = _joined((Mesh(**kept.once(str(number), _lost)) for number in regions), sizes)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
@@ -205,7 +206,7 @@ def _from(progress: Progress, first: int, total: int) -> Progress:
     whole = total
 
     def told(done: int, total: int, message: str = "", **metrics: float) -> None:
-        progress(first + round((whole - 1 - first) * done / max(total, 1)), whole, message, **metrics)
+        progress(first + round((whole - 2 - first) * done / max(total, 1)), whole, message, **metrics)
 
     return told
 
