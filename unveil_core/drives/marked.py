@@ -22,6 +22,8 @@ from unveil_core.drives.drive import Drive, Frame
 __all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marked"]
 
 MEND = "an entry is a box {id, class, centre, size, yaw} or {id, class, mattes: FOLDER}"
+MOST_FILES = 200_000
+"""In a folder of mattes: five hours at ten frames a second; a disk has more."""
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
 
@@ -79,10 +81,20 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
 
 
 def files_named(folder: Path) -> list[Path]:
-    """The pictures in a folder and its sub-folders, in order."""
+    """The pictures in a folder and its sub-folders, in order.
+
+    Raises:
+        DriveError: it holds more than mattes can be, as the root of a disk does.
+    """
     if not folder.is_dir():
         return []
-    return sorted(p for p in folder.rglob("*") if p.suffix.lower() in PICTURES and not p.name.startswith("."))
+    found = []
+    for count, path in enumerate(folder.rglob("*")):
+        if count == MOST_FILES:
+            raise DriveError(f"holds more than {MOST_FILES:,} files", path=folder, mend="name a folder of mattes alone")
+        if path.suffix.lower() in PICTURES and not path.name.startswith("."):
+            found.append(path)
+    return sorted(found)
 
 
 def matte(folder: Path, drive: Drive, frame: Frame) -> NDArray[np.bool_] | None:

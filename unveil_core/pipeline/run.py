@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.errors import UnveilError
+from unveil_core.base.errors import UnveilError, WorkspaceError
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
@@ -54,7 +55,6 @@ def run(
     settings = settings or RunSettings()
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
-    fresh = not Path(workspace).exists()
     opened = open_drive(drive, settings.drive_options)
     first = not (Path(workspace) / "workspace.json").is_file()
     if first:
@@ -83,8 +83,11 @@ def run(
         del opened  # the stages read what was imported: two clouds of points of a long drive need not be held
         run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
     except UnveilError:
-        if fresh and not space.drive_dir.exists():
-            shutil.rmtree(space.root, ignore_errors=True)
+        # Only what this call made, and while nobody else works in it: two may have begun at once.
+        if space.made:
+            with suppress(WorkspaceError), space.lock():
+                if not space.drive_dir.exists():
+                    shutil.rmtree(space.root, ignore_errors=True)
         raise
     return space
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -15,16 +16,23 @@ from unveil_core.base.files import write_json_atomic
 
 __all__ = ["Workspace"]
 
+LOCK = ".lock"
+SIGNED_AT = 1
+"""Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
+BEGUN = (LOCK, ".workspace.json.")
+"""How the files begin that are in a workspace before its workspace.json."""
+
 
 class Workspace:
     """Paths and state of a workspace folder.
 
     Attributes:
         root: the folder.
+        made: whether :meth:`create` made the folder, so that who called it may remove it again.
     """
 
     def __init__(self, root: Path) -> None:
-        self.root = Path(root)
+        self.root, self.made = Path(root), False
 
     # ------------------------------------------------------------------------------------------------------- open, create
 
@@ -45,18 +53,25 @@ class Workspace:
         """Open a workspace, or make one in a folder that is empty or not there yet.
 
         Raises:
-            WorkspaceError: the folder holds something else, or cannot be written.
+            WorkspaceError: the folder holds something else, cannot be written, or is just being made by another process.
         """
         workspace = Workspace(Path(root))
         if workspace.workspace_json.is_file():
             return workspace
         if workspace.root.exists() and not workspace.root.is_dir():
             raise WorkspaceError("is a file", path=root, mend="name a folder for the workspace")
-        if workspace.root.is_dir() and any(workspace.root.iterdir()):
+        if workspace.root.is_dir() and not all(p.name.startswith(BEGUN) for p in workspace.root.iterdir()):
+            if workspace.workspace_json.is_file():
+                return workspace  # made by another process in this moment
             raise WorkspaceError("is not empty and no workspace", path=root, mend="name a new or empty folder")
         try:
-            workspace.root.mkdir(parents=True, exist_ok=True)
-            write_json_atomic(workspace.workspace_json, {"format": 1, "stages": {}})
+            workspace.root.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileExistsError):
+                workspace.root.mkdir()
+                workspace.made = True
+            with workspace.lock():
+                if not workspace.workspace_json.is_file():
+                    write_json_atomic(workspace.workspace_json, {"format": 1, "stages": {}})
         except OSError as error:
             raise WorkspaceError(f"cannot be written: {error.strerror}", path=root) from error
         return workspace
@@ -174,7 +189,7 @@ class Workspace:
 
     def lock(self, *, shared: bool = False) -> Lock:
         """A context in which no other process works here, or with ``shared`` only others that share, each on a block of its own."""
-        return Lock(self.root / ".lock", shared=shared)
+        return Lock(self.root / LOCK, shared=shared)
 
 
 class Lock:
@@ -185,7 +200,10 @@ class Lock:
         self._handle: int | None = None
 
     def __enter__(self) -> Lock:
-        self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+        except FileNotFoundError as error:
+            raise WorkspaceError("is not there any more", path=self.path.parent, mend="run it again") from error
         for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
             try:
                 self._take(self._handle, self.shared)
@@ -194,17 +212,37 @@ class Lock:
                 if patience:
                     time.sleep(patience)
                     continue
+                holder = self._holder(self._handle)
                 os.close(self._handle)
                 self._handle = None
                 raise WorkspaceError(
-                    "is in use by another process", path=self.path.parent, mend="wait or stop it"
+                    f"is in use by another process{holder}", path=self.path.parent, mend="wait or stop it"
                 ) from error
+        self._sign(self._handle)
         return self
 
     def __exit__(self, *exception: object) -> None:
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
+
+    def _sign(self, handle: int) -> None:
+        """Write who holds the lock into its file; of several who share it nobody."""
+        with suppress(OSError):  # on a full disk it holds all the same
+            os.ftruncate(handle, 0)
+            if not self.shared:
+                os.lseek(handle, SIGNED_AT, os.SEEK_SET)
+                os.write(handle, f"{os.getpid()} on {platform.node()}".encode())
+
+    @staticmethod
+    def _holder(handle: int) -> str:
+        """Who wrote that, for the message; nothing where it cannot be told."""
+        try:
+            os.lseek(handle, SIGNED_AT, os.SEEK_SET)
+            signed = os.read(handle, 200).decode(errors="replace")
+        except OSError:
+            return ""
+        return f", {signed}" if re.fullmatch(r"\d+ on [\w.-]+", signed) else ""
 
     @staticmethod
     def _take(handle: int, shared: bool) -> None:
