@@ -93,3 +93,22 @@ def test_a_workspace_that_was_removed_is_one_line(tmp_path: Path) -> None:
     space = Workspace(tmp_path / "gone")
     with pytest.raises(WorkspaceError, match="is not there any more"), space.lock():
         pass
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("[]", "is not what a workspace says of itself"),
+        ('{"stages": []}', "is not what a workspace says of itself"),
+        ('{"stages": {"import": 3}}', "is not what a workspace says of itself"),
+        ('{"format": 2, "stages": {}}', "has format 2, this version reads 1"),
+        ('{"format": 1, "sta', "cannot be read"),
+        ("[" * 100_000, "cannot be read"),
+    ],
+)
+def test_a_workspace_of_another_version_or_none_is_told_in_a_line(content: str, says: str, tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    workspace.workspace_json.write_text(content)
+    with pytest.raises(WorkspaceError, match=says):
+        workspace.state()
+    assert workspace.workspace_json.read_text() == content

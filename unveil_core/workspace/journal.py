@@ -12,6 +12,7 @@ from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_json, write_atomic, write_json_atomic
+from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["PARTIAL", "commit", "open_partial", "recover"]
@@ -39,8 +40,9 @@ def recover(workspace: Workspace) -> None:
     """Finish an interrupted commit, and throw away what no stage can go on from.
 
     Raises:
-        WorkspaceError: the journal is damaged, or names something outside the workspace.
+        WorkspaceError: the journal is damaged, or names something outside the workspace; the workspace holds a symbolic link.
     """
+    refuse_links(workspace.root)
     path = _journal(workspace)
     if path.is_file():
         entry: Any = read_json(path)
@@ -59,10 +61,8 @@ def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
     """The folder that a stage writes in: with all that an interrupted attempt with the same inputs left there, else empty."""
     partial = workspace.root / f"{PARTIAL}{stage}"
     mark = partial / INPUTS
-    if not partial.is_symlink() and mark.is_file() and mark.read_text() == input_hash:
+    if mark.is_file() and mark.read_text("utf-8") == input_hash:
         return partial
-    if partial.is_symlink():
-        partial.unlink()
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir()
     try:
@@ -84,10 +84,10 @@ def _finish(workspace: Workspace, entry: dict[str, Any]) -> None:
         if not source.exists():
             continue  # moved before the interruption
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.is_dir() and not target.is_symlink():
+        if target.is_dir():
             shutil.rmtree(target)
-        elif target.exists() or target.is_symlink():
-            target.unlink()
+        else:
+            target.unlink(missing_ok=True)
         source.rename(target)
     # What is recorded replaces the entry: nothing of the result before it may stay.
     workspace.replace_stage(entry["stage"], entry["record"])

@@ -16,6 +16,8 @@ from unveil_core.base.files import write_json_atomic
 
 __all__ = ["Workspace"]
 
+FORMAT = 1
+"""Of workspace.json, raised when a workspace can no longer be read by the versions before."""
 LOCK = ".lock"
 SIGNED_AT = 1
 """Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
@@ -71,7 +73,7 @@ class Workspace:
                 workspace.made = True
             with workspace.lock():
                 if not workspace.workspace_json.is_file():
-                    write_json_atomic(workspace.workspace_json, {"format": 1, "stages": {}})
+                    write_json_atomic(workspace.workspace_json, {"format": FORMAT, "stages": {}})
         except OSError as error:
             raise WorkspaceError(f"cannot be written: {error.strerror}", path=root) from error
         return workspace
@@ -134,13 +136,26 @@ class Workspace:
         """The parsed workspace.json.
 
         Raises:
-            WorkspaceError: it is damaged.
+            WorkspaceError: it is damaged, or of another version.
         """
         try:
-            data: dict[str, Any] = json.loads(self.workspace_json.read_text())
-            return data
-        except (OSError, ValueError) as error:
+            data = json.loads(self.workspace_json.read_text("utf-8"))
+        except (OSError, ValueError, RecursionError) as error:
             raise WorkspaceError(f"cannot be read: {error}", path=self.workspace_json) from error
+        stages = data.get("stages", {}) if isinstance(data, dict) else None
+        if not isinstance(stages, dict) or not all(isinstance(entry, dict) for entry in stages.values()):
+            raise WorkspaceError(
+                "is not what a workspace says of itself: expected an object with an object for each stage",
+                path=self.workspace_json,
+                mend="restore the file, or begin a new workspace",
+            )
+        if data.get("format", FORMAT) != FORMAT:
+            raise WorkspaceError(
+                f"has format {data['format']!r}, this version reads {FORMAT}",
+                path=self.workspace_json,
+                mend="use the version of Unveil that made it",
+            )
+        return data
 
     def update(self, **values: object) -> None:
         """Set top-level entries of workspace.json."""
@@ -171,7 +186,7 @@ class Workspace:
             "level": level,
             **metrics,
         }
-        with self.events_jsonl.open("a") as stream:
+        with self.events_jsonl.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(event) + "\n")
         return event
 
@@ -180,9 +195,11 @@ class Workspace:
         if not self.events_jsonl.is_file():
             return []
         found = []
-        for line in self.events_jsonl.read_text().splitlines():
-            with suppress(ValueError):
-                found.append(json.loads(line))
+        for line in self.events_jsonl.read_text("utf-8", errors="replace").splitlines():
+            with suppress(ValueError, RecursionError):
+                event = json.loads(line)
+                if isinstance(event, dict):
+                    found.append(event)
         return found
 
     # --------------------------------------------------------------------------------------------------------------- lock
@@ -201,9 +218,14 @@ class Lock:
 
     def __enter__(self) -> Lock:
         try:
-            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+            # Never through a link: the file is cut and written.
+            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
         except FileNotFoundError as error:
             raise WorkspaceError("is not there any more", path=self.path.parent, mend="run it again") from error
+        except OSError as error:
+            if not self.path.is_symlink():
+                raise
+            raise WorkspaceError("is a symbolic link", path=self.path, mend="remove the link") from error
         for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
             try:
                 self._take(self._handle, self.shared)

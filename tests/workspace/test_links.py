@@ -1,0 +1,61 @@
+"""A stranger's workspace with links in it: nothing that they lead to is changed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from unveil_core.base.errors import WorkspaceError
+from unveil_core.pipeline.runner import run_stages
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.workspace.workspace import Workspace
+
+
+def write(context: StageContext) -> None:
+    (context.output("frames") / "0000.txt").parent.mkdir(parents=True, exist_ok=True)
+    (context.output("frames") / "0000.txt").write_text("clean")
+
+
+STAGE = Stage("frames", inputs=(), outputs=("frames",), settings=(), run=write)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        ".blocks",
+        ".blocks/frames",
+        ".blocks/frames/block_000",
+        ".blocks/frames/block_000/digest",
+        ".partial-frames",
+        ".partial-frames/frames",
+        "frames",
+        "surfels",
+        "events.jsonl",
+        ".lock",
+    ],
+)
+def test_a_run_does_not_write_or_remove_through_a_link(name: str, tmp_path: Path) -> None:
+    root, elsewhere = tmp_path / "w", tmp_path / "elsewhere"
+    Workspace.create(root)
+    (elsewhere / "inner" / "digest").mkdir(parents=True)
+    for folder in (elsewhere, elsewhere / "inner", elsewhere / "inner/digest"):
+        (folder / "letter.txt").write_text("dear")
+    is_file = name in ("events.jsonl", ".lock")
+    (root / name).unlink(missing_ok=True)
+    (root / name).parent.mkdir(parents=True, exist_ok=True)
+    (root / name).symlink_to(elsewhere / "letter.txt" if is_file else elsewhere)
+    with pytest.raises(WorkspaceError, match=f"{Path(name).name}: is a symbolic link"):
+        run_stages(Workspace.open(root), (STAGE,), RunSettings(), tmp_path, force=True)
+    left = {str(p.relative_to(elsewhere)): p.read_text() for p in elsewhere.rglob("*") if p.is_file()}
+    assert left == dict.fromkeys(("letter.txt", "inner/letter.txt", "inner/digest/letter.txt"), "dear")
+    (root / name).unlink()
+    assert run_stages(Workspace.open(root), (STAGE,), RunSettings(), tmp_path) == ["frames"]
+
+
+def test_a_workspace_may_be_reached_through_a_link(tmp_path: Path) -> None:
+    Workspace.create(tmp_path / "disk/w")
+    (tmp_path / "w").symlink_to(tmp_path / "disk/w")
+    assert run_stages(Workspace.open(tmp_path / "w"), (STAGE,), RunSettings(), tmp_path) == ["frames"]
+    assert (tmp_path / "disk/w/frames/0000.txt").read_text() == "clean"
