@@ -76,19 +76,33 @@ def disk_is_full(error: OSError, path: Path) -> bool:
         return False
 
 
+def read_text(path: Path, mend: str | None = None) -> str:
+    """The text of a file of a drive: UTF-8, whatever the system's own encoding is.
+
+    Raises:
+        DriveError: it cannot be read, or is no UTF-8; with the ``mend`` that is given.
+    """
+    try:
+        # Editors of Windows begin UTF-8 with a mark.
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"is no UTF-8 text: {error.reason} at byte {error.start}"
+        raise DriveError(problem, path=path, mend=mend or "save it as UTF-8") from error
+    except OSError as error:
+        raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
+
+
 def read_json(path: Path) -> object:
     """What a JSON file of a drive holds.
 
     Raises:
         DriveError: it cannot be read, or is no JSON.
     """
+    text = read_text(path)
     try:
-        # Editors of Windows begin UTF-8 with a mark, which JSON does not have.
-        content: object = json.loads(path.read_text(encoding="utf-8-sig"))
+        content: object = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise DriveError(f"is not valid JSON: {error}", path=path) from error
-    except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
     return content
 
 

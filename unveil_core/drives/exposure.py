@@ -134,6 +134,6 @@ def read_exposures(path: Path) -> Exposures:
     if not path.is_file():
         return Exposures()
     try:
-        return exposures_of_json(json.loads(path.read_text()))
+        return exposures_of_json(json.loads(path.read_text("utf-8")))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend="run `unveil reconstruct` again") from error

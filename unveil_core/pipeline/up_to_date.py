@@ -25,8 +25,9 @@ class Digests:
         self.root = workspace.root
         self.path = workspace.root / ".digests.json"
         self.known: dict[str, list] = {}  # type: ignore[type-arg]
-        with suppress(OSError, ValueError):
-            self.known = json.loads(self.path.read_text())
+        with suppress(OSError, ValueError, RecursionError):
+            known = json.loads(self.path.read_text("utf-8"))
+            self.known = known if isinstance(known, dict) else {}
         self.used: set[str] = set()
 
     def of_file(self, path: Path) -> str:
@@ -35,7 +36,7 @@ class Digests:
         key = str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path.absolute())
         self.used.add(key)
         held = self.known.get(key)
-        if held and held[0] == stat.st_size and held[1] == stat.st_mtime_ns:
+        if isinstance(held, list) and len(held) == 3 and held[:2] == [stat.st_size, stat.st_mtime_ns]:
             return str(held[2])
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_json, read_label_image, write_atomic, write_image_atomic
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
@@ -26,15 +27,45 @@ __all__ = [
 ]
 
 
+MEND = "restore it, or run `unveil import` again"
+
+
 def load_labels(workspace: Workspace) -> SceneLabels:
-    """The labels that occur, with nothing chosen."""
-    return SceneLabels.from_json({"removed": [], "instances": [], **json.loads(workspace.labels_json.read_text())})
+    """The labels that occur, with nothing chosen.
+
+    Raises:
+        WorkspaceError: labels.json is missing or damaged.
+    """
+    path = workspace.labels_json
+    return _labels(path, {"removed": [], "instances": [], **_object(path)})
 
 
 def load_selection(workspace: Workspace) -> SceneLabels:
-    """The labels that occur, and what of them is removed."""
-    chosen = json.loads(workspace.selection_json.read_text())
-    return SceneLabels.from_json({**json.loads(workspace.labels_json.read_text()), **chosen})
+    """The labels that occur, and what of them is removed.
+
+    Raises:
+        WorkspaceError: labels.json or selection.json is missing or damaged.
+    """
+    path = workspace.selection_json
+    return _labels(path, {**_object(workspace.labels_json), **_object(path)})
+
+
+def _object(path: Path) -> dict[str, Any]:
+    """What a JSON file of the workspace holds."""
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise WorkspaceError(f"cannot be read: {error}", path=path, mend=MEND) from error
+    if not isinstance(content, dict):
+        raise WorkspaceError("is no JSON object", path=path, mend=MEND)
+    return content
+
+
+def _labels(path: Path, content: dict[str, Any]) -> SceneLabels:
+    try:
+        return SceneLabels.from_json(content)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        raise WorkspaceError(f"is no choice of labels: {error}", path=path, mend=MEND) from error
 
 
 def load_mask(path: Path) -> NDArray[np.bool_]:

@@ -129,3 +129,35 @@ def test_quaternions_round_trip() -> None:
     for quat in [*generator.normal(size=(50, 4)), np.array([0, 1.0, 0, 0]), np.array([1e-9, 0, 0, 1.0])]:
         rotation = quat_to_rotation(quat)
         assert np.abs(quat_to_rotation(rotation_to_quat(rotation)) - rotation).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "says"),
+    [
+        ("cameras.txt", "1", "line 1: width and height are expected, the line ends after 1 of 4 words"),
+        ("cameras.txt", "one PINHOLE 64 48 50 51 32 24", "line 1: a camera's id are numbers, found 'one'"),
+        ("cameras.txt", "1 PINHOLE 64 48 50 fifty 32 24", "line 1: a camera's parameters"),
+        ("cameras.txt", "1 PINHOLE 64 48 50", "camera model PINHOLE has 1 parameters"),
+        ("images.txt", "1 1 0 0 0 0 0", "line 1: qw qx qy qz tx ty tz are expected, the line ends after 7 of 8 words"),
+        ("images.txt", "1 1 0 0 0 0 0 x 1 00.png", "line 1: qw qx qy qz tx ty tz are numbers, found"),
+        ("images.txt", "1 1 0 0 0 0 0 0 1", "line 1: the image's name is missing"),
+        ("points3D.txt", "1 0 0 0 10 20", "line 1: x y z r g b error are expected"),
+        ("points3D.txt", "1 0 0 nothing 10 20 30 0.5", "line 1: x y z r g b error are numbers"),
+        ("points3D.txt", "\udcff", "is no UTF-8 text"),
+    ],
+)
+def test_a_text_model_with_a_wrong_line_names_it(name: str, line: str, says: str, tmp_path: Path) -> None:
+    write_model(tmp_path, binary=False)
+    (tmp_path / "sparse/0" / name).write_text(line + "\n", encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(DriveError, match=f"{name}: .*({says})"):
+        open_drive(tmp_path)
+
+
+def test_text_is_utf_8_whatever_the_system_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_model(tmp_path, binary=False)
+    path = tmp_path / "sparse/0/images.txt"
+    path.write_text("\ufeff" + path.read_text("utf-8").replace("00.png", "straße ä.png"), encoding="utf-8")
+    (tmp_path / "images/00.png").rename(tmp_path / "images/straße ä.png")
+    monkeypatch.setattr("locale.getpreferredencoding", lambda *_: "ascii")
+    monkeypatch.setenv("PYTHONUTF8", "0")
+    assert "straße ä.png" in {frame.image_path.name for frame in open_drive(tmp_path).frames}

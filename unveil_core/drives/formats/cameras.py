@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_text
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation, rigid_inverse
@@ -145,10 +146,7 @@ def read_numbers(path: Path, mend: str) -> list[list[float]]:
     Raises:
         DriveError: missing, or a line that is not numbers.
     """
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DriveError("there is no such readable file", path=path, mend=mend) from error
+    lines = read_text(path, mend).splitlines()
     try:
         return [[float(word) for word in line.split()] for line in lines if line.strip()]
     except ValueError as error:

@@ -6,11 +6,13 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_text
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
@@ -31,6 +33,8 @@ _MODELS = {
 _BY_NAME = {name: count for name, count in _MODELS.values()}
 MAX_REPROJECTION_PX = 4.0
 MIN_TRACK = 3
+MEND = "export the model again"
+_N = TypeVar("_N", int, float)
 
 
 @dataclass(frozen=True)
@@ -98,16 +102,39 @@ class _Bytes:
         return value
 
 
-def _lines(path: Path) -> Iterator[list[str]]:
-    try:
-        text = path.read_text()
-    except OSError as error:
-        raise DriveError(
-            f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
-        ) from error
-    for line in text.splitlines():
+@dataclass(frozen=True)
+class _Line:
+    """A line of a text file in words."""
+
+    path: Path
+    number: int
+    words: list[str]
+
+    def numbers(self, kind: type[_N], names: str, start: int, stop: int | None = None) -> tuple[_N, ...]:
+        """Some of its words as numbers.
+
+        Args:
+            names: what they are, for the message.
+        """
+        words = self.words[start:stop]
+        try:
+            found = tuple(kind(word) for word in words)
+        except ValueError as error:
+            raise self.wrong(f"{names} are numbers, found {' '.join(words)[:40]!r}") from error
+        if stop is not None and len(found) < stop - start:
+            raise self.wrong(f"{names} are expected, the line ends after {len(self.words)} of {stop} words")
+        return found
+
+    def wrong(self, problem: str) -> DriveError:
+        """The error that names the line."""
+        return DriveError(f"line {self.number}: {problem}", path=self.path, mend=MEND)
+
+
+def _lines(path: Path) -> Iterator[_Line]:
+    """Lines without comments, empty ones among them: an image without observations has an empty second line."""
+    for number, line in enumerate(read_text(path, "a COLMAP model has cameras, images and points3D").split("\n"), 1):
         if not line.startswith("#"):
-            yield line.split()
+            yield _Line(path, number, line.split())
 
 
 def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[float, ...]) -> _Lens:
@@ -128,11 +155,11 @@ def _read_cameras(folder: Path) -> dict[int, _Lens]:
             lenses[key] = _lens(stream.path, name, width, height, stream.take(f"<{count}d"))
     else:
         path = folder / "cameras.txt"
-        for fields in _lines(path):
-            if fields:
-                lenses[int(fields[0])] = _lens(
-                    path, fields[1], int(fields[2]), int(fields[3]), tuple(float(v) for v in fields[4:])
-                )
+        for line in _lines(path):
+            if line.words:
+                (key,) = line.numbers(int, "a camera's id", 0, 1)
+                width, height = line.numbers(int, "width and height", 2, 4)
+                lenses[key] = _lens(path, line.words[1], width, height, line.numbers(float, "a camera's parameters", 4))
     return lenses
 
 
@@ -148,9 +175,13 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
             found.append((name, values[8], values[1:8]))
     else:
         rows = list(_lines(folder / "images.txt"))
-        for fields in rows[::2]:  # every second line lists the observations
-            if fields:
-                found.append((" ".join(fields[9:]), int(fields[8]), tuple(float(v) for v in fields[1:8])))
+        for line in rows[::2]:  # every second line lists the observations
+            if line.words:
+                pose_numbers = line.numbers(float, "qw qx qy qz tx ty tz", 1, 8)
+                (camera,) = line.numbers(int, "a camera's id", 8, 9)
+                if len(line.words) < 10:
+                    raise line.wrong("the image's name is missing")
+                found.append((" ".join(line.words[9:]), camera, pose_numbers))
     images = []
     for name, camera, numbers in found:
         if not np.isfinite(numbers).all() or np.linalg.norm(numbers[:4]) < 1e-9:
@@ -178,9 +209,9 @@ def read_model_points(folder: Path) -> PointCloud:
             stream.skip(8, track)
             rows.append((x, y, z, r, g, b, error, track))
     else:
-        for f in _lines(folder / "points3D.txt"):
-            if f:
-                rows.append((*(float(v) for v in f[1:8]), (len(f) - 8) / 2))
+        for line in _lines(folder / "points3D.txt"):
+            if line.words:
+                rows.append((*line.numbers(float, "x y z r g b error", 1, 8), (len(line.words) - 8) / 2))
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
     good = np.isfinite(table).all(axis=1) & (table[:, 6] <= MAX_REPROJECTION_PX) & (table[:, 7] >= MIN_TRACK)
     table = table[good]
@@ -188,7 +219,7 @@ def read_model_points(folder: Path) -> PointCloud:
         raise DriveError(
             "holds no points that three images agree on", path=folder, mend="run the mapper with more overlap"
         )
-    return PointCloud(table[:, :3].copy(), table[:, 3:6].astype(np.uint8))
+    return PointCloud(table[:, :3].copy(), table[:, 3:6].clip(0, 255).astype(np.uint8))
 
 
 def read_colmap(path: Path) -> Drive:

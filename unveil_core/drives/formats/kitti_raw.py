@@ -164,7 +164,7 @@ def _vehicle_poses(folder: Path) -> tuple[dict[int, Float64], int, list[Path]]:
     packets: dict[int, list[float]] = {}
     for number, path in files.items():
         try:
-            values = [float(word) for word in path.read_text().split()[:6]]
+            values = [float(word) for word in path.read_text("utf-8").split()[:6]]
         except (OSError, ValueError):
             continue
         if len(values) == 6 and all(math.isfinite(v) for v in values) and abs(values[0]) < 90:

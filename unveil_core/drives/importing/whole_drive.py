@@ -161,7 +161,7 @@ def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress
         labels: of its frames in their order, of working size; asked for those that are missing only.
     """
     path = folder / CAMERAS
-    data: dict[str, Any] = json.loads(path.read_text())
+    data: dict[str, Any] = json.loads(path.read_text("utf-8"))
     entries = data["frames"]
     for done, entry in enumerate(entries):
         stem = f"{entry['camera']}/{entry['name']}.png"

@@ -34,7 +34,7 @@ def read_object_names(workspace_root: Path) -> ObjectNames:
     if not path.is_file():
         return ObjectNames({}, frozenset())
     try:
-        entries = json.loads(path.read_text())
+        entries = json.loads(path.read_text("utf-8"))
         classes = {int(e["id"]): str(e.get("class", "object")) for e in entries}
         kept = frozenset(int(e["id"]) for e in entries if not e.get("removed"))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_text
 from unveil_core.base.types import Float64
 from unveil_core.drives.formats.cameras import calibrated_camera, picture_size, rigid
 from unveil_core.geometry.camera import Camera
@@ -68,10 +69,7 @@ def read_calibration(path: Path, counts: Mapping[str, int], mend: str) -> dict[s
     Raises:
         DriveError: the file or a key is missing, or a key has other than so many finite numbers.
     """
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DriveError("there is no such readable calibration", path=path, mend=mend) from error
+    lines = read_text(path, mend).splitlines()
     found: dict[str, Float64] = {}
     for line in lines:
         key, _, rest = line.partition(":")
@@ -98,7 +96,7 @@ def read_stamps(path: Path) -> list[float | None]:
         return []
     stamps: list[float | None] = []
     try:
-        for line in path.read_text().splitlines():
+        for line in read_text(path).splitlines():
             whole, _, fraction = line.strip().partition(".")
             if not whole:
                 stamps.append(None)

@@ -158,7 +158,7 @@ def _boxes(path: Path, matrices: Matrices) -> Boxes:
     ids = TrackIds()
     found: Boxes = {}
     try:
-        for line in path.read_text().splitlines()[1:]:
+        for line in path.read_text("utf-8-sig").splitlines()[1:]:
             words = line.split()
             class_name = class_of(words[2]) if len(words) >= TRACK_COLUMNS else None
             if class_name is None:
