@@ -220,7 +220,7 @@ def test_a_damaged_path_is_one_line(make: Callable[[Path], Path], line: str, dri
 
 
 def test_text_that_is_no_json(drive: Drive, tmp_path: Path) -> None:
-    for content in (b"{", b"\xff\xfe\x00"):
+    for content, says in ((b"{", "is not valid JSON"), (b"\xff\xfe\x00", "is no UTF-8 text")):
         (tmp_path / "path.json").write_bytes(content)
-        with pytest.raises(DriveError, match="is not valid JSON"):
+        with pytest.raises(DriveError, match=says):
             read_camera_path(tmp_path / "path.json", drive)

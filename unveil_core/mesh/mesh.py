@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Mesh", "drop_small_components", "keep_faces", "renumber"]
+__all__ = ["Mesh", "drop_small_components", "keep_faces", "renumber", "rows_kept"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,11 @@ def keep_faces(mesh: Mesh, keep: NDArray[np.bool_], *, overwrite: bool = False) 
     Args:
         overwrite: the mesh's own arrays may be used for the result, for who has no room for two.
     """
-    faces = _rows(mesh.faces, keep, overwrite)
+    faces = rows_kept(mesh.faces, keep, overwrite)
     used = np.zeros(len(mesh.vertices), dtype=bool)
     _mark_used(faces, used)
     renumber(faces, np.cumsum(used, dtype=np.int32) - np.int32(1))
-    return Mesh(_rows(mesh.vertices, used, overwrite), faces, _rows(mesh.colors, used, overwrite))
+    return Mesh(rows_kept(mesh.vertices, used, overwrite), faces, rows_kept(mesh.colors, used, overwrite))
 
 
 def drop_small_components(mesh: Mesh, smallest_triangles: int, *, overwrite: bool = False) -> Mesh:
@@ -65,7 +65,8 @@ def drop_small_components(mesh: Mesh, smallest_triangles: int, *, overwrite: boo
     return mesh if keep.all() else keep_faces(mesh, keep, overwrite=overwrite)
 
 
-def _rows(table: NDArray[Any], keep: NDArray[np.bool_], overwrite: bool) -> NDArray[Any]:
+def rows_kept(table: NDArray[Any], keep: NDArray[np.bool_], overwrite: bool) -> NDArray[Any]:
+    """The rows of ``table`` (N, 3) that are True in ``keep`` (N,), in their order; with ``overwrite`` in its own memory."""
     return table[: _move_up(table, keep)] if overwrite else table[keep]
 
 

@@ -9,7 +9,7 @@ for the triangles.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +26,8 @@ from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.mesh import tsdf_kernels as kernels
-from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces, renumber
+from unveil_core.mesh.join import joined
+from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 
 __all__ = ["DepthView", "fuse"]
 
@@ -184,7 +185,7 @@ def fuse(
         # The views hold the scene that they show, which may be as large as the mesh.
         del views, prepared, found, keys, blocks, region, work
         progress(total - 1, total, "joining the mesh")
-        mesh = _joined((Mesh(**kept.once(str(number), _lost)) for number in regions), sizes)
+        mesh = joined((Mesh(**kept.once(str(number), _lost)) for number in regions), sizes)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
         mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
@@ -274,36 +275,6 @@ def _fuse_region(
 
 def _lost() -> dict[str, NDArray[Any]]:
     raise WorkspaceError("a part of the mesh was removed while it was in use", mend="run it again")
-
-
-def _joined(parts: Iterable[Mesh], sizes: Sequence[tuple[int, int]]) -> Mesh:
-    """One mesh of those of all regions; vertices at their borders, which two of them have, are one.
-
-    Args:
-        parts: made one after the other, for the mesh of a long drive is too large to be held twice.
-        sizes: vertices and faces of each.
-    """
-    if len(sizes) == 1:
-        return next(iter(parts))
-    vertex_count, face_count = np.sum(sizes, axis=0)
-    vertices, colors = np.empty((vertex_count, 3), np.float32), np.empty((vertex_count, 3), np.uint8)
-    faces = np.empty((face_count, 3), np.int32)
-    at, of_faces = 0, 0
-    for part in parts:
-        own = slice(at, at + len(part.vertices))
-        vertices[own], colors[own] = part.vertices, part.colors
-        np.add(part.faces, np.int32(at), out=faces[of_faces : of_faces + len(part.faces)])
-        at, of_faces = own.stop, of_faces + len(part.faces)
-    bits = vertices.view(np.int32)
-    order = np.lexsort(bits.T)
-    new = np.zeros(len(order), dtype=bool)
-    new[:1] = True
-    for column in bits.T:
-        ordered = column[order]
-        new[1:] |= ordered[1:] != ordered[:-1]
-    index, kept = kernels.one_of_alike(order, new)
-    renumber(faces, index)
-    return Mesh(vertices[kept], faces, colors[kept])
 
 
 def _packed(view: DepthView, index: int) -> tuple[NDArray[Any], ...]:

@@ -33,7 +33,6 @@ __all__ = [
     "integrate",
     "inverse_depth_slopes",
     "mark_cells",
-    "one_of_alike",
     "place_vertices",
     "rehash",
     "write_quads",
@@ -552,31 +551,3 @@ def _write_quads(start, stop, volume, neighbours, rank, first, first_quad, verti
                             faces[f, 0], faces[f, 1], faces[f, 2] = v0, v1, v3
                             faces[f + 1, 0], faces[f + 1, 1], faces[f + 1, 2] = v1, v2, v3
                         f += 2
-
-
-@njit(cache=True)
-def one_of_alike(order, new):
-    """Vertices that are alike become one, the first of them.
-
-    Args:
-        order: (V,) of the vertices, alike ones side by side and among themselves rising; new: (V,) bool, where in it others begin.
-    Returns:
-        index: (V,) int32 of each vertex among those that stay; kept: (V,) bool, which do.
-    """
-    count = order.shape[0]
-    same, kept, index = np.empty(count, np.int32), np.zeros(count, np.bool_), np.empty(count, np.int32)
-    first = 0
-    for i in range(count):
-        if new[i]:
-            first = order[i]
-            kept[first] = True
-        same[order[i]] = first
-    stay = 0
-    for i in range(count):
-        # Whom a vertex is one with comes before it.
-        if kept[i]:
-            index[i] = stay
-            stay += 1
-        else:
-            index[i] = index[same[i]]
-    return index, kept
