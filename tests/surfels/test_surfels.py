@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 
 from tests.raster.scenes import random_ellipsoids, random_surfels
@@ -26,3 +27,12 @@ def test_discs_beside_ellipsoids_become_flat_ones() -> None:
     expected = discs.log_scales.amin(dim=1) + math.log(FLATNESS)
     torch.testing.assert_close(both.log_scales[4:, 2], expected)
     torch.testing.assert_close(both.normals()[4:], discs.normals())
+
+
+def test_what_was_joined_is_split_again_without_a_copy() -> None:
+    parts = [random_surfels(n, n) for n in (3, 1, 5)]
+    both = concatenate(parts)
+    for part, found in zip(parts, both.split([3, 1, 5]), strict=True):
+        for name, array in part.arrays().items():
+            np.testing.assert_array_equal(found.arrays()[name], array)
+            assert np.shares_memory(found.arrays()[name], both.arrays()[name])

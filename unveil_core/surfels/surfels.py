@@ -8,7 +8,7 @@ ellipsoid of *3D Gaussian Splatting* (SIGGRAPH 2023), section 4, for comparison.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -93,6 +93,11 @@ class Surfels:
     def select(self, index: Tensor) -> Surfels:
         """The surfels at a boolean mask (N,) or integer index (M,)."""
         return Surfels(*(getattr(self, f.name)[index] for f in fields(self)))
+
+    def split(self, counts: Sequence[int]) -> list[Surfels]:
+        """Consecutive surfels, so many each, N in all: views that share these ones' memory."""
+        columns = [getattr(self, f.name).split(list(counts)) for f in fields(self)]
+        return [Surfels(*parts) for parts in zip(*columns, strict=True)]
 
     def detach(self) -> Surfels:
         """The same values outside the autograd graph."""

@@ -101,8 +101,12 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         tested.append(_facades_assumed(completed.sides, completed.mended))
     parts = [] if completed is None else completed.surfels()
     # What follows from the seen part of a house or a pole is known before anything is invented.
+    counts = [len(part) for part in (remaining, *parts)]
     known = RemainingScene(concatenate([remaining, *parts]), given.sky, None, len(scene.labels))
-    del remaining  # the scene of a long drive is not held twice
+    del remaining
+    # The scene of a long drive is not held twice: what completes it is from now on a view of it.
+    parts = known.surfels.split(counts)[1:]
+    completed = None if completed is None else replace(completed, walls=None)
     seeds = _Cleaning(context, given, known, fill, completed).run(blocks, stretches)
     invented = range(len(parts), len(parts) + (seeds is not None))
     parts += [] if seeds is None else [seeds]
