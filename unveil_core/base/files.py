@@ -7,6 +7,8 @@ import json
 import os
 import shutil
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,6 +21,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
+    "NO_ARCHIVE",
     "decode_image",
     "disk_is_full",
     "link_or_copy",
@@ -33,6 +36,18 @@ __all__ = [
     "write_json_atomic",
 ]
 
+NO_ARCHIVE = (
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What numpy and zipfile raise for a damaged ``.npz``, an encrypted one or one of a later format: found by fuzzing."""
 IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 """Pixels as they are stored: cameras are calibrated for these, whatever a maker's note says of how to hold the picture."""
 MOST_PIXELS = 1 << 28

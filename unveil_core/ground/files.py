@@ -19,13 +19,12 @@ terrain_cell         ()
 from __future__ import annotations
 
 import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import write_atomic
+from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.base.types import Float64
 from unveil_core.ground.fit import DriveGround
 from unveil_core.ground.height_field import HeightField
@@ -76,7 +75,7 @@ def read_ground(path: Path) -> DriveGround:
                 raise ValueError("it is too large")
         with np.load(path, allow_pickle=False) as data:
             return _ground({name: data[name] for name in data.files})
-    except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+    except NO_ARCHIVE as error:
         raise WorkspaceError(f"is no readable ground: {error}", path=path, mend=MEND) from error
 
 

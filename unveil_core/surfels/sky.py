@@ -6,7 +6,6 @@ pixels first and may be trained with the surfels; no surfel carries the label sk
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.base.errors import UnveilError
-from unveil_core.base.files import write_atomic
+from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 
@@ -119,5 +118,5 @@ def load_sky(path: Path) -> Sky:
     try:
         with np.load(path, allow_pickle=False) as data:
             return Sky(torch.from_numpy(data["texture"]), data["axes"])
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+    except NO_ARCHIVE as error:
         raise UnveilError(f"is no readable sky: {error}", path=path, mend="run `unveil reconstruct` again") from error

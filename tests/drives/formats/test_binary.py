@@ -70,3 +70,16 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path: Path, monkeypa
     np.savez_compressed(path, a=np.zeros(100_000))
     with pytest.raises(DriveError, match="more than a gigabyte"):
         read_archive(path, ["a"])
+
+
+@pytest.mark.parametrize(("at", "value"), [(6, 1), (6, 32), (4, 255)], ids=["encrypted", "a patch", "a later format"])
+def test_an_archive_of_another_kind_is_refused(at: int, value: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, a=np.arange(3))
+    content = bytearray(path.read_bytes())
+    # Flags and version stand in the local header, and two bytes later in the directory.
+    for signature, place in ((b"PK\x03\x04", at), (b"PK\x01\x02", at + 2)):
+        content[content.index(signature) + place] = value
+    path.write_bytes(bytes(content))
+    with pytest.raises(DriveError, match="is no archive of arrays"):
+        read_archive(path, ["a"])

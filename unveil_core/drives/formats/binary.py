@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import NO_ARCHIVE
 
 __all__ = ["read_archive", "read_floats"]
 
@@ -52,5 +52,5 @@ def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
             return [np.asarray(archive[name]) for name in names]
     except KeyError as error:
         raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend=MEND) from error
-    except (OSError, EOFError, ValueError, SyntaxError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
+    except NO_ARCHIVE as error:
         raise DriveError(f"is no archive of arrays: {error}", path=path, mend=MEND) from error

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import cv2
 
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError, SettingsError
@@ -17,6 +12,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
 from unveil_core.drives.formats.colmap import find_model, read_colmap
+from unveil_core.drives.formats.guard import guarded, with_guarded_readers
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
@@ -133,22 +129,6 @@ FORMATS: tuple[Format, ...] = (
 )
 """In the order in which they are asked: a processed layout may hold a COLMAP model beside what it knows better."""
 
-NOT_UNDERSTOOD = (
-    ArithmeticError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    cv2.error,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What comes of reading something that is not as it should be."""
 SHOWN_SCENES = 8
 """Names that a message lists at most."""
 
@@ -175,13 +155,9 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         raise DriveError("holds no drive", path=path, mend=f"looked for: {looked_for}")
     if kind.scenes is None and options.scene is not None:
         raise SettingsError(f"a drive of {kind.name} is one scene", mend="leave --scene out")
-    try:
+    with guarded(path, kind.name):
         scene = () if kind.scenes is None else (_scene(kind, path, kind.scenes(path), options.scene),)
-        drive = kind.read(path, *scene)
-    except NOT_UNDERSTOOD as error:
-        # What no reader foresaw. Those name the file and the field; this is one line all the same.
-        problem = f"holds something that no drive of {kind.name} has: {type(error).__name__} {error}"
-        raise DriveError(problem, path=path, mend="export or copy it again") from error
+        drive = with_guarded_readers(kind.read(path, *scene), kind.name)
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
     return select_part(in_order_of_time(with_file_names(drive)), options)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import NO_ARCHIVE
 
 __all__ = ["ARRAYS", "StandIn", "read_admitted", "read_archived_object", "read_arrays"]
 
@@ -253,7 +254,7 @@ def read_archived_object(path: Path, name: str) -> Any:
         shape, _, kind = header(stream)  # type: ignore[no-untyped-call]
     except KeyError as error:
         raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend="make it again") from error
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except NO_ARCHIVE as error:
         raise DriveError(f"is no archive of arrays: {error}", path=path, mend="make it again") from error
     if shape != () or not kind.hasobject:
         raise DriveError(f"{name} is an array of {shape} {kind}, no object", path=path, mend="make it again")

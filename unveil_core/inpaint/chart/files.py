@@ -6,8 +6,6 @@ metres. Empty arrays where the street has no chart.
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import write_atomic
+from unveil_core.base.files import NO_ARCHIVE, write_atomic
 
 __all__ = ["ChartSources", "read_chart_sources", "save_chart"]
 
@@ -55,6 +53,6 @@ def read_chart_sources(path: Path) -> ChartSources | None:
             source, label, place = data["source"], data["label"], data["place"]
         if source.shape != label.shape or source.ndim != 2 or place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError("arrays of other shapes")
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except NO_ARCHIVE as error:
         raise WorkspaceError(f"is no chart: {error}", path=path, mend="run `unveil inpaint` again") from error
     return ChartSources(source, label, *(float(v) for v in place)) if source.size else None
