@@ -10,8 +10,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.points import write_points
 

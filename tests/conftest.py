@@ -9,11 +9,8 @@ from pathlib import Path
 here = Path(__file__).parents[1] / ".pytest_cache/forecast"
 os.environ["UNVEIL_CACHE"] = str(here / os.environ.get("PYTEST_XDIST_WORKER", "main"))
 
-if "PYTEST_XDIST_WORKER" in os.environ:
-    # Two processes that compile two forms of one kernel at once may file one under the other's name (numba numbers its files
-    # without a lock), so each keeps its own.
-    kernels = Path(__file__).parents[1] / ".pytest_cache/kernels" / os.environ["PYTEST_XDIST_WORKER"]
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(kernels))
+# Kernels are compiled once for all processes of the tests, and not beside the source, which may be read-only.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/kernels"))
 
 import torch  # noqa: E402
 

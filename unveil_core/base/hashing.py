@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from unveil_core.base.compiled import njit
 
 __all__ = ["slot_of"]
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.types import Float64
 
 __all__ = ["connected_points"]

@@ -9,9 +9,9 @@ reduced by area. Here each pixel takes the label that covers most of it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 
 __all__ = ["resize_labels"]

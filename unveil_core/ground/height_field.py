@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import map_coordinates
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera

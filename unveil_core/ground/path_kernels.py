@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.types import Float64
 
 __all__ = ["feet_on_path"]
@@ -21,7 +21,7 @@ LEAST_STRETCH = 0.2
 """Metres in the plan for each along the path, at the least: at the centre of a bend there are none."""
 
 
-@nb.njit(cache=True)
+@njit(cache=True)
 def feet_on_path(
     horizontal: Float64, first: NDArray[np.int64], nodes: Float64, heading: Float64, step: float
 ) -> tuple[Float64, Float64]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.mesh.mesh import Mesh, renumber, rows_kept
 
 __all__ = ["joined"]

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from unveil_core.base.compiled import njit
 
 __all__ = ["Mesh", "drop_small_components", "keep_faces", "renumber", "rows_kept"]
 

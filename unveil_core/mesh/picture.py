@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh.mesh import Mesh

@@ -14,9 +14,9 @@ then (z_seen - z) * w / |n|.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.hashing import slot_of
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float32, Float64

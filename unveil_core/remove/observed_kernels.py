@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import EXACT
 from unveil_core.geometry.projection import pixel_of
 

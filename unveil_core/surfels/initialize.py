@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.hashing import slot_of
 from unveil_core.base.parallel import thread_count
 from unveil_core.surfels.surfels import Surfels

@@ -8,9 +8,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float32, Float64
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.types import Float32, Mask
 
 __all__ = ["quilt"]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.types import Float32, Mask
 
 __all__ = ["PatchFillSettings", "patch_fill"]

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from numba import njit
 from torch import Tensor
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import in_parallel
 
 __all__ = ["Adam", "adam_step"]

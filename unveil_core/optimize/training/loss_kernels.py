@@ -8,8 +8,8 @@ neighbouring numbers. Each loop writes one row only: LLVM then vectorizes it wit
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import FAST
 
 f32, u64 = np.float32, np.uint64

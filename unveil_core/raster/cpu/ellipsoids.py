@@ -8,8 +8,8 @@ mathematics. Both write the same record, so that the kernels of the tiles know n
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from unveil_core.base.compiled import njit
 from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.block import sources
