@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.types import Float64
 
 __all__ = ["connected_points"]

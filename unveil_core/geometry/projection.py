@@ -3,7 +3,7 @@
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"
 from __future__ import annotations
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT
 
 __all__ = ["pixel_of", "project_shown"]

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 
 __all__ = ["Mesh", "drop_small_components", "keep_faces", "renumber", "rows_kept"]
 

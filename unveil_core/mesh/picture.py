@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh.mesh import Mesh

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.compiled import njit
-from unveil_core.base.hashing import slot_of
+from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.kernels.hashing import slot_of
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float32, Float64
 

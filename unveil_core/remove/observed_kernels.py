@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT
 from unveil_core.geometry.projection import pixel_of
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.compiled import njit
-from unveil_core.base.hashing import slot_of
+from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.kernels.hashing import slot_of
 from unveil_core.base.parallel import thread_count
 from unveil_core.surfels.surfels import Surfels
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST
 
 __all__ = ["NOTHING", "sweep_bands"]

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float32, Float64
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.types import Float32, Mask
 
 __all__ = ["quilt"]

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import in_parallel
 
 __all__ = ["Adam", "adam_step"]

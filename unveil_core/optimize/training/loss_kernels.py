@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST
 
 f32, u64 = np.float32, np.uint64

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.array_pool import Buffers
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST, in_parallel, thread_count
 
 __all__ = ["Bins", "bin_surfels"]

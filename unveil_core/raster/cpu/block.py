@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu.lanes import Vector, lane_function

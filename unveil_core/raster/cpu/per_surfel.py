@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.compiled import njit
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import FAST
 from unveil_core.raster import records as rec
 from unveil_core.raster.passes import TILE

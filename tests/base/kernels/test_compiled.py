@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba.core.caching import IndexDataCacheFile
 
-from unveil_core.base.compiled import _NamedByForm, njit
+from unveil_core.base.kernels.compiled import _NamedByForm, njit
 
 
 def written_at_once(kind: type[IndexDataCacheFile], folder: Path, step: str) -> list[object]:

@@ -32,12 +32,13 @@ class _NamedByForm(IndexDataCacheFile):
             data: what numba stores of it.
         """
         form = hashlib.sha256(repr((self._source_stamp, key)).encode()).digest()
-        name = self._data_name(int.from_bytes(form[:8], "big"))
-        self._save_data(name, data)
-        forms = self._load_index()
+        files: Any = self  # numba's own methods have no types
+        name = files._data_name(int.from_bytes(form[:8], "big"))
+        files._save_data(name, data)
+        forms = files._load_index()
         if not forms:
             self._remove_outdated()
-        self._save_index({**forms, key: name})
+        files._save_index({**forms, key: name})
 
     def _remove_outdated(self) -> None:
         """Remove the forms of an earlier version of the source file: their names never come again."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from unveil_core.base.hashing import slot_of
+from unveil_core.base.kernels.hashing import slot_of
 
 
 @pytest.mark.parametrize("shift", [0, 10, 21, 42, 50])
