@@ -55,7 +55,8 @@ WITH_CUDA := -c "import importlib.metadata as m; raise SystemExit(not any('nvidi
 
 $(VENV)/.installed: pyproject.toml $(wildcard requirements/*.txt)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python $(LOCKED) -r requirements/build.txt -r requirements/core.txt -r requirements/torch.txt
+	$(BIN)/python $(LOCKED) -r requirements/build.txt -r requirements/core.txt
+	$(BIN)/python $(LOCKED) -r requirements/torch-cpu.txt 2>/dev/null || $(BIN)/python $(LOCKED) -r requirements/torch.txt
 	if $(BIN)/python $(WITH_CUDA); then $(BIN)/python $(LOCKED) -r requirements/cuda.txt; fi
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	touch $@

@@ -42,7 +42,7 @@ def problems(installed: Iterable[Distribution], locked: dict[str, set[str]]) -> 
         name = plain(package.metadata["Name"])
         if name in OWN:
             continue
-        if package.version.split("+")[0] not in locked.get(name, ()):
+        if package.version.split("+")[0] not in {v.split("+")[0] for v in locked.get(name, ())}:
             wanted = " or ".join(sorted(locked.get(name, ()))) or "nothing of that name"
             found.append(f"{name} {package.version}: the lock has {wanted}")
         found += [f"{name} {package.version}: {file} has changed since it was installed" for file in changed(package)]
@@ -53,7 +53,7 @@ def changed(package: Distribution) -> list[str]:
     """The files of a package that are missing or other than its RECORD says."""
     found = []
     for file in package.files or ():
-        if file.hash is None:  # bytecode, and RECORD itself
+        if file.hash is None or file.suffix == ".pyc":  # RECORD itself; bytecode, which Python makes anew
             continue
         path = Path(str(package.locate_file(file)))
         if not path.is_file() or _digest(path, file.hash.mode) != file.hash.value:

@@ -10,7 +10,8 @@ Pythons at once. A lock file holds the hashes of every file of a release, so it 
 | ``pip.txt`` | the add-on: a pip that tells how far a download is |
 | ``build.txt`` | make: what builds the project itself |
 | ``core.txt`` | make, the add-on: what Unveil needs to run, but torch |
-| ``torch.txt`` | make, the add-on |
+| ``torch-cpu.txt`` | make, where pip is told of a place that has it: torch without CUDA |
+| ``torch.txt`` | make without that one, the add-on: torch as the usual index has it |
 | ``cuda.txt`` | make, the add-on: what torch's build with CUDA loads (Linux) |
 | ``dev.txt`` | make test: tests, linters, the optional parts |
 | ``bpy-5.0.txt`` | make test |
@@ -35,8 +36,8 @@ BLENDERS = {"4.2": ["bpy==4.2.23", "pytest"], "4.5": ["bpy==4.5.15", "pytest"], 
 """Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the numpy of its Blender."""
 CUDA = re.compile(r"nvidia-|cuda-|triton$")
 """Names of what only torch's build with CUDA needs."""
-CPU_TORCH = ("6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b",)
-"""Builds of this torch without CUDA, which the index does not have: 2.13.0+cpu for Linux x86_64, Python 3.11."""
+CPU_TORCH = "torch==2.13.0+cpu --hash=sha256:6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b\n"
+"""The build of this torch without CUDA for Linux x86_64 and Python 3.11, which the usual index does not have."""
 SYSTEMS = ("x86_64-manylinux_2_28", "x86_64-pc-windows-msvc", "aarch64-apple-darwin")
 PYTHONS = ("3.11", "3.12", "3.13")
 """What the add-on makes environments for: each must find a built wheel of every package."""
@@ -81,9 +82,9 @@ def main(uv: str) -> None:
     run = compile_lock(uv, ["pyproject.toml"], *locked)
     core = {name: entry for name, entry in run.items() if name != "torch" and not CUDA.match(name)}
     everything = compile_lock(uv, ["pyproject.toml"], *locked, *(f"--extra={extra}" for extra in EXTRAS))
-    torch = run["torch"].rstrip() + "".join(f" \\\n    --hash=sha256:{digest}" for digest in CPU_TORCH) + "\n"
     write("core", core)
-    write("torch", {"torch": torch})
+    write("torch", {"torch": run["torch"]})
+    write("torch-cpu", {"torch": CPU_TORCH})
     write("cuda", {name: entry for name, entry in run.items() if CUDA.match(name)})
     write("dev", {name: entry for name, entry in everything.items() if name not in run or name == "triton"})
     # editables is asked for by hatchling only while it builds
