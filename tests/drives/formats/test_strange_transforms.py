@@ -175,3 +175,29 @@ def test_what_a_phone_appends_does_not_matter(tmp_path: Path) -> None:
     image = tmp_path / "images/01.png"
     image.write_bytes(image.read_bytes() + b"\0" * 3 + b"a maker's note" * 100)
     check_drive(open_drive(path))
+
+
+PLACES_OF_FILES = ("file_path", "semantic_path", "instance_path", "mask_path", "depth_file_path", "ply_file_path")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("key", PLACES_OF_FILES)
+def test_a_pipe_is_not_waited_for_and_a_device_not_read_to_its_end(tmp_path: Path, key: str) -> None:
+    path = make_tiny_drive(tmp_path)
+    os.mkfifo(tmp_path / "pipe.png")
+    for name in (str(tmp_path / "pipe.png"), "/dev/zero"):
+        edit(path, lambda d, name=name: (d if key == "ply_file_path" else d["frames"][1]).update({key: name}))  # type: ignore[misc]
+        if key == "depth_file_path":  # which is read where there are no points
+            edit(path, lambda d: d.pop("ply_file_path", None))
+        with pytest.raises(UnveilError, match=r"pipe or a device|no such|no points") as caught:
+            check_drive(open_drive(path))
+            import_drive(open_drive(path), tmp_path / "ws/drive")
+        assert "\n" not in str(caught.value)
+
+
+def test_one_photograph_by_its_whole_path_does_not_matter(tmp_path: Path) -> None:
+    path = make_tiny_drive(tmp_path / "d")
+    first = sorted((tmp_path / "d/images").iterdir())[0]
+    edit(path, lambda d: d["frames"][0].update(file_path=str(first)))
+    assert len(open_drive(path).frames) == 4
+    check_drive(open_drive(path))
