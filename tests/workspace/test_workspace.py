@@ -22,7 +22,7 @@ import sys, time
 from unveil_core.workspace.workspace import Workspace
 with Workspace.open(sys.argv[1]).lock():
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 
