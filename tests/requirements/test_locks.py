@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -61,4 +62,21 @@ def test_nothing_is_installed_but_by_hash() -> None:
     assert [c.split(" && ")[0].rstrip(" }") for c in free] == [
         "install --quiet --no-deps --no-build-isolation -e .",
         "install --quiet uv",
+    ]
+
+
+def test_nobody_is_told_to_install_what_a_registry_calls_unveil_core() -> None:
+    """The name there may be another's."""
+    named = re.compile(r"pip3? install[^\n]*unveil[-_]core", re.IGNORECASE)
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    # Without git, as in an archive of the sources, all files are looked at.
+    files = [Path(p) for p in listed.stdout.split("\0") if p] or [p.relative_to(ROOT) for p in ROOT.rglob("*.*")]
+    texts = [
+        p
+        for p in files
+        if p.suffix in (".py", ".md", ".toml", ".j2") and (ROOT / p).is_file() and p.parts[0] != ".venv"
+    ]
+    assert len(texts) > 300
+    assert not [
+        p for p in texts if p != Path(__file__).relative_to(ROOT) and named.search((ROOT / p).read_text("utf-8"))
     ]
