@@ -161,7 +161,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
                 print(line, flush=True)
                 last = line if not line.startswith("[notice]") else last
                 if refused == "":  # pip names what it refused, then both hashes
-                    refused = line.rstrip(":")
+                    refused = re.split(r"\s*(?:@| from | \(|:$)", line)[0]
                 elif "DO NOT MATCH THE HASHES" in line:
                     refused = ""
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):

@@ -187,7 +187,7 @@ def test_torch_from_an_index_of_its_own_has_the_version_of_the_lock_and_another_
     state = index.job(tmp_path / "environment", "--torch-index", index.packages.as_uri()).wait(90)
     assert any("Successfully installed" in line and "torch-2.13.0" in line for line in state.log), list(state.log)
     assert state.status == "failed" and "\n" not in state.error
-    assert "unveil-core" in state.error and "is not the file that unveil was built with" in state.error
+    assert "unveil-core is not the file that unveil was built with" in state.error
     assert not (tmp_path / "environment").exists()
 
 
@@ -196,7 +196,7 @@ def test_a_package_of_another_s_is_refused(index: Index, tmp_path: Path) -> None
     index.put("street_shapes", text="import os\n")
     state = index.job(tmp_path / "environment").wait(90)
     assert state.status == "failed" and "\n" not in state.error
-    assert "street-shapes" in state.error and "is not the file that unveil was built with" in state.error
+    assert "street_shapes==1.0 is not the file that unveil was built with" in state.error
     assert not (tmp_path / "environment").exists()
 
 
