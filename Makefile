@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 export OMP_WAIT_POLICY := PASSIVE
 
-.PHONY: demo test test-blender test-window extension lint clean
+.PHONY: demo test test-blender test-window extension lint lock clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -31,7 +31,9 @@ extension: BLENDER_EXT = $(shell $(BIN)/python -c "import importlib.util as u, p
 extension: $(VENV)/.installed-test
 	rm -rf build/extension dist/extension && mkdir -p build dist/extension
 	cp -R blender_addon build/extension
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir build/extension/core .
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/extension/core .
+	cd build/extension/core && ../../../$(BIN)/python -m pip hash --algorithm sha256 unveil_core-*.whl > unveil_core.hash
+	cp $(foreach lock,pip core torch cuda,requirements/$(lock).txt) build/extension/core
 	$(BIN)/python $(BLENDER_EXT) validate build/extension
 	$(BIN)/python $(BLENDER_EXT) build --source-dir build/extension --output-dir dist/extension
 	$(BIN)/python $(BLENDER_EXT) validate dist/extension/unveil-*.zip
@@ -41,23 +43,36 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check unveil_core tests blender_addon
 	$(BIN)/mypy
+	$(BIN)/python requirements/check.py
 
 clean:
 	rm -rf $(VENV) .venv-bpy-* demo_workspace build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
-# torch comes first and alone, pinned: a looser range may take a build with gigabytes of CUDA.
-$(VENV)/.installed: pyproject.toml constraints.txt
+# Packages come from requirements/ alone: each has its version and its hashes there, and nothing else is taken.
+LOCKED := -m pip install --quiet --require-hashes --no-deps
+# Whether the torch that is installed needs CUDA's libraries: that of the usual index for Linux does, builds for the processor do not.
+WITH_CUDA := -c "import importlib.metadata as m; raise SystemExit(not any('nvidia' in r or 'cuda' in r for r in m.requires('torch')))"
+
+$(VENV)/.installed: pyproject.toml $(wildcard requirements/*.txt)
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet -c constraints.txt "$$(grep '^torch==' constraints.txt)"
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e .
+	$(BIN)/python $(LOCKED) -r requirements/build.txt -r requirements/core.txt
+	$(BIN)/python $(LOCKED) -r requirements/torch-cpu.txt 2>/dev/null || $(BIN)/python $(LOCKED) -r requirements/torch.txt
+	if $(BIN)/python $(WITH_CUDA); then $(BIN)/python $(LOCKED) -r requirements/cuda.txt; fi
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet -c constraints.txt -e ".[dev,bpy,gpu,datasets,farm]"
+	$(BIN)/python $(LOCKED) -r requirements/dev.txt -r requirements/bpy-5.0.txt
+	$(BIN)/python -m pip check
 	touch $@
 
 # Nothing but bpy and pytest: as in Blender, unveil_core is in a Python of its own.
-.venv-bpy-%/.installed:
+.venv-bpy-%/.installed: requirements/bpy-%.txt
 	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
-	$(@D)/bin/python -m pip install --quiet "bpy==$*.*" "numpy<2" pytest
+	$(@D)/bin/python $(LOCKED) -r $<
 	touch $@
+
+# The lock files anew, from constraints.txt and pyproject.toml; uv asks the package index for the hashes.
+lock:
+	test -x build/lock/bin/uv || { $(PYTHON) -m venv build/lock && build/lock/bin/python -m pip install --quiet uv; }
+	$(PYTHON) requirements/lock.py build/lock/bin/uv

@@ -8,7 +8,27 @@ import os
 import shutil
 from pathlib import Path
 
-__all__ = ["link_or_copy", "one_line", "write_whole"]
+__all__ = ["link_or_copy", "one_line", "own_folder", "write_whole"]
+
+
+def own_folder(workspace: Path, *names: str) -> Path:
+    """A folder of the add-on's in a workspace, made if need be; never one that a link leads to elsewhere: what is written and
+    removed there would be somebody's.
+
+    Raises:
+        OSError: it cannot be made, or is a link.
+    """
+    folder = workspace
+    for name in names:
+        folder = folder / name
+        folder.mkdir(parents=True, exist_ok=True)
+        if folder.is_symlink() or os.path.realpath(folder) != os.path.join(
+            os.path.realpath(folder.parent), folder.name
+        ):
+            raise OSError(
+                errno.ELOOP, "is a link, and files would be written through it (remove the link)", str(folder)
+            )
+    return folder
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -18,8 +38,10 @@ def write_whole(path: Path, content: bytes) -> None:
         OSError: it cannot be written.
     """
     partial = path.with_name(f".{path.name}.partial")
+    partial.unlink(missing_ok=True)  # not to be written through, if it is a link
     try:
-        partial.write_bytes(content)
+        with partial.open("xb") as file:
+            file.write(content)
         os.replace(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
@@ -39,6 +61,7 @@ def link_or_copy(source: Path, target: Path) -> None:
     except OSError:
         pass
     partial = target.with_name(f".{target.name}.partial")
+    partial.unlink(missing_ok=True)
     try:
         shutil.copy2(source, partial)
         os.replace(partial, target)

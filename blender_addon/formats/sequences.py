@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import link_or_copy
+from .files import link_or_copy, own_folder
 
 __all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
 
@@ -62,16 +62,16 @@ MADE = re.compile(r"\d{6}\.[a-z]{1,5}")
 """Names of the links that :func:`numbered` makes."""
 
 
-def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
-    """A sequence of files; where their names are none, of links to them in ``folder``.
+def numbered(files: Sequence[Path], workspace: Path, *names: str) -> PictureSequence:
+    """A sequence of files; where their names are none, of links to them in a folder of these ``names`` in the workspace.
 
     Raises:
-        OSError: the links cannot be made.
+        OSError: the links cannot be made, or the folder is a link itself.
     """
     first = _numbers(files)
     if first is not None:
         return PictureSequence(tuple(files), first)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = own_folder(workspace, *names)
     linked = []
     for i, file in enumerate(files):
         target = folder / f"{i:06d}{file.suffix.lower()}"

@@ -87,8 +87,8 @@ def _cameras(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) 
     found = []
     for track, frames in drive.tracks.items():
         camera = cameras.track_camera(place, mark, track, frames)
-        folder = drive.workspace / "blender" / "original" / track
-        plates.set_plate(camera, mark, "original", sequences.numbered([f.image for f in frames], folder))
+        pictures = sequences.numbered([f.image for f in frames], drive.workspace, "blender", "original", track)
+        plates.set_plate(camera, mark, "original", pictures)
         if not any(b.show_background_image for b in camera.data.background_images):
             plates.show_plate(camera, "original")
         found.append(camera)

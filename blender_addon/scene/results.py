@@ -10,7 +10,7 @@ import numpy as np
 
 from ..formats import sequences, splats
 from ..formats.drive_files import ImportedDrive, read_drive, read_json
-from ..formats.files import write_whole
+from ..formats.files import own_folder, write_whole
 from ..formats.ply_file import read_ply
 from . import blocks, drive_scene, meshes, plates, versions, view
 
@@ -79,10 +79,9 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[s
         files = [drive.workspace / place / track / f"{name}.png" for name in names]
         if not all(f.is_file() for f in files):
             continue
-        folder = drive.workspace / "blender" / kind / track
         if kind == "regions":
-            files = _in_color(files, folder)
-        pictures = sequences.numbered(files, folder)
+            files = _in_color(files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
+        pictures = sequences.numbered(files, drive.workspace, "blender", kind, track)
         plates.set_plate(camera, mark, kind, pictures)
         if kind in CLIPS:
             _clip(mark, kind, track, pictures)
@@ -92,8 +91,6 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[s
 
 def _in_color(files: list[Path], folder: Path) -> list[Path]:
     """Copies of region pictures that show their numbers in colours, in a folder whose names are the frames'."""
-    folder = folder.with_name(f"{folder.name}_colours")
-    folder.mkdir(parents=True, exist_ok=True)
     made = []
     for file in files:
         target = folder / file.name
@@ -128,7 +125,7 @@ def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str, dri
     versions.show_in_sequencer(context, scene)
     for kind, pictures in shown.items():
         role = f"strip:{kind}:{track}"
-        files = sequences.numbered(pictures, drive.workspace / "blender" / f"{kind}{end}" / track).files
+        files = sequences.numbered(pictures, drive.workspace, "blender", f"{kind}{end}", track).files
         strip = blocks.find(strips, mark, role)
         if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
             continue

@@ -123,6 +123,8 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         except LookupError as error:
             raise UserError(str(error)) from error
         command = [base, "-I", "-u", str(Path(environment.__file__)), str(folder), wanted]
+        locked = environment.locks()
+        command += ["--locks", str(locked)] if locked is not None else []
         return Job([*command, "--torch-index", chosen.torch_index])
 
     def ended(self, context: bpy.types.Context, state: JobState) -> None:

@@ -3,7 +3,10 @@
 
 The file is also the program that does it, run by the Python that the environment is to have:
 
-    python environment.py FOLDER REQUIREMENT [--torch-index URL]
+    python environment.py FOLDER REQUIREMENT [--locks FOLDER] [--torch-index URL]
+
+The zip brings in ``core/`` the wheel of unveil_core, its hash, and lock files: every package that it needs, its version and hashes.
+Nothing else is taken from an index. Only of a torch from an index that the preferences name, the version alone is held.
 
 It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wrong, no half-made environment stays, and one that
 was there before is there again.
@@ -25,7 +28,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-__all__ = ["ADDON", "READY", "base_python", "is_ready", "on_path", "remove_unfinished", "requirement"]
+__all__ = ["ADDON", "READY", "base_python", "is_ready", "locks", "on_path", "remove_unfinished", "requirement"]
 
 ADDON = Path(__file__).absolute().parent.parent
 """The add-on's folder; the wheel that came with it lies in its ``core/``."""
@@ -33,6 +36,10 @@ READY = "unveil-is-installed"
 """File in an environment that was finished."""
 LEAST, MOST = (3, 11), (3, 13)
 """Versions of Python that torch and numba are built for."""
+LOCKS = ("pip.txt", "core.txt", "torch.txt", "cuda.txt")
+"""Lock files: pip itself; what unveil needs, but torch; torch; what torch's build with CUDA loads. See ``requirements/lock.py``."""
+HASH = "unveil_core.hash"
+"""File that ``pip hash`` wrote of the wheel when the extension was built."""
 
 
 def is_ready(folder: Path) -> bool:
@@ -55,16 +62,27 @@ def _previous(folder: Path) -> Path:
     return folder.with_name(f"{folder.name}.previous")
 
 
+def locks(addon: Path = ADDON) -> Path | None:
+    """The folder with the lock files that came with the add-on; None in a source folder, which has none."""
+    folder = addon / "core"
+    return folder if all((folder / name).is_file() for name in LOCKS) else None
+
+
 def requirement(named: str = "", addon: Path = ADDON) -> str:
     """What pip is to install: what the user has named, else the wheel that came with the add-on.
 
     Raises:
-        LookupError: neither is there. Whatever a registry calls unveil-core may be another's.
+        LookupError: neither is there (whatever a registry calls unveil-core may be another's), or what came is not whole.
     """
+    if named.strip():
+        return named.strip()
     wheels = sorted((addon / "core").glob("unveil_core-*.whl"))
-    if not named.strip() and not wheels:
-        raise LookupError("the add-on came without unveil_core (install the extension again, or name what to install)")
-    return named.strip() or str(wheels[-1])
+    mend = "install the extension again, or name what to install"
+    if not wheels:
+        raise LookupError(f"the add-on came without unveil_core ({mend})")
+    if locks(addon) is None or not (addon / "core" / HASH).is_file():
+        raise LookupError(f"the add-on came without the hashes of what it installs ({mend})")
+    return str(wheels[-1])
 
 
 def base_python(own: str, environ: Mapping[str, str] | None = None) -> str | None:
@@ -126,6 +144,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     if _stop.is_set():  # set while it started: whoever did so has perhaps not seen it
         _end_commands()
     last, label, reported_at, before = "", what, 0.0, 0
+    refused: str | None = None
     try:
         for line in process.stdout:
             line = line.strip()
@@ -141,6 +160,10 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
             if line:
                 print(line, flush=True)
                 last = line if not line.startswith("[notice]") else last
+                if refused == "":  # pip names what it refused, then both hashes
+                    refused = re.split(r"\s*(?:@| from | \(|:$)", line)[0]
+                elif "DO NOT MATCH THE HASHES" in line:
+                    refused = ""
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
                 label = _label(line)
                 tell(step * 100 + _share(before), steps * 100, label)
@@ -151,6 +174,8 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
     code = process.wait()
     if _stop.is_set():
         raise KeyboardInterrupt
+    if code and refused:
+        raise RuntimeError(f"{refused} is not the file that unveil was built with: its hash is another")
     if code:
         raise RuntimeError(last or f"{command[0]} ended with exit code {code}")
 
@@ -172,13 +197,14 @@ def _label(line: str) -> str:
     return f"{verb} {file}"[:60]
 
 
-def make(folder: Path, wanted: str, torch_index: str) -> None:
+def make(folder: Path, wanted: str, locked: Path | None, torch_index: str) -> None:
     """Make the environment.
 
     Args:
         folder: of the environment; what is there goes once the new one is finished.
         wanted: a requirement for pip, or the path of a wheel or a source folder.
-        torch_index: package index for torch, which comes first: its own has builds without gigabytes of CUDA; empty for none.
+        locked: folder of the lock files; None: pip chooses what ``wanted`` needs.
+        torch_index: package index for torch: its own has builds without gigabytes of CUDA; empty for none.
     Raises:
         RuntimeError: a step failed, with the last line that it said.
     """
@@ -191,20 +217,54 @@ def make(folder: Path, wanted: str, torch_index: str) -> None:
     os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary)))
     python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
     pip = [python, "-I", "-m", "pip", "--no-input", "--disable-pip-version-check"]
-    _run(0, 5, [sys.executable, "-I", "-m", "venv", str(folder)], "making the environment")
+    _run(0, 6, [sys.executable, "-I", "-m", "venv", str(folder)], "making the environment")
     try:  # only a newer pip tells how far a download is
-        _run(1, 5, [*pip, "install", "--upgrade", "pip>=24.2"], "updating pip")
+        newer = ["--upgrade", "pip>=24.2"] if locked is None else [*STRICT, "-r", str(locked / "pip.txt")]
+        _run(1, 6, [*pip, "install", *newer], "updating pip")
         pip_install = [*pip, "install", "--progress-bar", "raw"]
     except RuntimeError:
         pip_install = [*pip, "install", "--progress-bar", "off"]
+    if locked is not None:  # before torch, whose index has some of them too
+        _run(2, 6, [*pip_install, *STRICT, "-r", str(locked / "core.txt")], "installing what unveil needs")
     if torch_index:
-        _run(2, 5, [*pip_install, "--index-url", torch_index, "torch>=2.4"], "installing torch")
-    _run(3, 5, [*pip_install, wanted], "installing unveil")
-    _run(4, 5, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
+        _run(3, 6, [*pip_install, "--index-url", torch_index, _torch(locked)], "installing torch")
+    elif locked is not None:
+        _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "torch.txt")], "installing torch")
+        if subprocess.run([python, "-I", "-c", WITH_CUDA], capture_output=True, check=False).returncode == 0:
+            _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "cuda.txt")], "installing CUDA's libraries")
+    _run(4, 6, [*pip_install, *_unveil(wanted, locked, temporary)], "installing unveil")
+    _run(5, 6, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
     shutil.rmtree(temporary, ignore_errors=True)
     (folder / READY).write_text("")
     shutil.rmtree(_previous(folder), ignore_errors=True)
     tell(1, 1, "done")
+
+
+STRICT = ("--require-hashes", "--no-deps", "--only-binary", ":all:")
+"""How pip installs from a lock file: what it lists, with these hashes, and nothing that has to be built."""
+WITH_CUDA = (
+    "import importlib.metadata as m; wants = m.requires('torch') or [];"
+    " raise SystemExit(not any('nvidia' in r or 'cuda' in r for r in wants))"
+)
+"""Ends well if the torch that is installed needs CUDA's libraries."""
+
+
+def _torch(locked: Path | None) -> str:
+    """The torch of the lock, whatever its build."""
+    found = re.search(r"^torch==[^\s;]+", (locked / "torch.txt").read_text(), re.MULTILINE) if locked else None
+    return found.group() if found else "torch>=2.4"
+
+
+def _unveil(wanted: str, locked: Path | None, temporary: Path) -> list[str]:
+    """pip's arguments for unveil itself. The wheel that came with the lock must have the hash that was noted when it was built."""
+    if locked is None or Path(wanted).parent != locked:
+        return [wanted]
+    noted = re.search(r"sha256:[0-9a-f]{64}", (locked / HASH).read_text())
+    if noted is None:
+        raise RuntimeError(f"{locked / HASH} has no hash (install the extension again)")
+    file = temporary / "unveil.txt"
+    file.write_text(f"unveil-core @ {Path(wanted).as_uri()} --hash={noted.group()}\n", encoding="utf-8")
+    return [*STRICT, "-r", str(file)]
 
 
 def _end_commands() -> None:
@@ -249,12 +309,13 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("requirement")
+    parser.add_argument("--locks", type=Path)
     parser.add_argument("--torch-index", default="")
     given = parser.parse_args(arguments)
     _watch()
     code = 1
     try:
-        make(given.folder, given.requirement, given.torch_index)
+        make(given.folder, given.requirement, given.locks, given.torch_index)
         code = 0
     except KeyboardInterrupt:
         code = 130

@@ -56,6 +56,10 @@ HOSTILE = {
     "a count of 5,000 digits": HEAD + b"element vertex " + b"9" * 5000 + b"\n" + XYZ + b"end_header\n",
     "a list beyond any memory": HEAD
     + b"element vertex 1\nproperty list int float x\nproperty float y\nproperty float z\nend_header\n100000000000 0 0\n",
+    "rows of lists beyond any memory": HEAD
+    + b"element face 100000000000\nproperty list uchar int vertex_indices\nelement vertex 1\n"
+    + XYZ
+    + b"end_header\n3 0 1 2\n0 0 0\n",
     "an element without a name": HEAD + b"element\nend_header\n",
     "a property before its element": HEAD + b"property float x\nend_header\n",
     "a format without a name": b"ply\nformat\nend_header\n",

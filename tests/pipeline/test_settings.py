@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,3 +48,23 @@ def test_networks_are_named_by_files_wherever_one_is(tmp_path: Path, monkeypatch
     for wrong in ({"inpainter": "lama.pt"}, {"inpainter": "lama"}, {"reference_inpainter": "exemplar"}):
         with pytest.raises(SettingsError, match="FILE.onnx"):
             RunSettings(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "recorded",
+    [
+        [],
+        {"splatz": 1},
+        {"splats": "many"},
+        {"remove": "car"},
+        {"remove": [3]},
+        {"instances": [1.5]},
+        {"seed": True},
+        {"adapt": 1},
+        {"inpainter": None},
+        {"scale": {}},
+    ],
+)
+def test_settings_that_a_stranger_s_workspace_records_are_one_line(recorded: Any) -> None:
+    with pytest.raises(SettingsError, match="the workspace records"):
+        RunSettings.from_json(recorded)

@@ -7,9 +7,11 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import unveil_core.pipeline.run as run_module
 from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.drives import open_drive
@@ -20,7 +22,7 @@ import sys, time
 from unveil_core.workspace.workspace import Workspace
 with Workspace.open(sys.argv[1]).lock():
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 
 
@@ -46,6 +48,30 @@ def test_two_runs_into_one_new_folder_lose_nothing(tmp_path: Path, later_s: floa
             assert "\n" not in line
     assert len(open_drive(root / "drive").frames) == 4
     assert Workspace.open(root).state()["stages"]["import"]["status"] == "done"
+
+
+def test_who_comes_second_leaves_the_first_one_s_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other run begins while this one looks at its drive, and has not imported anything yet when this one finds it there."""
+    drive, root, others = make_tiny_drive(tmp_path / "drive"), tmp_path / "w", []
+    look = run_module.check_drive
+
+    def long_look(*arguments: Any) -> None:
+        look(*arguments)
+        Workspace.create(root)
+        holder = subprocess.Popen([sys.executable, "-c", HOLD, str(root)], stdout=subprocess.PIPE, text=True)
+        others.append(holder)
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+
+    monkeypatch.setattr(run_module, "check_drive", long_look)
+    try:
+        with pytest.raises(WorkspaceError, match="is in use by another process"):
+            run_module.run(drive, root, until="import")
+        assert Workspace.open(root).state()["stages"] == {}
+    finally:
+        for holder in others:
+            holder.kill()
+            holder.wait()
 
 
 def test_who_holds_a_workspace_is_told(tmp_path: Path) -> None:

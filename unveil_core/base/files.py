@@ -91,12 +91,23 @@ def disk_is_full(error: OSError, path: Path) -> bool:
         return False
 
 
+def refuse_devices(path: Path) -> None:
+    """Check that a path of a drive is not that of a pipe or a device, which may never end, or never answer.
+
+    Raises:
+        DriveError: it is one.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise DriveError("is no file but a pipe or a device", path=path, mend="put a file in its place")
+
+
 def read_text(path: Path, mend: str | None = None) -> str:
     """The text of a file of a drive: UTF-8, whatever the system's own encoding is.
 
     Raises:
         DriveError: it cannot be read, or is no UTF-8; with the ``mend`` that is given.
     """
+    refuse_devices(path)
     try:
         # Editors of Windows begin UTF-8 with a mark.
         return path.read_text(encoding="utf-8-sig")
@@ -143,6 +154,7 @@ def _decode(
 ) -> NDArray[np.generic]:
     if content is None:
         try:
+            refuse_devices(Path(path))
             content = np.fromfile(path, dtype=np.uint8)
         except FileNotFoundError as error:
             raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error

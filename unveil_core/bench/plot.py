@@ -76,7 +76,7 @@ def _draw(points: Sequence[Point], front: Sequence[Point], path: Path, **looks: 
         matplotlib.use("Agg")
         from matplotlib import pyplot
     except ImportError:
-        raise UnveilError("no matplotlib for the plot", path=path, mend="pip install unveil-core[bench]") from None
+        raise UnveilError("no matplotlib for the plot", path=path, mend="pip install matplotlib") from None
     figure, axes = pyplot.subplots(figsize=(9, 5.5), layout="constrained")
     axes.plot(
         [p[1] for p in front], [p[2] for p in front], "-", color="#2a7f62", lw=1.5, label="Pareto front", zorder=1

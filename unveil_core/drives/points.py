@@ -62,7 +62,7 @@ def read_points(path: Path) -> PointCloud:
         raise DriveError("holds no points", path=path, mend="a drive needs LiDAR or SfM points")
     finite = np.isfinite(positions).all(axis=1)
     if not finite.all():
-        raise DriveError(f"point {int(np.argmin(finite))} is not finite", path=path)
+        raise DriveError(f"point {int(np.argmin(finite))} is not finite", path=path, mend="remove it")
     names = vertex.dtype.names
     bare = {n.lower().removeprefix("scalar_") for n in names}
     return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)

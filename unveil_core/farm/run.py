@@ -43,7 +43,7 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
     try:
         from distributed import as_completed
     except ImportError as error:
-        raise SettingsError("batches need Dask", mend="pip install unveil-core[farm]") from error
+        raise SettingsError("batches need Dask", mend="pip install distributed bokeh") from error
     open_tasks = [t for t in batch.tasks if state_of(batch, t).status != "done"]
     tell(f"{len(batch.tasks)} tasks of {len(batch.drives)} drives, {len(batch.tasks) - len(open_tasks)} done already")
     if not open_tasks:

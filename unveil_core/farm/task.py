@@ -46,7 +46,8 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
     log = batch.root / "tasks" / f"{task.id}.log"
     environment = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
     # Its standard input closes with this process, however that ends, and then it stops.
-    command = [sys.executable, "-m", "unveil_core", *task.arguments, "--end-with-stdin"]
+    # -P: what lies in the folder where the batch was started is not imported.
+    command = [sys.executable, "-P", "-m", "unveil_core", *task.arguments, "--end-with-stdin"]
     while True:
         with log.open("ab") as stream:
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment)

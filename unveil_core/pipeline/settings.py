@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -193,6 +194,33 @@ class RunSettings:
 
     @staticmethod
     def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
-        """Inverse of :meth:`to_json`."""
-        known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        """Inverse of :meth:`to_json`.
+
+        Raises:
+            SettingsError: the workspace records something else.
+        """
+        mend = "give the drive's run command again, or begin a new workspace"
+        if not isinstance(data, dict):
+            raise SettingsError("the workspace records settings that are no object", mend=mend)
+        known: dict[str, Any] = {str(k): tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        for name, value in known.items():
+            if name not in _KINDS:
+                raise SettingsError(f"the workspace records an unknown setting {name!r}", mend=mend)
+            if not _KINDS[name](value):
+                raise SettingsError(f"the workspace records {name} as {value!r:.80}", mend=mend)
         return RunSettings(**known)
+
+
+def _is_kind(annotation: str) -> Callable[[Any], bool]:
+    """Whether a value is one of a field that is annotated so."""
+    kinds = {"str": (str,), "int": (int,), "bool": (bool,), "float": (int, float), "None": (type(None),)}
+    inner = re.fullmatch(r"tuple\[(\w+), \.\.\.\]", annotation)
+    if inner:
+        of = _is_kind(inner[1])
+        return lambda value: isinstance(value, tuple) and all(map(of, value))
+    allowed = tuple(kind for part in annotation.split(" | ") for kind in kinds[part])
+    return lambda value: isinstance(value, allowed) and (bool in allowed or not isinstance(value, bool))
+
+
+_KINDS = {field.name: _is_kind(str(field.type)) for field in fields(RunSettings)}
+"""Per setting, what a value of it is: a workspace.json may come from a stranger."""

@@ -192,7 +192,7 @@ def render(
     if backend == "auto":
         backend = "triton" if surfels.means.is_cuda else "cpu"
     if backend == "triton" and importlib.util.find_spec("triton") is None:
-        raise ValueError("the triton backend needs the package triton; install unveil-core[gpu]")
+        raise ValueError("the triton backend needs the package triton: pip install triton")
     if backend != "cpu" and limits != SPECIFIED:
         raise ValueError(f"limits other than the specified ones are known to the cpu backend only, not to {backend}")
     _check_surfels(surfels, backend)

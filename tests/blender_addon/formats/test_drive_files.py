@@ -73,6 +73,9 @@ def test_a_missing_or_damaged_drive_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "drive/cameras.json").write_text("{")
     with pytest.raises(ValueError, match="cameras.json: cannot be read"):
         read_drive(tmp_path)
+    (tmp_path / "drive/cameras.json").write_text("[" * 200_000)
+    with pytest.raises(ValueError, match="cameras.json: cannot be read"):
+        read_drive(tmp_path)
 
 
 @pytest.mark.parametrize(

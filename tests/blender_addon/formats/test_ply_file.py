@@ -47,6 +47,10 @@ def test_files_are_read_as_they_were_written(tmp_path: Path) -> None:
         (b"ply\nelement vertex -4\nproperty float x\nend_header\n" + b"0" * 99, "-4 rows"),
         (b"ply\nelement vertex 99999999999\nend_header\n", "Unable to allocate|too large|no x"),
         (b"ply\nelement vertex 1\nproperty float x\nend_header\n1234", "no y"),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex " + b"9" * 30 + b"\nproperty float x\nend_header\n",
+            "",
+        ),
         (b"ply\n" + b"comment x\n" * 20_000, "no end"),
     ],
 )

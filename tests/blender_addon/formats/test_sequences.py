@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from blender_addon.formats.files import link_or_copy, write_whole
 from blender_addon.formats.sequences import REGION_COLORS, numbered, with_palette
 
 
@@ -15,7 +17,7 @@ def test_numbered_files_are_taken_as_they_are(tmp_path: Path) -> None:
     files = [tmp_path / f"{i:04d}.png" for i in range(7, 12)]
     for f in files:
         f.write_bytes(b"x")
-    found = numbered(files, tmp_path / "links")
+    found = numbered(files, tmp_path, "links")
     assert list(found.files) == files and found.first == 7 and not (tmp_path / "links").exists()
 
 
@@ -24,7 +26,7 @@ def test_other_files_get_numbered_links(names: tuple[str, ...], tmp_path: Path) 
     files = [tmp_path / (n if "." in n[-4:-3] else f"{n}.png") for n in names]
     for f in files:
         f.write_text(f.name)
-    found = numbered(files, tmp_path / "links")
+    found = numbered(files, tmp_path, "links")
     assert found.first == 0 and [f.stem for f in found.files] == ["000000", "000001"]
     assert [f.read_text() for f in found.files] == [f.name for f in files]
     files[0].unlink()
@@ -32,11 +34,43 @@ def test_other_files_get_numbered_links(names: tuple[str, ...], tmp_path: Path) 
     (tmp_path / "links/000007.png").write_text("left over")
     (tmp_path / "links/holiday.jpg").write_text("somebody's")
     (tmp_path / "links/000007.jpg.bak").write_text("somebody's")
-    again = numbered(files, tmp_path / "links")
+    again = numbered(files, tmp_path, "links")
     assert again.files[0].read_text() == "new"
     # What was not made here stays.
     left = {p.name for p in (tmp_path / "links").iterdir()} - {f.name for f in again.files}
     assert left == {"holiday.jpg", "000007.jpg.bak"}
+
+
+@pytest.mark.parametrize("link", ["blender", "blender/original", "blender/original/front"])
+def test_nothing_is_written_or_removed_through_a_link(link: str, tmp_path: Path) -> None:
+    """A stranger's workspace whose folders lead to somebody's renderings."""
+    workspace, elsewhere = tmp_path / "w", tmp_path / "elsewhere"
+    mine = elsewhere / Path("blender/original/front").relative_to(link)
+    mine.mkdir(parents=True)
+    (mine / "000007.png").write_text("mine")
+    (workspace / link).parent.mkdir(parents=True)
+    (workspace / link).symlink_to(elsewhere)
+    (tmp_path / "a.png").write_text("a frame")
+    with pytest.raises(OSError, match="is a link") as caught:
+        numbered([tmp_path / "a.png"], workspace, "blender", "original", "front")
+    assert caught.value.filename == str(workspace / link)
+    assert {p.name: p.read_text() for p in elsewhere.rglob("*") if p.is_file()} == {"000007.png": "mine"}
+
+
+def test_a_link_in_the_place_of_an_unfinished_file_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    for name in (".marked.json.partial", ".copy.png.partial"):
+        (tmp_path / name).symlink_to(tmp_path / "mine.txt")
+    write_whole(tmp_path / "marked.json", b"[]")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.link", _no_links)  # as on a file system without hard links
+        link_or_copy(tmp_path / "marked.json", tmp_path / "copy.png")
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (tmp_path / "copy.png").read_bytes() == (tmp_path / "marked.json").read_bytes() == b"[]"
+
+
+def _no_links(*_: object) -> None:
+    raise OSError(errno.EPERM, "Operation not permitted")
 
 
 def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:

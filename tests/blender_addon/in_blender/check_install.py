@@ -16,11 +16,11 @@ def archive(tmp_path: Path) -> Path:
     import bpy
     from conftest import ROOT
 
-    from tests.blender_addon.tiny_wheel import tiny_wheel
+    from tests.blender_addon.tiny_wheel import tiny_core
 
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
     source = shutil.copytree(ROOT / "blender_addon", tmp_path / "source")
-    tiny_wheel(source / "core")  # as `make extension` puts the real one
+    tiny_core(source)  # as `make extension` puts the real one
     folders = ["--source-dir", str(source), "--output-dir", str(tmp_path)]
     subprocess.run([sys.executable, str(tool), "build", *folders], check=True, capture_output=True)
     return next(tmp_path.glob("unveil-*.zip"))
@@ -43,6 +43,7 @@ def test_the_zip_installs_enabled_and_goes_again(archive: Path) -> None:
     environment = importlib.import_module(f"{package}.worker.environment")
     wheel = Path(environment.requirement())
     assert wheel.name.startswith("unveil_core-0.1.0") and wheel.is_file() and wheel.parent == environment.ADDON / "core"
+    assert environment.locks() == wheel.parent  # with its hash: requirement() has looked
 
     bpy.ops.preferences.addon_disable(module=package)
     assert not hasattr(bpy.types.Scene, "unveil")

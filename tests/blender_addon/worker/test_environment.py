@@ -14,7 +14,7 @@ from blender_addon.worker import environment
 from blender_addon.worker.interpreter import venv_python
 from blender_addon.worker.jobs import Job
 from tests.app.test_endings import alive, until
-from tests.blender_addon.tiny_wheel import tiny_wheel
+from tests.blender_addon.tiny_wheel import locked, tiny_core, tiny_wheel
 
 PROGRAM = environment.__file__
 
@@ -128,9 +128,76 @@ def test_what_is_installed(tmp_path: Path) -> None:
     assert (environment.ADDON / "blender_manifest.toml").is_file()
     with pytest.raises(LookupError, match="came without unveil_core"):  # and nobody else's is taken for it
         environment.requirement(addon=tmp_path)
-    wheel = tiny_wheel(tmp_path / "core")
-    assert environment.requirement(addon=tmp_path) == str(wheel)
+    tiny_wheel(tmp_path / "core")
+    with pytest.raises(LookupError, match="without the hashes"):
+        environment.requirement(addon=tmp_path)
+    wheel = tiny_core(tmp_path)
+    assert environment.requirement(addon=tmp_path) == str(wheel) and environment.locks(tmp_path) == wheel.parent
     assert environment.requirement(" ../source ", addon=tmp_path) == "../source"
+
+
+class Index:
+    """Packages that pip finds, and an add-on whose lock files list them. ``street-shapes`` needs what nobody has."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.packages = folder / "packages"
+        shapes = self.put("street_shapes", requires=("not-in-the-lock",))
+        torch, cuda = self.put("torch", "2.13.0", requires=("nvidia-tiny",)), self.put("nvidia_tiny")
+        self.addon = folder / "a folder"
+        self.wheel = tiny_core(self.addon, core=locked(shapes), torch=locked(torch), cuda=locked(cuda))
+        monkeypatch.setenv("PIP_FIND_LINKS", str(self.packages))
+
+    def put(self, name: str, version: str = "1.0", text: str = "", requires: tuple[str, ...] = ()) -> Path:
+        return tiny_wheel(self.packages, text, name, version, requires)
+
+    def job(self, folder: Path, *options: str) -> Job:
+        locks = environment.locks(self.addon)
+        return Job([sys.executable, "-I", "-u", PROGRAM, str(folder), str(self.wheel), "--locks", str(locks), *options])
+
+
+@pytest.fixture
+def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Index:
+    return Index(tmp_path, monkeypatch)
+
+
+def installed(folder: Path) -> set[str]:
+    program = "import importlib.metadata as m; print(*(f'{d.name}=={d.version}' for d in m.distributions()))"
+    said = subprocess.run([venv_python(folder), "-I", "-c", program], capture_output=True, text=True, check=True)
+    return {line for line in said.stdout.split() if not line.startswith(("pip=", "setuptools="))}
+
+
+LOCKED = {"street-shapes==1.0", "torch==2.13.0", "nvidia-tiny==1.0", "unveil-core==0.1.0"}
+
+
+def test_what_the_lock_lists_is_installed_and_nothing_else(index: Index, tmp_path: Path) -> None:
+    index.put("street_shapes", "2.0")  # newer, and not in the lock
+    folder = tmp_path / "environment"
+    state = index.job(folder).wait(90)
+    assert state.status == "done", list(state.log)
+    assert installed(folder) == LOCKED
+
+
+def test_torch_from_an_index_of_its_own_has_the_version_of_the_lock_and_another_s_unveil_is_refused(
+    index: Index, tmp_path: Path
+) -> None:
+    tiny_wheel(index.wheel.parent, "import os\n")  # of the same name and version
+    index.put("torch", "2.13.0", "build = 'cpu'\n")  # another build: another hash
+    index.put("torch", "3.0")
+    index.put("nvidia_tiny")
+    state = index.job(tmp_path / "environment", "--torch-index", index.packages.as_uri()).wait(90)
+    assert any("Successfully installed" in line and "torch-2.13.0" in line for line in state.log), list(state.log)
+    assert state.status == "failed" and "\n" not in state.error
+    assert "unveil-core is not the file that unveil was built with" in state.error
+    assert not (tmp_path / "environment").exists()
+
+
+def test_a_package_of_another_s_is_refused(index: Index, tmp_path: Path) -> None:
+    """Of the same name and version, as a registry that was broken into would have it."""
+    index.put("street_shapes", text="import os\n")
+    state = index.job(tmp_path / "environment").wait(90)
+    assert state.status == "failed" and "\n" not in state.error
+    assert "street_shapes==1.0 is not the file that unveil was built with" in state.error
+    assert not (tmp_path / "environment").exists()
 
 
 def test_a_base_that_can_make_one(tmp_path: Path) -> None:

@@ -40,6 +40,14 @@ STRANGE: dict[str, Change] = {
     "a width of 0": lambda d: d.update(w=0),
     "a width beyond any memory": lambda d: d.update(w=10**9, h=10**9),
     "a focal length of 0": lambda d: d.update(fl_x=0),
+    "a focal length that is no number": lambda d: d.update(fl_y=float("nan")),
+    "a focal length beyond all": lambda d: d["frames"][1].update(fl_x=float("inf")),
+    "a principal point that is no number": lambda d: d.update(cx=float("nan")),
+    "a distortion that is no number": lambda d: d.update(k1=float("nan"), camera_model="OPENCV"),
+    "an infinite distortion": lambda d: d.update(k2=float("inf"), camera_model="OPENCV"),
+    "a scale that is no number": lambda d: d.update(applied_scale=float("nan")),
+    "a pose that is infinite": lambda d: d["frames"][2]["transform_matrix"][1].__setitem__(3, float("inf")),
+    "a pose of zeros": lambda d: d["frames"][2].update(transform_matrix=[[0] * 4] * 4),
     "a time in words": lambda d: d["frames"][0].update(timestamp="x"),
     "a time that is no number": lambda d: d["frames"][0].update(timestamp=float("nan")),
     "frames that are a number": lambda d: d.update(frames=5),
@@ -174,4 +182,30 @@ def test_what_a_phone_appends_does_not_matter(tmp_path: Path) -> None:
     path = make_tiny_drive(tmp_path)
     image = tmp_path / "images/01.png"
     image.write_bytes(image.read_bytes() + b"\0" * 3 + b"a maker's note" * 100)
+    check_drive(open_drive(path))
+
+
+PLACES_OF_FILES = ("file_path", "semantic_path", "instance_path", "mask_path", "depth_file_path", "ply_file_path")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("key", PLACES_OF_FILES)
+def test_a_pipe_is_not_waited_for_and_a_device_not_read_to_its_end(tmp_path: Path, key: str) -> None:
+    path = make_tiny_drive(tmp_path)
+    os.mkfifo(tmp_path / "pipe.png")
+    for name in (str(tmp_path / "pipe.png"), "/dev/zero"):
+        edit(path, lambda d, name=name: (d if key == "ply_file_path" else d["frames"][1]).update({key: name}))  # type: ignore[misc]
+        if key == "depth_file_path":  # which is read where there are no points
+            edit(path, lambda d: d.pop("ply_file_path", None))
+        with pytest.raises(UnveilError, match=r"pipe or a device|no such|no points") as caught:
+            check_drive(open_drive(path))
+            import_drive(open_drive(path), tmp_path / "ws/drive")
+        assert "\n" not in str(caught.value)
+
+
+def test_one_photograph_by_its_whole_path_does_not_matter(tmp_path: Path) -> None:
+    path = make_tiny_drive(tmp_path / "d")
+    first = sorted((tmp_path / "d/images").iterdir())[0]
+    edit(path, lambda d: d["frames"][0].update(file_path=str(first)))
+    assert len(open_drive(path).frames) == 4
     check_drive(open_drive(path))

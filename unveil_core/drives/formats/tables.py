@@ -38,7 +38,7 @@ def _reading(path: Path) -> Iterator[Any]:
     try:
         import pyarrow as arrow
     except ImportError as error:
-        wanted = 'pip install "unveil-core[datasets]"'
+        wanted = "pip install pyarrow"
         raise DriveError("pyarrow is needed to read this table", path=path, mend=wanted) from error
     try:
         yield arrow

@@ -20,8 +20,8 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
     """Decode every file of a drive and compare it with what the drive says of it.
 
     Raises:
-        DriveError: no frames or points, names used twice, a pose that is not rigid, a missing or unreadable image, or an image
-            whose size differs from its camera's.
+        DriveError: no frames or points, names used twice, a pose that is not rigid, a lens that is no numbers, a missing or
+            unreadable image, or an image whose size differs from its camera's.
     """
     if not drive.frames:
         mend = "; ".join(drive.notices) or "a drive needs at least one frame"
@@ -39,6 +39,7 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
             )
         seen.add(key)
         _check_pose(frame, drive.root)
+        _check_lens(frame, drive.root)
         size = (frame.camera.width, frame.camera.height)
         photograph(frame)
         for path in (frame.semantic_path, frame.mask_path):
@@ -55,3 +56,11 @@ def _check_pose(frame: Frame, root: Path) -> None:
         raise DriveError(f"the pose of frame {frame.name} holds NaN or infinity", path=root, mend="redo its pose")
     if nearest_rotation(pose[:3, :3])[1] > 1e-3:
         raise DriveError(f"the pose of frame {frame.name} is no rotation", path=root, mend="poses are rigid")
+
+
+def _check_lens(frame: Frame, root: Path) -> None:
+    camera, bent = frame.camera, () if frame.distortion is None else frame.distortion.coefficients
+    if not np.isfinite((camera.fx, camera.fy, camera.cx, camera.cy, *bent)).all():
+        raise DriveError(
+            f"the lens of frame {frame.name} holds NaN or infinity", path=root, mend="calibrate its camera again"
+        )

@@ -71,10 +71,11 @@ def run(context: StageContext) -> None:
             if known["source"] in ("box", "boxes")
             else fit_box(positions[members], axes, gap=1.0).to_json()
         )
-        picture = known["thumbnail"]
-        if picture is not None:
+        # The one that the stage before made, whatever path a stranger's objects.json names.
+        made, picture = workspace.root / "objects" / Path(str(known["thumbnail"])).name, None
+        if known["thumbnail"] is not None and made.is_file():
             picture = f"instances/{number:04d}.png"
-            shutil.copyfile(workspace.root / known["thumbnail"], context.output(picture))
+            shutil.copyfile(made, context.output(picture))
         entries.append(
             {
                 **known,

@@ -31,7 +31,8 @@ def camera_names(entries: Sequence[dict[str, Any]]) -> list[str]:
     folders = [_folder(e) for e in entries]
     count = len(set(folders))
     if 1 < count < len(entries):
-        shared = os.path.commonpath(folders) if all(folders) else ""
+        # Absolute ones beside relative ones share nothing.
+        shared = os.path.commonpath(folders) if all(folders) and len({f[:1] == "/" for f in folders}) == 1 else ""
         return [file_name(folder.removeprefix(shared).strip("/"), ALONE) for folder in folders]
     lenses = [tuple(str(e.get(k)) for k in LENS_KEYS) for e in entries]
     frames = Counter(lenses)
