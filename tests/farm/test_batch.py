@@ -25,7 +25,6 @@ from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
 from unveil_core.farm.state import TaskState, note_state, seen_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
-from unveil_core.farm.template import TEMPLATES, openjd_template
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
 
@@ -86,39 +85,6 @@ def test_a_damaged_manifest_is_one_clear_line(planned: Batch, change: dict[str, 
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
     with pytest.raises(WorkspaceError, match="is no batch"):
         read_batch(planned.root)
-
-
-def test_the_template_is_one_by_the_open_job_description(planned: Batch) -> None:
-    model = pytest.importorskip("openjd.model")
-    template = model.decode_job_template(template=json.loads(openjd_template(planned)))
-    assert [step.name for step in template.steps][:3] == ["street.prepare", "street.reconstruct", "street.inpaint"]
-    job = model.create_job(job_template=template, job_parameter_values={})
-    assert len(model.StepParameterSpaceIterator(space=job.steps[1].parameterSpace)) == 3
-    (memory,) = job.steps[1].hostRequirements.amounts
-    assert (memory.name, memory.min) == ("amount.worker.memory", planned.drives[0].memory_mb)
-
-
-def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.CaptureFixture[str]) -> None:
-    planned.save()
-    for name, (file, _) in TEMPLATES.items():
-        assert main(["batch", "template", str(planned.root), "--to", name]) == 0
-        text = (planned.root / file).read_text()
-        assert "street.inpaint" in text and "run-block" in text
-    script = (planned.root / "batch.slurm.sh").read_text()
-    assert (
-        f"--mem={planned.drives[0].memory_mb}M" in script
-        and "--array=0-2" in script
-        and script.count("sbatch ") == 6
-        and "afterok:$job0" in script
-    )
-    assert shutil.which("sh") is None or os.system(f"sh -n {planned.root / 'batch.slurm.sh'}") == 0
-    capsys.readouterr()
-
-
-def test_templates_ask_for_the_gpu_that_tasks_need(planned: Batch) -> None:
-    with_gpu = replace(planned, drives=tuple(replace(d, gpus=1) for d in planned.drives))
-    texts = [json.dumps(json.loads(openjd_template(b))) + TEMPLATES["slurm"][1](b) for b in (planned, with_gpu)]
-    assert ["--gres=gpu:1" in t and '"amount.worker.gpu", "min": 1' in t for t in texts] == [False, True]
 
 
 def test_a_drive_that_cannot_be_read_is_left_out_of_the_plan(
