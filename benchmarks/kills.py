@@ -1,6 +1,6 @@
 """Kills: a run that is killed again and again comes to the files of one that is not, and loses little work.
 
-    python benchmarks/kills.py [--kills 50] [--frames 36] [--size 240x160] [--seed 0]
+    python benchmarks/kills.py [--kills 50] [--frames 36] [--size 240x160] [--seed 0] [--iterations N]
 
 A street of boxes in three blocks is unveiled at ``draft`` once undisturbed, and once killed with SIGKILL at moments drawn at random
 within every stage, and started again each time, until it ends. Then the files of both must be the same, byte for byte. Times and
@@ -52,13 +52,17 @@ from unveil_core.ground import blocks
 blocks.BLOCK_M, checkpoint.EVERY_S = {BLOCK_M}, {CHECKPOINT_S}
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
-run(Path(sys.argv[1]), Path(sys.argv[2]), RunSettings(quality="draft", remove=("vehicle",), memory="64M"))
+drive, workspace, steps = sys.argv[1:]
+settings = RunSettings(quality="draft", remove=("vehicle",), memory="64M", iterations=int(steps) or None)
+run(Path(drive), Path(workspace), settings)
 """
 
 
-def start(drive: Path, workspace: Path) -> subprocess.Popen[bytes]:
+def start(drive: Path, workspace: Path, iterations: int) -> subprocess.Popen[bytes]:
+    """Begin a run, or go on with it; ``iterations``: of the reconstruction, 0 = as many as it chooses."""
     environment = {**os.environ, "PYTHONPATH": str(HERE.parent), "OMP_WAIT_POLICY": "PASSIVE"}
-    return subprocess.Popen([sys.executable, "-c", CODE, str(drive), str(workspace)], env=environment)
+    command = [sys.executable, "-c", CODE, str(drive), str(workspace), str(iterations)]
+    return subprocess.Popen(command, env=environment)
 
 
 def contents(workspace: Path) -> dict[str, str]:
@@ -157,6 +161,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=36)
     parser.add_argument("--size", default="240x160")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--iterations", type=int, default=0, help="of the reconstruction; 0 = as many as it chooses")
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     width, height = (int(n) for n in arguments.size.split("x"))
@@ -164,7 +169,8 @@ def main() -> None:
     way = long_way(arguments.frames, size=(width, height))
     drive = make_box_world(root / "drive", long_street(float(arguments.frames)), way, rays=3000)
     begun = time.perf_counter()
-    if start(drive, root / "whole").wait():
+    steps = arguments.iterations
+    if start(drive, root / "whole", steps).wait():
         raise SystemExit("the undisturbed run failed")
     whole_s = time.perf_counter() - begun
     seconds = seconds_of(root / "whole")
@@ -172,12 +178,12 @@ def main() -> None:
     kills: list[dict[str, Any]] = []
     begun = time.perf_counter()
     for stage, wait in planned(seconds, arguments.kills, np.random.default_rng(arguments.seed)):
-        killed = kill_within(start(drive, root / "killed"), root / "killed", stage, wait, list(seconds))
+        killed = kill_within(start(drive, root / "killed", steps), root / "killed", stage, wait, list(seconds))
         if killed is None:
             break
         kills.append(killed)
         print(len(kills), killed, flush=True)
-    code = start(drive, root / "killed").wait()
+    code = start(drive, root / "killed", steps).wait()
     if code:
         raise SystemExit(f"a run that was begun again ended with {code}: {root}")
     killed_s = time.perf_counter() - begun
