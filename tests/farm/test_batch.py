@@ -23,7 +23,7 @@ from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
-from unveil_core.farm.state import TaskState, note_state, seen_state, state_of
+from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
@@ -112,25 +112,6 @@ def test_what_a_task_of_other_options_or_of_a_lost_process_noted_does_not_count(
     for process, expected in ((os.getpid(), "running"), (ended.pid, "to do")):
         note_state(planned, task, TaskState("running", 2, host=platform.node(), process=process))
         assert (state_of(planned, task).status, state_of(planned, task).tries) == (expected, 2)
-
-
-def test_blocks_that_another_farm_made_are_seen_and_merged(
-    long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
-    options = ("--remove=car", "--iterations=20", "--quality=draft")
-    given = RunSettings(remove=("car",), iterations=20, quality="draft")
-    batch = plan_batch([long_drive], tmp_path / "batch", given, options)
-    # Its workers know nothing of batches: they run the commands that a template gives them.
-    batch = replace(batch, tasks=batch.tasks[:5])
-    batch.save()
-    assert batch.tasks[4].step == "inpaint"
-    assert batch_status(batch)["tasks"]["to do"] == 5
-    for done, task in enumerate(batch.tasks[:4], start=1):
-        assert main(list(task.arguments)) == 0
-        assert [seen_state(batch, t).status for t in batch.tasks] == ["done"] * done + ["to do"] * (5 - done)
-        assert state_of(batch, task) == TaskState()
-    capsys.readouterr()
 
 
 def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "", memory_mb: int = 0) -> Batch:
