@@ -23,9 +23,8 @@ from unveil_core.app.cli import main
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task, plan_batch, read_batch
 from unveil_core.farm.run import MEMORY, RETRIES, run_batch, workers_that_fit
-from unveil_core.farm.state import TaskState, note_state, seen_state, state_of
+from unveil_core.farm.state import TaskState, note_state, state_of
 from unveil_core.farm.status import batch_status, status_lines
-from unveil_core.farm.template import TEMPLATES, openjd_template
 from unveil_core.ground import blocks
 from unveil_core.pipeline.settings import RunSettings
 
@@ -88,39 +87,6 @@ def test_a_damaged_manifest_is_one_clear_line(planned: Batch, change: dict[str, 
         read_batch(planned.root)
 
 
-def test_the_template_is_one_by_the_open_job_description(planned: Batch) -> None:
-    model = pytest.importorskip("openjd.model")
-    template = model.decode_job_template(template=json.loads(openjd_template(planned)))
-    assert [step.name for step in template.steps][:3] == ["street.prepare", "street.reconstruct", "street.inpaint"]
-    job = model.create_job(job_template=template, job_parameter_values={})
-    assert len(model.StepParameterSpaceIterator(space=job.steps[1].parameterSpace)) == 3
-    (memory,) = job.steps[1].hostRequirements.amounts
-    assert (memory.name, memory.min) == ("amount.worker.memory", planned.drives[0].memory_mb)
-
-
-def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.CaptureFixture[str]) -> None:
-    planned.save()
-    for name, (file, _) in TEMPLATES.items():
-        assert main(["batch", "template", str(planned.root), "--to", name]) == 0
-        text = (planned.root / file).read_text()
-        assert "street.inpaint" in text and "run-block" in text
-    script = (planned.root / "batch.slurm.sh").read_text()
-    assert (
-        f"--mem={planned.drives[0].memory_mb}M" in script
-        and "--array=0-2" in script
-        and script.count("sbatch ") == 6
-        and "afterok:$job0" in script
-    )
-    assert shutil.which("sh") is None or os.system(f"sh -n {planned.root / 'batch.slurm.sh'}") == 0
-    capsys.readouterr()
-
-
-def test_templates_ask_for_the_gpu_that_tasks_need(planned: Batch) -> None:
-    with_gpu = replace(planned, drives=tuple(replace(d, gpus=1) for d in planned.drives))
-    texts = [json.dumps(json.loads(openjd_template(b))) + TEMPLATES["slurm"][1](b) for b in (planned, with_gpu)]
-    assert ["--gres=gpu:1" in t and '"amount.worker.gpu", "min": 1' in t for t in texts] == [False, True]
-
-
 def test_a_drive_that_cannot_be_read_is_left_out_of_the_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,25 +112,6 @@ def test_what_a_task_of_other_options_or_of_a_lost_process_noted_does_not_count(
     for process, expected in ((os.getpid(), "running"), (ended.pid, "to do")):
         note_state(planned, task, TaskState("running", 2, host=platform.node(), process=process))
         assert (state_of(planned, task).status, state_of(planned, task).tries) == (expected, 2)
-
-
-def test_blocks_that_another_farm_made_are_seen_and_merged(
-    long_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_M", 6.0)
-    options = ("--remove=car", "--iterations=20", "--quality=draft")
-    given = RunSettings(remove=("car",), iterations=20, quality="draft")
-    batch = plan_batch([long_drive], tmp_path / "batch", given, options)
-    # Its workers know nothing of batches: they run the commands that a template gives them.
-    batch = replace(batch, tasks=batch.tasks[:5])
-    batch.save()
-    assert batch.tasks[4].step == "inpaint"
-    assert batch_status(batch)["tasks"]["to do"] == 5
-    for done, task in enumerate(batch.tasks[:4], start=1):
-        assert main(list(task.arguments)) == 0
-        assert [seen_state(batch, t).status for t in batch.tasks] == ["done"] * done + ["to do"] * (5 - done)
-        assert state_of(batch, task) == TaskState()
-    capsys.readouterr()
 
 
 def cheap(root: Path, names: list[str], tmp_path: Path, *, broken: str = "", memory_mb: int = 0) -> Batch:

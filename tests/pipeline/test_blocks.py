@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -12,13 +13,27 @@ import pytest
 from sample_scenes.box_worlds import Lens, Way, make_box_world
 from sample_scenes.long_street import long_street, long_way
 from unveil_core.base.errors import UnveilError, WorkspaceError
+from unveil_core.drives.imported import read_imported
 from unveil_core.ground import blocks
+from unveil_core.ground.files import read_ground
+from unveil_core.inpaint.chart.street_chart import INVENTED, PLANES
+from unveil_core.inpaint.frames.propagate import RemainingScene
+from unveil_core.inpaint.stretches import Stretch
 from unveil_core.pipeline.run import run, stage_named
 from unveil_core.pipeline.runner import run_block, run_stages
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.steps import inpaint
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import load_array
 from unveil_core.workspace.workspace import Workspace
 
 FRAMES, SIZE = 20, (120, 80)
+BORDER_M = 9.5
+"""Where the two blocks of ten frames meet, metres along x."""
+STREET = long_street(FRAMES, seed=0)
+ACROSS = next(b for b in STREET.boxes if b.removed and abs(b.centre[0] - BORDER_M) < b.size[0] / 2 - 0.5)
+"""A parked car that reaches from one block into the other."""
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +41,50 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     way = long_way(FRAMES, size=SIZE)
     lens = Lens(size=SIZE, focal=0.65 * SIZE[0])
     folder = tmp_path_factory.mktemp("blocks") / "street"
-    return make_box_world(folder, long_street(FRAMES, seed=3), Way(way.places, way.headings, [lens]), rays=4000)
+    return make_box_world(folder, STREET, Way(way.places, way.headings, [lens]), rays=4000)
 
 
 def run_in_blocks(drive: Path, root: Path, length_m: float, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     monkeypatch.setattr(blocks, "BLOCK_M", length_m)
     settings = RunSettings(quality="draft", remove=("vehicle",), iterations=120, memory="64M")
     return run(drive, root, settings, until="deliver")
+
+
+@dataclass
+class Cut:
+    """A run in two blocks, and what its stage ``inpaint`` did: the block that was cleaned first comes first.
+
+    Attributes:
+        stretches: of the street, by block.
+        known: what was known of the scene before a block was cleaned; invented: its new surfels.
+    """
+
+    workspace: Workspace
+    stretches: list[Stretch] = field(default_factory=list)
+    known: list[RemainingScene] = field(default_factory=list)
+    invented: list[Surfels | None] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def cut(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cut]:
+    root = tmp_path_factory.mktemp("cut") / "two"
+    found = Cut(Workspace(root))
+    clean, divide = inpaint.propagate_inpainting, inpaint.cut_street
+
+    def watched(tasks, known, *arguments, **options):  # type: ignore[no-untyped-def]
+        found.known.append(known)
+        found.invented.append(clean(tasks, known, *arguments, **options))
+        return found.invented[-1]
+
+    def noted(*arguments):  # type: ignore[no-untyped-def]
+        found.stretches = divide(*arguments)
+        return found.stretches
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inpaint, "propagate_inpainting", watched)
+        patch.setattr(inpaint, "cut_street", noted)
+        run_in_blocks(drive, root, 10.0, patch)
+    yield found
 
 
 def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
@@ -49,9 +101,10 @@ def error_of(drive: Path, workspace: Workspace) -> np.ndarray:
     return np.array(found)
 
 
-def test_blocks_are_as_good_as_one_piece(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = run_in_blocks(drive, tmp_path / "one", 100.0, monkeypatch)
-    parts = run_in_blocks(drive, tmp_path / "two", 10.0, monkeypatch)
+def test_blocks_are_as_good_as_one_piece(
+    drive: Path, cut: Cut, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, parts = run_in_blocks(drive, tmp_path / "one", 100.0, monkeypatch), cut.workspace
     assert len(whole.state()["stages"]["reconstruct"]["choices"].get("blocks", ())) == 0
     assert len(parts.state()["stages"]["reconstruct"]["choices"]["blocks"]) == 2
     one, two = error_of(drive, whole), error_of(drive, parts)
@@ -61,6 +114,52 @@ def test_blocks_are_as_good_as_one_piece(drive: Path, tmp_path: Path, monkeypatc
     borders = [8, 9, 10, 11]
     assert worse[borders].mean() < np.delete(worse, borders).mean() + 0.5
     assert not list(parts.root.glob(".partial-*"))
+
+
+def test_an_object_across_two_blocks_goes_whole_and_one_of_them_owns_its_place(cut: Cut) -> None:
+    low, high = (ACROSS.centre[0] + sign * ACROSS.size[0] / 2 for sign in (-1, 1))
+    assert low < BORDER_M - 0.5 and high > BORDER_M + 0.5
+    root = cut.workspace.root
+    to_world = read_imported(cut.workspace.drive_dir, points=False).to_world
+    means = to_world.to_world(read_surfels(root / "surfels/full.ply").means.double().numpy())
+    gone, instance = load_array(root / "surfels/removed.npy").astype(bool), load_array(root / "surfels/instances.npy")
+    inside = (np.abs(means - ACROSS.centre) < np.array(ACROSS.size) / 2 + 0.05).all(axis=1) & (means[:, 2] > 0.4)
+    ids = []
+    for half in (inside & (means[:, 0] < BORDER_M), inside & (means[:, 0] >= BORDER_M)):
+        assert half.sum() > 20 and gone[half].mean() > 0.98
+        ids.append(np.bincount(instance[half]).argmax())
+    assert ids[0] == ids[1] > 0, "it is one object"
+    # Its place is filled by one block: the stretches part beside it, not where the blocks do.
+    street = read_ground(cut.workspace.ground_npz).street
+    assert street is not None
+    footprint = np.array([[x, ACROSS.centre[1], 0.0] for x in np.linspace(low, high, 9)])
+    s = street.path.to_street(to_world.to_local(footprint))[:, 0]
+    assert [stretch.owns(s).all() for stretch in cut.stretches if stretch.owns(s).any()] == [True]
+
+
+def test_what_a_block_fills_is_known_to_the_one_before(cut: Cut) -> None:
+    later, earlier = cut.known
+    invented = cut.invented[0]
+    assert invented is not None and len(invented) > 50
+    assert not np.isin(rows_of(invented), rows_of(later.surfels)).any()
+    assert np.isin(rows_of(invented), rows_of(earlier.surfels)).all()
+    # The ground, too: what the earlier block's frames see of the later one's is as that filled it.
+    assert later.ground is not None and earlier.ground is not None
+    ours, theirs = earlier.ground.chart, later.ground.chart
+    border = cut.stretches[1].s[0]
+    skip, own = (round((border - chart.s_start) / chart.texel) for chart in (ours, theirs))
+    length = min(len(ours.source) - skip, len(theirs.source) - own)
+    assert length * ours.texel > 10.0
+    handed, filled = ours.part(skip, skip + length), theirs.part(own, own + length)
+    assert (filled.source == INVENTED).any()
+    for name in PLANES:
+        one, other = getattr(handed, name), getattr(filled, name)
+        assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), name
+
+
+def rows_of(surfels: Surfels) -> np.ndarray:
+    """(N,) the places of surfels, bit for bit, as one value each."""
+    return np.ascontiguousarray(surfels.means.detach().numpy()).view("V12").ravel()
 
 
 def test_blocks_made_alone_make_the_stage(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from tests.inpaint.walls import before_wall
+from unveil_core.base.frame_cache import Frames
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow
 from unveil_core.remove.remains import remains
@@ -48,3 +54,27 @@ def test_what_only_pixels_of_the_object_show_goes_with_it() -> None:
     assert not found[: first[1]].any()
     # Where nothing is removed, nothing goes.
     assert not remains(scene, gone, cameras, [np.zeros_like(m) for m in masks]).any()
+
+
+def test_what_was_counted_before_an_interruption_is_not_counted_again(tmp_path: Path) -> None:
+    scene = concatenate([plate((-4, 4, -2, 2), 0.0, 0.95), plate(OBJECT, -1.0, 0.4)])
+    gone = np.zeros(len(scene), dtype=bool)
+    cameras = [before_wall(x, 4.0) for x in (-3.0, -1.0, 0.5, 3.0)]  # two in each of two cells of the plan
+    asked: list[int] = []
+
+    def masks(ends_at: int | None) -> Sequence[np.ndarray]:
+        def make(i: int) -> np.ndarray:
+            if i == ends_at:
+                raise InterruptedError
+            asked.append(i)
+            return pixels_of_object(cameras[i])
+
+        return Frames(len(cameras), make)
+
+    whole = remains(scene, gone, cameras, masks(None))
+    assert whole.any() and asked == [0, 1, 2, 3]
+    with pytest.raises(InterruptedError):
+        remains(scene, gone, cameras, masks(3), Checkpoint(tmp_path / "state.npz", every_s=0.0))
+    asked.clear()
+    again = remains(scene, gone, cameras, masks(None), Checkpoint(tmp_path / "state.npz", every_s=0.0))
+    assert np.array_equal(again, whole) and asked == [2, 3]

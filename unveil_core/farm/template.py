@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import shlex
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from unveil_core.base.errors import SettingsError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task
 
 __all__ = ["TEMPLATES", "flamenco_job", "openjd_template", "slurm_script"]
@@ -30,10 +34,14 @@ def _drive_of(batch: Batch, tasks: list[Task]) -> BatchDrive:
 
 
 def openjd_template(batch: Batch) -> str:
-    """A job template, ``jobtemplate-2023-09``: a step for each step of a drive, with the blocks as its tasks."""
+    """A job template, ``jobtemplate-2023-09``: a step for each step of a drive, with the blocks as its tasks.
+
+    Raises:
+        SettingsError: a path or an option holds what such a template takes for an expression.
+    """
     steps: list[dict[str, Any]] = []
     for name, tasks in _groups(batch):
-        arguments = list(tasks[0].arguments)
+        arguments = [_literal(a, tasks[0].drive) for a in tasks[0].arguments]
         step: dict[str, Any] = {"name": _short(name)}
         if tasks[0].block is not None:
             arguments[-1] = "{{Task.Param.Block}}"
@@ -54,8 +62,20 @@ def openjd_template(batch: Batch) -> str:
 
 
 def _short(name: str) -> str:
-    """A step's name, which may have 64 characters."""
-    return name if len(name) <= 64 else f"{name[:20]}..{name[-42:]}"
+    """A step's name, which may have 64 characters; longer ones that differ anywhere stay different."""
+    if len(name) <= 64:
+        return name
+    return f"{name[:20]}..{hashlib.blake2b(name.encode(), digest_size=4).hexdigest()}..{name[-32:]}"
+
+
+def _literal(text: str, drive: str) -> str:
+    """An argument that a template gives as it is: the format has no way to write two braces that are none of its own."""
+    if "{{" in text or "}}" in text:
+        raise SettingsError(
+            f"{drive}: {text!r} holds two braces, which Open Job Description takes for an expression",
+            mend="rename the folder or file and plan again, or use another farm's template",
+        )
+    return text
 
 
 def slurm_script(batch: Batch) -> str:
@@ -80,27 +100,60 @@ def slurm_script(batch: Batch) -> str:
 
 
 def flamenco_job(batch: Batch) -> str:
-    """A job type for Flamenco Manager, with the tasks of this batch written into it."""
-    tasks = [{"id": t.id, "arguments": list(t.arguments), "after": list(t.after)} for t in batch.tasks]
+    """A job type for Flamenco Manager, with the tasks of this batch written into it.
+
+    Flamenco puts its two-way variables, by which a folder has another path on each platform, into the settings of a job and not
+    into what a script writes. So the folders that the tasks' paths lie in are settings.
+    """
+    folders = _folders(batch)
+    tasks = [
+        {"id": t.id, "arguments": [_within(a, folders) for a in t.arguments], "after": list(t.after)}
+        for t in batch.tasks
+    ]
+    settings = [{"key": "command", "type": "string", "default": "unveil", "description": "How workers start Unveil"}]
+    for key, folder in folders.items():
+        what = f"The folder of the {key}, as this computer sees it"
+        settings.append({"key": key, "type": "string", "subtype": "dir_path", "default": folder, "description": what})
     return f"""// A job type for Flamenco: the tasks of one batch of Unveil. Copy it to the manager's scripts folder.
 const JOB_TYPE = {{
     label: "Unveil",
-    settings: [{{ key: "command", type: "string", default: "unveil", description: "How workers start Unveil" }}],
+    settings: {json.dumps(settings, indent=4)},
 }};
 
+// An argument is text, or a setting that names a folder and the path from there.
 const TASKS = {json.dumps(tasks, indent=4)};
 
 function compileJob(job) {{
+    const written = (argument) => Array.isArray(argument) ? job.settings[argument[0]] + argument[1] : argument;
     const made = {{}};
     for (const task of TASKS) {{
         const authored = author.Task(task.id, "misc");
-        authored.addCommand(author.Command("exec", {{ exe: job.settings.command, args: task.arguments }}));
+        authored.addCommand(author.Command("exec", {{ exe: job.settings.command, args: task.arguments.map(written) }}));
         for (const before of task.after) authored.addDependency(made[before]);
         made[task.id] = authored;
         job.addTask(authored);
     }}
 }}
 """
+
+
+def _folders(batch: Batch) -> dict[str, str]:
+    """By key of a setting, the batch's folder and the one that all drives lie in, where there is such a one."""
+    folders = {"batch": str(batch.root.absolute())}
+    try:
+        drives = os.path.commonpath([Path(drive.drive).parent for drive in batch.drives])
+    except ValueError:  # on several disks of Windows
+        return folders
+    return folders if drives == Path(drives).anchor else {**folders, "drives": drives}
+
+
+def _within(argument: str, folders: dict[str, str]) -> str | list[str]:
+    """An argument that is a path in one of the folders as that folder's key and the rest; any other as it is."""
+    for key, folder in folders.items():
+        rest = argument.removeprefix(folder)
+        if rest != argument and rest.startswith(("/", os.sep)):
+            return [key, rest]
+    return argument
 
 
 TEMPLATES: dict[str, tuple[str, Callable[[Batch], str]]] = {

@@ -271,15 +271,34 @@ class StreetFill:
         found: dict[str, list[Surfels]] = {"walls": [], "feet": [], "curtains": []}
         sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
         for stretch in self.stretches:
-            local = remaining.select(torch.from_numpy(stretch.near(s)))
-            add = self._owned_into(stretch, found)
-            for side, left in enumerate((False, True)):
-                stands, missing = self._complete_side(stretch, local, add, left=left)
-                sides[side] |= stands
-                mended[side] |= missing
-            add("feet", self._feet(stretch, local))
+
+            def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
+                return self._completed(stretch, remaining.select(torch.from_numpy(stretch.near(s))))
+
+            arrays = self.kept.within(stretch.name).once("completed", make)
+            sides |= arrays["sides"]
+            mended |= arrays["mended"]
+            for name, parts in found.items():
+                own = {key.removeprefix(f"{name}."): a for key, a in arrays.items() if key.startswith(f"{name}.")}
+                parts += [Surfels.from_arrays(own)] if own else []
         walls, feet, curtains = (concatenate(parts) if parts else None for parts in found.values())
         return Completed(walls, feet, curtains, int(sides.sum()), int(mended.sum()))
+
+    def _completed(self, stretch: Stretch, local: Surfels) -> dict[str, NDArray[Any]]:
+        """What a stretch owns of that, the arrays of ``walls``, ``feet`` and ``curtains`` by name; (2,) whether houses stand on
+        its ``sides``, and which of these are ``mended``."""
+        found: dict[str, list[Surfels]] = {"walls": [], "feet": [], "curtains": []}
+        add = self._owned_into(stretch, found)
+        told = [self._complete_side(stretch, local, add, left=left) for left in (False, True)]
+        add("feet", self._feet(stretch, local))
+        arrays = {
+            f"{name}.{key}": array
+            for name, parts in found.items()
+            if parts
+            for key, array in concatenate(parts).arrays().items()
+        }
+        sides, mended = np.array(told).T
+        return {"sides": sides, "mended": mended, **arrays}
 
     def _owned_into(self, stretch: Stretch, found: dict[str, list[Surfels]]) -> Callable[[str, Surfels | None], None]:
         """Adds what a stretch owns of some surfels to what was found."""

@@ -46,7 +46,13 @@ class FrameProvenance:
 
 
 def provenance_of(
-    root: Path, made: Path, frames: Sequence[Frame], surfels: Surfels, cache: FrameCache, scratch: Path
+    root: Path,
+    made: Path,
+    frames: Sequence[Frame],
+    surfels: Surfels,
+    cache: FrameCache,
+    scratch: Path,
+    wanted: Sequence[int] | None = None,
 ) -> Iterator[FrameProvenance]:
     """The provenance of all frames, in their order.
 
@@ -54,6 +60,7 @@ def provenance_of(
         root: the workspace; made: folder of ``clean/`` and ``renders/``, which may not be there yet.
         surfels: the empty scene.
         cache: room for the frames; scratch: folder for what is rendered of them.
+        wanted: indices of the frames that are asked for; None = all.
     Raises:
         WorkspaceError: its surfels are not those that the workspace says.
     """
@@ -80,8 +87,8 @@ def provenance_of(
         return EmptyView(frames[i].camera, depth, mask_of_bits(barred, origin.shape))
 
     witnesses = Witnesses(EmptyViews([f.camera for f in frames], Frames(len(frames), view)), pictures)
-    for i, frame in enumerate(frames):
-        origin = stored[i][0]
+    for i in range(len(frames)) if wanted is None else wanted:
+        frame, origin = frames[i], stored[i][0]
         yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures))
 
 

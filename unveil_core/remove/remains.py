@@ -6,7 +6,7 @@ behind the object's surface, or what stands in for its side where the side has n
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
@@ -32,24 +33,39 @@ WIDTH_PX = 384
 """Width of the images in which it is counted, pixels: shares are known well enough, and the time does not grow."""
 
 
-def remains(surfels: Surfels, gone: Mask, cameras: Sequence[Camera], objects: Iterable[NDArray[np.bool_]]) -> Mask:
+def remains(
+    surfels: Surfels,
+    gone: Mask,
+    cameras: Sequence[Camera],
+    objects: Sequence[NDArray[np.bool_]],
+    checkpoint: Checkpoint | None = None,
+) -> Mask:
     """(N,) which surfels not yet ``gone`` are shown only by pixels of removed objects.
 
     Args:
         surfels: the full scene; gone: (N,) those that are removed already.
         cameras: of the frames; objects: (H, W) pixels of removed objects per frame, borders included, asked for once each.
+        checkpoint: from which an interrupted call goes on.
     """
     # What a surfel weighs in a picture is what the picture changes by with its colour.
     weight = torch.zeros((len(surfels), 3), dtype=surfels.sh.dtype)
-    masks = iter(objects)
+    checkpoint = Checkpoint() if checkpoint is None else checkpoint
+    done, at = 0, 0
+    if (saved := checkpoint.load()) is not None:
+        weight, done = torch.from_numpy(saved[0]["weight"]), int(saved[1]["done"])
     for run, near in near_runs(surfels, cameras):
+        first, at = at, at + len(run)
+        if at <= done:
+            continue
         some = surfels.select(near)
         color = torch.zeros((len(some), 1, 3), dtype=surfels.sh.dtype, requires_grad=True)
         plain = replace(some, sh=color)
-        for camera in run:
-            _draw(plain, camera, next(masks))
+        for i, camera in enumerate(run, start=first):
+            _draw(plain, camera, objects[i])
         if color.grad is not None:
             weight[near] += color.grad[:, 0]
+        if checkpoint.due():
+            checkpoint.save({"weight": weight.numpy()}, {"done": at})
     on_objects, everywhere = (weight[:, :2].double().numpy() / SH_C0).T
     return np.asarray(~gone & (everywhere > LEAST_PX) & (on_objects >= SHARE * everywhere))
 

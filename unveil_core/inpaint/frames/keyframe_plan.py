@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
 from unveil_core.drives.drive import Frame, instants
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.holes import FrameTask, Hole, open_hole
-from unveil_core.inpaint.frames.keyframes import Plan, plan_keyframes
+from unveil_core.inpaint.frames.keyframes import Keyframe, Plan, plan_keyframes
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["named_frames", "plan_drive", "plan_json", "plans_json"]
@@ -85,7 +86,31 @@ def plan_drive(
     for done, _ in enumerate(stored):
         progress(done + 1, len(tasks), "choosing keyframes")
     holes = Frames(len(tasks), lambda i: _hole(frames[i].camera, *stored[i]))
-    return plan_keyframes(holes, instants(frames), order=order, given=names)
+    kept = Kept(scratch)
+
+    def make() -> dict[str, NDArray[Any]]:
+        return _plan_arrays(plan_keyframes(holes, instants(frames), order=order, given=names, kept=kept))
+
+    return _plan_of(kept.once("plan", make), [frame.camera for frame in frames])
+
+
+def _plan_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
+    facts = {
+        "keyframes": [(k.frame, k.area, k.pixels) for k in plan.keyframes],
+        "visit_order": plan.visit_order,
+    }
+    deferred = {f"deferred.{k.frame}": mask_bits(k.deferred) for k in plan.keyframes}
+    return {"facts": facts_array(facts), "remaining": plan.remaining, **deferred}
+
+
+def _plan_of(arrays: Mapping[str, NDArray[Any]], cameras: Sequence[Camera]) -> Plan:
+    """Inverse of :func:`_plan_arrays`; ``cameras``: of all frames."""
+    facts = facts_of(arrays["facts"])
+    keyframes = [
+        Keyframe(i, area, pixels, mask_of_bits(arrays[f"deferred.{i}"], (cameras[i].height, cameras[i].width)))
+        for i, area, pixels in facts["keyframes"]
+    ]
+    return Plan(tuple(keyframes), tuple(facts["visit_order"]), arrays["remaining"])
 
 
 def _hole(camera: Camera, mask: NDArray[np.uint8], depth: NDArray[np.float64]) -> Hole:

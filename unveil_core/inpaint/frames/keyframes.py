@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.images import area_px
@@ -78,6 +79,7 @@ def plan_keyframes(
     *,
     order: str = "reverse",
     given: Sequence[int] | None = None,
+    kept: Kept | None = None,
 ) -> Plan:
     """Choose the frames that invent, and their order.
 
@@ -86,33 +88,60 @@ def plan_keyframes(
         order: "reverse", last to first, a place deferred to the view that sees it much sharper; "forward", first to last, each
             place invented in the first frame that shows it, for comparison.
         given: indices that are keyframes, and no others.
+        kept: from which an interrupted call goes on.
     """
     late = np.asarray(times, dtype=np.float64) * (1.0 if order == "reverse" else -1.0)
-    every = _Holes(holes)
+    every, kept = _Holes(holes), Kept() if kept is None else kept
     counts = [np.ones(size, dtype=bool) for size in every.sizes]
     least = np.array([area_px((c.height, c.width), LEAST_PX) for c in every.cameras])
     if given is None:
         if order == "reverse":
-            counts = [~sharper_elsewhere(hole, every.near(hole, range(len(holes)), i)) for i, hole in enumerate(holes)]
-        chosen = _greedy(every, counts, late, least)
+            counts = [_sharpest_here(every, i, kept) for i in range(len(holes))]
+        chosen = _greedy(every, counts, late, least, kept.checkpoint("chosen"))
     else:
         chosen = list(given)
     visit_order = sorted(range(len(holes)), key=lambda i: (-late[i], i))
     wanted = set(chosen)
     chosen = [i for i in visit_order if i in wanted]
     free = [np.ones(size, dtype=bool) for size in every.sizes]
-    keyframes = []
+    keyframes: list[Keyframe] = []
+    begun, checkpoint = 0, kept.checkpoint("keyframes")
+    if (saved := checkpoint.load()) is not None:
+        begun, told = saved[1]["turn"], saved[1]["told"]
+        free = _masks(saved[0]["free"], every.sizes)
+        deferred = _masks(saved[0]["deferred"], [holes[i].mask.size for i, _, _ in told])
+        keyframes = [
+            Keyframe(i, area, pixels, left.reshape(holes[i].mask.shape))
+            for (i, area, pixels), left in zip(told, deferred, strict=True)
+        ]
     for turn, i in enumerate(chosen):
+        if turn < begun:
+            continue
+        if checkpoint.due():
+            told = [(k.frame, k.area, k.pixels) for k in keyframes]
+            masks = {"free": _bits(free), "deferred": _bits([k.deferred.ravel() for k in keyframes])}
+            checkpoint.save(masks, {"turn": turn, "told": told})
         hole, invents = holes[i], free[i]
         if order == "reverse":
             invents = invents & ~sharper_elsewhere(hole, every.near(hole, chosen[turn + 1 :], i))
         if given is None and invents.sum() < least[i]:
             continue  # frames that were chosen later and come earlier show together what it was chosen for
-        deferred = np.zeros_like(hole.mask)
-        deferred[hole.mask] = free[i] & ~invents
-        keyframes.append(Keyframe(i, float(hole.area()[invents].sum()), int(invents.sum()), deferred))
+        deferred_here = np.zeros_like(hole.mask)
+        deferred_here[hole.mask] = free[i] & ~invents
+        keyframes.append(Keyframe(i, float(hole.area()[invents].sum()), int(invents.sum()), deferred_here))
         _take(every, i, invents, free)
     return Plan(tuple(keyframes), tuple(visit_order), np.array([int(f.sum()) for f in free], dtype=np.int64))
+
+
+def _bits(masks: Sequence[Mask]) -> NDArray[np.uint8]:
+    """Masks (P,) as bits, one after the other."""
+    return np.packbits(np.concatenate([np.zeros(0, dtype=bool), *masks]))
+
+
+def _masks(bits: NDArray[np.uint8], sizes: Sequence[int]) -> list[Mask]:
+    """Inverse of :func:`_bits`."""
+    every = np.unpackbits(bits, count=sum(sizes)).astype(bool)
+    return np.split(every, np.cumsum(sizes)[:-1]) if sizes else []
 
 
 class _Holes:
@@ -130,11 +159,25 @@ class _Holes:
         return (self.holes[j] for j in candidates if j in close and j != own and self.sizes[j])
 
 
+def _sharpest_here(every: _Holes, i: int, kept: Kept) -> Mask:
+    """(P,) which pixels of a hole no other frame sees much sharper."""
+    size = every.sizes[i]
+    if not size:
+        return np.zeros(0, dtype=bool)
+
+    def look() -> dict[str, NDArray[np.uint8]]:
+        hole = every.holes[i]
+        return {"pixels": _bits([~sharper_elsewhere(hole, every.near(hole, range(len(every.sizes)), i))])}
+
+    return _masks(kept.within("sharpest").once(str(i), look)["pixels"], [size])[0]
+
+
 def _greedy(
     every: _Holes,
     counts: Sequence[Mask],
     late: NDArray[np.float64],
     least: NDArray[np.int64],
+    checkpoint: Checkpoint,
 ) -> list[int]:
     """Frames that each newly show most of what counts for them (``counts``, (P,) per hole), until none shows enough."""
     free = [np.ones(size, dtype=bool) for size in every.sizes]
@@ -142,7 +185,14 @@ def _greedy(
     pixels = np.array([int(c.sum()) for c in counts])
     chosen: list[int] = []
     taken = 0.0
+    if (saved := checkpoint.load()) is not None:
+        free = _masks(saved[0]["free"], every.sizes)
+        newly, pixels = saved[0]["newly"], saved[0]["pixels"]
+        chosen, taken = saved[1]["chosen"], saved[1]["taken"]
     while True:
+        if checkpoint.due():
+            state = {"free": _bits(free), "newly": newly, "pixels": pixels}
+            checkpoint.save(state, {"chosen": chosen, "taken": taken})
         able = np.flatnonzero((pixels >= least) & (newly > LEAST_SHARE * taken))
         able = able[~np.isin(able, chosen)]
         if not len(able):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import Frames
@@ -133,11 +134,19 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     new = []
     for stretch in fill.stretches:
-        chart = fill.own(stretch)
-        anew = new_ground(chart, places, fill.cameras_of(stretch), fill.of_frames(stretch, given.views.removed))
-        displaced |= displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
-        relit |= ground_relit(chart, surfels)
-        new.append(seed_ground(chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label))
+
+        def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
+            chart = fill.own(stretch)
+            anew = new_ground(chart, places, fill.cameras_of(stretch), fill.of_frames(stretch, given.views.removed))
+            seeds = seed_ground(chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label)
+            old = displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
+            indices = {"displaced": np.flatnonzero(old), "relit": np.flatnonzero(ground_relit(chart, surfels))}
+            return {**seeds.arrays(), **indices}
+
+        made = context.kept.within(f"street/{stretch.name}").once("renewed", make)
+        displaced[made["displaced"]] = True
+        relit[made["relit"]] = True
+        new.append(Surfels.from_arrays(made))
     return displaced & ~gone, relit, new
 
 

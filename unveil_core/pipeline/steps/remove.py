@@ -133,7 +133,11 @@ def run(context: StageContext) -> None:
     for done, _ in enumerate(stored):
         context.progress(done + 1, 2 * len(frames), "finding what nobody saw")
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
-    gone |= remains(surfels, gone, views.cameras, removed)
+
+    def find_remains() -> dict[str, NDArray[Any]]:
+        return {"found": remains(surfels, gone, views.cameras, removed, context.kept.checkpoint("remains_so_far"))}
+
+    gone |= context.kept.once("remains", find_remains)["found"]
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
     empty = empty_street(surfels, gone, ground, on_ground)
     for done, frame in enumerate(frames):

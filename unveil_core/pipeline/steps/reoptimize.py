@@ -62,9 +62,11 @@ def run(context: StageContext) -> None:
         delivered = compose_frame(photograph, street, removed | shadows)
         write_image_atomic(finished, delivered)
         context.progress(i + 1, len(frames), "drawing the empty street")
+    # What an attempt that was interrupted has told stays: the certainty of a frame is the last that is written of it.
+    left = [i for i, f in enumerate(frames) if not frame_file(context.output("certainty"), f).is_file()]
     scratch = context.scratch("origins")
-    told = provenance_of(workspace.root, context.partial, frames, empty, cache, scratch)
-    for done, known in enumerate(told):
+    told = provenance_of(workspace.root, context.partial, frames, empty, cache, scratch, left)
+    for done, known in enumerate(told, start=len(frames) - len(left)):
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
