@@ -20,7 +20,7 @@ from unveil_core.drives.depth_range import ASKED_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.reach import PointGrid
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
