@@ -24,6 +24,7 @@ from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
+from unveil_core.semantics.members import Members
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.semantics.votes import vote_labels
 from unveil_core.surfels.initialize import estimate_normals, thin_points
@@ -152,13 +153,14 @@ def find_objects(
         all_labels, all_ids = labels[nearest], ids[nearest]
     classes = _image_classes(drive, scene, images) if by_image else {}
     boxes = tracked_boxes(drive, sightings) if by_image else {}
+    members = Members(all_ids)
     found = [
         _object(
             drive,
             scene,
             number,
             "images" if by_image else "clusters",
-            all_ids,
+            members[number],
             all_labels,
             seen,
             classes.get(number),
@@ -242,21 +244,21 @@ def _object(
     scene: SceneLabels,
     number: int,
     source: str,
-    ids: NDArray[np.int64],
+    members: NDArray[np.int64],
     labels: NDArray[np.int64],
     sightings: Sequence[Sighting],
     label: int | None,
     axes: NDArray[np.float64],
     tracked: Box | None,
 ) -> SceneObject:
-    members = ids == number
     if label is None:
-        label = int(np.bincount(labels[members & (labels >= 0)]).argmax())
+        known = labels[members]
+        label = int(np.bincount(known[known >= 0]).argmax())
     if tracked is not None:
         name = scene.labels.names[label]
-        return SceneObject(number, name, "boxes", tracked, int(members.sum()), tuple(sightings))
-    box = fit_box(drive.points.positions[members], axes, gap=1.0) if members.sum() >= 5 else None
-    return SceneObject(number, scene.labels.names[label], source, box, int(members.sum()), tuple(sightings))
+        return SceneObject(number, name, "boxes", tracked, len(members), tuple(sightings))
+    box = fit_box(drive.points.positions[members], axes, gap=1.0) if len(members) >= 5 else None
+    return SceneObject(number, scene.labels.names[label], source, box, len(members), tuple(sightings))
 
 
 def _marked(

@@ -23,6 +23,7 @@ from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
+from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.surfels.ply import read_surfels
@@ -61,16 +62,13 @@ def run(context: StageContext) -> None:
     axes = up_frame(UP)
     listed: Any = read_json(workspace.objects_json)
     entries: list[dict[str, object]] = []
+    members = Members(of_surfel)
     for done, known in enumerate(listed["objects"]):
-        number, members = int(known["id"]), of_surfel == int(known["id"])
+        number, own = int(known["id"]), members[int(known["id"])]
         context.progress(done + 1, len(listed["objects"]), "naming objects")
-        if not members.any():
+        if not len(own):
             continue
-        box = (
-            known["box"]
-            if known["source"] in ("box", "boxes")
-            else fit_box(positions[members], axes, gap=1.0).to_json()
-        )
+        box = known["box"] if known["source"] in ("box", "boxes") else fit_box(positions[own], axes, gap=1.0).to_json()
         picture = known["thumbnail"]
         if picture is not None:
             picture = f"instances/{number:04d}.png"
@@ -79,7 +77,7 @@ def run(context: StageContext) -> None:
             {
                 **known,
                 "box": box,
-                "surfels": int(members.sum()),
+                "surfels": len(own),
                 "thumbnail": picture,
                 "removed": known["class"] in scene.removed or number in scene.instances,
             }
