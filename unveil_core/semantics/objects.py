@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.errors import SelectionError
-from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.boxes import TrackedBox, has_moved
-from unveil_core.drives.depth_range import ASKED_M, NEAR_M
+from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.semantics.members import Members
-from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.semantics.votes import vote_labels
 from unveil_core.surfels.initialize import estimate_normals, thin_points
 
@@ -116,14 +115,11 @@ def find_objects(
         some = thin_points(positions, cell)
     cameras = [f.camera for f in drive.frames]
     normals, spacing = estimate_normals(positions[some], np.stack([c.centre for c in cameras]))
-    thinned = positions[some]
-    grid = PointGrid(thinned)
+    placed = PointsNear(positions[some], spacing, normals)
 
     def seen_points(v: int) -> PointsInView:
         progress(v + 1, len(cameras), "seeing points")
-        near = grid.near(cameras[v].centre, ASKED_M)
-        seen = points_in_view(thinned[near], spacing[near], cameras[v], near=NEAR_M, normals=normals[near])
-        return replace(seen, index=near[seen.index])
+        return placed.seen_by(cameras[v], near=NEAR_M)
 
     views: Sequence[PointsInView] = (cache or FrameCache()).frames(len(cameras), seen_points)
     sky = scene.labels.index("sky")
@@ -297,7 +293,7 @@ def vote_mattes(
         return picture.astype(np.int64)
 
     with_matte = [v for v, m in enumerate(mattes) if m is not None]
-    voted, _ = vote_labels(count, [views[v] for v in with_matte], lambda i: image(with_matte[i]), 2)
+    voted, _ = vote_labels(count, subset(views, with_matte), lambda i: image(with_matte[i]), 2)
     inside: NDArray[np.bool_] = voted == 1
     return inside
 

@@ -25,7 +25,7 @@ from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
-from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
@@ -112,11 +112,14 @@ def _give_to_marked(
     axes = up_frame(UP)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
-    frames = drive.frames
+    frames, marks = drive.frames, marked_objects(context.settings.marked)
+    if not marks:
+        return
+    placed = PointsNear(positions, spacing)
     views: Sequence[PointsInView] = context.cache.frames(
-        len(frames), lambda v: points_in_view(positions, spacing, frames[v].camera, near=NEAR_M)
+        len(frames), lambda v: placed.seen_by(frames[v].camera, near=NEAR_M)
     )
-    for mark in marked_objects(context.settings.marked):
+    for mark in marks:
         if mark.box is not None:
             box = marked_box(mark.box, drive)
             of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
