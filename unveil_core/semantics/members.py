@@ -11,6 +11,9 @@ __all__ = ["Members"]
 class Members:
     """Indices by number.
 
+    Attributes:
+        numbers: (K,) that somebody belongs to, rising.
+
     Args:
         numbers: (N,) the number that each belongs to; 0 = none.
     """
@@ -18,12 +21,12 @@ class Members:
     def __init__(self, numbers: NDArray[np.int64]) -> None:
         some = np.flatnonzero(numbers)
         self._order = some[np.argsort(numbers[some], kind="stable")]
-        self._numbers, self._first = np.unique(numbers[self._order], return_index=True)
+        self.numbers, self._first = np.unique(numbers[self._order], return_index=True)
         self._ends = np.append(self._first, len(self._order))
 
     def __getitem__(self, number: int) -> NDArray[np.int64]:
         """Indices, rising, of those that belong to a number; none where nobody does."""
-        k = int(np.searchsorted(self._numbers, number))
-        if k == len(self._numbers) or self._numbers[k] != number:
+        k = int(np.searchsorted(self.numbers, number))
+        if k == len(self.numbers) or self.numbers[k] != number:
             return np.zeros(0, dtype=np.int64)
         return self._order[self._ends[k] : self._ends[k + 1]]
