@@ -25,7 +25,7 @@ from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
-from unveil_core.movers.pixel_set import PixelSet
+from unveil_core.movers.pixel_set import PixelMasks, PixelSet
 from unveil_core.movers.points import points_along_track, points_behind_contacts
 from unveil_core.movers.seen_through import (
     MASKED,
@@ -252,7 +252,8 @@ def _by_instances(
     # By id: how it is known to move, or None.
     known: dict[str, str | None] = {} if state is None else state[1]["known"]
     for done, source in enumerate(sorted(shown)):
-        masks = {v: instances[v] == source for v in shown[source]}
+        pixels = {v: PixelSet.of(instances[v] == source) for v in shown[source]}
+        masks = PixelMasks(pixels, [(c.height, c.width) for c in search.cameras])
         counts = np.zeros(len(search.names), np.int64)
         for v, mask in masks.items():
             counts += np.bincount(search.labels[v][mask], minlength=len(search.names))
@@ -267,8 +268,8 @@ def _by_instances(
         evidence = known[str(source)]
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
-            for v, mask in masks.items():
-                search.numbers.put(v, PixelSet.of(mask), number)
+            for v, of_frame in pixels.items():
+                search.numbers.put(v, of_frame, number)
 
 
 def _without_others(frames: Sequence[FrameVisibility], masks: Mapping[int, Mask]) -> Sequence[FrameVisibility]:
