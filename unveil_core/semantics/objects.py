@@ -31,7 +31,8 @@ from unveil_core.surfels.initialize import estimate_normals, thin_points
 __all__ = ["ABOVE_GROUND_M", "FoundObjects", "SceneObject", "find_objects", "marked_box", "vote_mattes"]
 
 MOST_POINTS = 300_000
-"""Number of points that are labelled by votes; if there are more, the others take the label of their nearest labelled one."""
+"""Number of points of a drive that are labelled by votes, however long it is; if there are more, the others take the label of their
+nearest labelled one. Each takes about a kilobyte: votes for 19 classes, and 13 neighbours while its normal is found."""
 CLUSTER_M = 0.4
 """Points of removable classes nearer than this, metres, are one object where there are no instance images."""
 ABOVE_GROUND_M = 0.1
