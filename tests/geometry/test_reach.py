@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import CameraViews, PointGrid, cameras_near, rising
+from unveil_core.geometry.reach import CameraViews, cameras_near
 
 PLACES = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(3)), elements=st.floats(-50, 50))
 
@@ -33,21 +33,6 @@ def test_a_camera_that_looks_the_other_way_is_not_asked() -> None:
     views = CameraViews(cameras, cameras)
     assert views.around(np.array([[0.0, 0, 10], [1, 0, 12]]), 100.0).tolist() == [0]
     assert views.around(np.zeros((0, 3)), 100.0).tolist() == []
-
-
-@given(PLACES, arrays(np.float64, 3, elements=st.floats(-60, 60)), st.floats(0, 80))
-def test_the_grid_misses_no_near_point(points: np.ndarray, place: np.ndarray, reach: float) -> None:
-    found = PointGrid(points, 7.0).near(place, reach)
-    assert (np.diff(found) > 0).all()
-    gap = np.linalg.norm(points - place, axis=1)
-    assert set(np.flatnonzero(gap < reach * (1 - 1e-12)).tolist()) <= set(found.tolist())
-    assert (np.linalg.norm((points - place)[found, :2], axis=1) <= reach + 7.0 * np.sqrt(2)).all()
-
-
-@given(st.lists(st.integers(-1000, 1000), min_size=1, max_size=60, unique=True), st.sampled_from([1, 10**9]))
-def test_numbers_far_apart_and_close_together_are_put_in_order(numbers: list[int], spread: int) -> None:
-    index = np.array(numbers, dtype=np.int64) * spread
-    assert rising(index).tolist() == sorted(index.tolist())
 
 
 @given(st.integers(0, 10_000))

@@ -8,6 +8,7 @@ import numpy as np
 
 from tests.ground.test_street import look
 from unveil_core.drives.drive import Drive, Frame, PointCloud
+from unveil_core.ground import from_points
 from unveil_core.ground.from_points import find_ground
 
 
@@ -59,3 +60,16 @@ def test_too_few_points_are_no_ground() -> None:
     street = drive(0.0)
     few = Drive(street.root, street.frames, PointCloud(street.points.positions[:10]))
     assert find_ground(few, [np.zeros((64, 96), np.int8)] * 28, (), ()) is None
+
+
+def test_each_cell_has_its_low_point() -> None:
+    """As sorting by cells finds it, one of equal heights by its turn, too."""
+    generator = np.random.default_rng(3)
+    local = generator.uniform(-9, 9, (3000, 3)).round(1)
+    _, group = np.unique(np.floor(local[:, :2] / 0.5).astype(np.int64), axis=0, return_inverse=True)
+    expected = []
+    for k in range(int(group.max()) + 1):
+        own = local[group.ravel() == k]
+        rank = (from_points.LOW_PERCENT * (len(own) - 1)) // 100
+        expected.append(own[np.argsort(own[:, 2], kind="stable")[rank]])
+    assert np.array_equal(from_points._one_per_cell(local, 0.5), np.array(expected))

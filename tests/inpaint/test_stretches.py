@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
 from tests.ground.test_blocks import straight
+from tests.remove.test_regions import scene, surfels_at
+from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.resume.checkpoint import Kept
+from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
-from unveil_core.inpaint.chart.street_chart import TEXEL_M, rows_of
-from unveil_core.inpaint.stretches import AROUND_M, QUIET_M, Stretch, cut_street
+from unveil_core.inpaint.by_stretch import StreetFill
+from unveil_core.inpaint.chart.street_chart import TEXEL_M, StreetChart, rows_of
+from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit
+from unveil_core.inpaint.street_scene import Removal, Views
+from unveil_core.inpaint.stretches import AROUND_M, CASTS_M, QUIET_M, Stretch, cut_street
 
 
 def level_street(frames: int) -> Ground:
@@ -52,3 +61,68 @@ def test_stretches_part_beside_a_lorry_not_within_it() -> None:
     border = stretches[0].s[1]
     assert border == stretches[1].s[0] and abs(border - 100.0) <= QUIET_M
     assert border < 95.0 or border > 107.0
+
+
+def fill_of(frames: int, removal: Removal) -> StreetFill:
+    ground, stretches = stretches_of(frames, 100.0, np.zeros((0, 3)))
+    drive = straight(frames, 1.0)
+    views = Views([], [], [], [])
+    return StreetFill(drive, scene(("car",)), ground, removal, views, stretches, cache=FrameCache(), kept=Kept())
+
+
+def crowd(count: int, length: float) -> Removal:
+    generator = np.random.default_rng(count)
+    places = generator.uniform([-15, -9, -0.3], [length + 15, 9, 0.6], (count, 3))
+    gone = generator.random(count) < 0.3
+    ids = np.where(gone, generator.integers(0, 9, count), 0)
+    return Removal(surfels_at(places, generator.integers(0, 3, count)), gone, ids)
+
+
+def test_a_stretch_is_given_what_is_near_it_and_finds_what_it_finds_in_all() -> None:
+    removal = crowd(8000, 501.0)
+    fill, surfels = fill_of(501, removal), removal.surfels
+    means = surfels.means.double().numpy()
+    sizes = []
+    for stretch in fill.stretches:
+        rows, columns = stretch.rows[1] - stretch.rows[0], 40
+        generator = np.random.default_rng(stretch.number)
+        chart = StreetChart(
+            fill.ground,
+            TEXEL_M,
+            fill.ground.s_start + TEXEL_M * stretch.rows[0],
+            -1.0,
+            color=np.zeros((rows, columns, 3), np.float32),
+            label=np.zeros((rows, columns), np.int16),
+            source=np.ones((rows, columns), np.uint8),
+            gain=generator.uniform(1.0, 3.0, (rows, columns, 3)).astype(np.float32),
+            nearest=np.ones((rows, columns), np.float32),
+            replaced=np.zeros((rows, columns), bool),
+        )
+        region = generator.random((rows, columns)) < 0.5
+        near = fill.near(stretch)
+        sizes.append(len(near))
+        local = surfels.select(torch.from_numpy(near))
+        for of_all, of_near in (
+            (displaced_by(chart, region, surfels, [0, 1]), displaced_by(chart, region, local, [0, 1])),
+            (ground_relit(chart, surfels), ground_relit(chart, local)),
+        ):
+            assert np.array_equal(np.flatnonzero(of_all), near[of_near]) and of_all.any()
+        mask = np.isin(np.arange(len(surfels)), near) & removal.gone
+        objects = [means[mask & (removal.instance == i)] for i in np.unique(removal.instance[mask]) if i > 0]
+        assert all(np.array_equal(a, b) for a, b in zip(objects, removal.objects(near), strict=True))
+        assert np.array_equal(means[mask & (removal.instance == 0)], removal.loose(near))
+    assert len(sizes) == 5 and max(sizes) < 0.6 * len(surfels)
+
+
+def test_only_cameras_near_a_stretch_are_asked_and_the_way_s_ends() -> None:
+    fill = fill_of(1001, crowd(10, 1001.0))
+    for stretch in fill.stretches:
+        x = centres_of(fill._looking(stretch))[:, 0]
+        beyond = AROUND_M + CASTS_M + ASKED_M
+        near = (x >= stretch.s[0] - beyond - 1) & (x <= stretch.s[1] + beyond + 1)
+        assert x[0] == 0.0 and x[-1] == 1000.0 and near[1:-1].all()
+        assert set(np.round(x)) >= set(
+            range(int(max(0, stretch.s[0] - beyond + 1)), int(min(1000, stretch.s[1] + beyond)))
+        )
+    (only,) = fill_of(80, crowd(10, 80.0)).stretches
+    assert len(fill_of(80, crowd(10, 80.0))._looking(only)) == 80

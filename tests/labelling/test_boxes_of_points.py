@@ -10,10 +10,12 @@ import pytest
 
 from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
+from tests.ground.test_blocks import straight
 from tests.labelling.parked_row import CAR, PERSON, ROAD, boxes, parked_row, picture
 from unveil_core.drives import open_drive
 from unveil_core.drives.boxes import TrackedBox
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.drives.drive import Drive, PointCloud
 from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
 from unveil_core.labelling.from_boxes import label_frames
 from unveil_core.pipeline.settings import RunSettings
@@ -98,3 +100,17 @@ def test_labels_come_from_the_best_that_a_format_has(tmp_path: Path, name: str, 
         for file in tmp_path.rglob("*.label"):
             file.unlink()
         assert labels_come_from(open_drive(path), RunSettings()) == "nothing"
+
+
+def test_frames_of_a_long_drive_have_the_boxes_near_them() -> None:
+    generator = np.random.default_rng(0)
+    at = np.array([20.0, 150.0, 400.0])
+    positions = np.concatenate([generator.uniform(-1, 1, (300, 3)) * [2, 0.8, 0.7] + [x, 4, 0.8] for x in at])
+    points = PointCloud(positions, classes=np.full(len(positions), CAR, np.uint8))
+    drive = with_boxes_of_points(replace(straight(51, 10.0), points=points))
+    for frame in drive.frames:
+        near = np.abs(at - frame.camera.centre[0]) < ASKED_M - 3
+        far = np.abs(at - frame.camera.centre[0]) > ASKED_M + 3
+        shown = [b.centre[0] for b in frame.boxes]
+        assert all(np.abs(x - np.array(shown)).min(initial=9.0) < 1 for x in at[near])
+        assert not any(np.abs(x - np.array(shown)).min(initial=9.0) < 1 for x in at[far])

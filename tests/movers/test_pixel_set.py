@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from unveil_core.base.types import Mask
-from unveil_core.movers.pixel_set import PixelSet
+from unveil_core.movers.pixel_set import PixelMasks, PixelSet
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=20)), st.integers(1, 2**16 - 1))
@@ -30,3 +30,12 @@ def test_other_pixels_in_the_box_keep_their_value() -> None:
     image = np.full((4, 4), 7, np.uint16)
     PixelSet.of(mask).write(image, 9)
     assert np.array_equal(image, np.where(mask, 9, 7))
+
+
+def test_masks_by_frame_are_those_that_were_put_in() -> None:
+    generator = np.random.default_rng(0)
+    shapes = [(6, 9), (8, 5), (4, 4)]
+    masks = {v: generator.random(shapes[v]) < 0.4 for v in (2, 0)}
+    kept = PixelMasks({v: PixelSet.of(mask) for v, mask in masks.items()}, shapes)
+    assert list(kept) == [2, 0] and len(kept) == 2 and 1 not in kept
+    assert all(np.array_equal(kept[v], mask) and kept[v].dtype == bool for v, mask in masks.items())

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from tests.small_street import make_small_street
 from unveil_core.base.files import read_image
+from unveil_core.base.frame_cache import Frames
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.camera import Camera
@@ -17,6 +20,7 @@ from unveil_core.optimize.start import StartSettings, start_scene
 from unveil_core.semantics.labels import choose_labels, frame_labels
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.surfels.initialize import thin_points
+from unveil_core.surfels.sky import Sky
 
 
 def test_pixels_among_close_points_are_measured() -> None:
@@ -68,3 +72,19 @@ def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch
     sky = scene.labels.index("sky")
     assert all(not (u & (frame == sky)).any() for u, frame in zip(asked, labels, strict=True))
     assert len(surfels) > 500
+
+
+def test_the_errors_of_a_sky_are_held_for_one_frame_only() -> None:
+    generator = np.random.default_rng(0)
+    pose = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    camera, sky = Camera(160, 120, 120.0, 120.0, 80.0, 60.0, pose), Sky(torch.rand(3, 16, 32), np.eye(3))
+    image = generator.integers(0, 256, (120, 160, 3)).astype(np.uint8)
+    masks = [generator.random((120, 160)) < share for share in np.linspace(0.0, 0.9, 40)]
+    samples = Frames(40, lambda i: (camera, image, masks[i]))
+    together = np.concatenate([np.square(sky.render(c).numpy()[m] - i[m] / 255.0).ravel() for c, i, m in samples])
+    tracemalloc.start()
+    found = module._sky_error(sky, samples)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert found == pytest.approx(together.mean(), rel=1e-12)
+    assert peak < together.nbytes / 4

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import grow
 from unveil_core.remove import selection
 from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
-from unveil_core.remove.selection import near_removed, select_removed
+from unveil_core.remove.selection import MARGIN_M, near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.instances import Box, fit_box
 from unveil_core.semantics.labels import SceneLabels
@@ -112,6 +113,39 @@ def test_what_belongs_to_no_object_gets_no_box(monkeypatch: pytest.MonkeyPatch) 
     ids = np.where(np.arange(20_000) < 30, 7, 0)
     assert select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3)).all()
     assert boxed == [30]
+
+
+def all_against_all(surfels: Surfels, ids: np.ndarray, chosen_scene: SceneLabels) -> np.ndarray:
+    """The same by comparing each object with all surfels."""
+    labels, means, axes = surfels.labels.numpy(), surfels.means.double().numpy(), up_frame(UP)
+    chosen, removable = (np.isin(labels, a) for a in (chosen_scene.removed_labels, chosen_scene.removable_labels))
+    for instance in np.unique(ids[chosen])[np.unique(ids[chosen]) > 0]:
+        own = means[chosen & (ids == instance)]
+        box = fit_box(own, axes, gap=1.0)
+        if selection._is_one(box, own, axes):
+            above = -MARGIN_M if selection._hangs(box, means[~removable], axes) else MARGIN_M
+            chosen |= box.contains(means, axes, margin=MARGIN_M, above=above) & ~removable
+    return chosen
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_looking_near_each_object_finds_what_looking_everywhere_does(seed: int) -> None:
+    """Forty cars at all angles, some high over the ground, some touching, among 6,000 surfels of road; ids on some of the road too,
+    as marked objects have them."""
+    generator = np.random.default_rng(seed)
+    cars = np.column_stack([generator.uniform(-60, 60, (40, 2)), generator.choice([0.1, 1.0], 40)])
+    own = generator.uniform(-1, 1, (40, 60, 3)) * [2.2, 0.9, 0.7] + [0, 0, 0.7]
+    turn = generator.uniform(0, np.pi, 40)
+    x, y = (own[..., 0] * np.cos(turn)[:, None] - own[..., 1] * np.sin(turn)[:, None],
+            own[..., 0] * np.sin(turn)[:, None] + own[..., 1] * np.cos(turn)[:, None])  # fmt: skip
+    means = (np.stack([x, y, own[..., 2]], axis=-1) + cars[:, None]).reshape(-1, 3)
+    road = generator.uniform(-65, 65, (6000, 3)) * [1, 1, 0.03]
+    labels = np.repeat([2, 0], [len(means), len(road)])
+    ids = np.concatenate([np.repeat(np.arange(1, 41), 60), np.where(generator.random(6000) < 0.01, 7, 0)])
+    surfels = surfels_at(np.concatenate([means, road]), labels)
+    found = select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=up_frame(UP))
+    assert np.array_equal(found, all_against_all(surfels, ids, scene(("car",))))
+    assert found[len(means) :].any()
 
 
 def test_near_removed_leaves_out_the_removed() -> None:

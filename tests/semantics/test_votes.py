@@ -11,7 +11,7 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.geometry.camera import Camera
 from unveil_core.semantics.classes import CITYSCAPES, LabelSet, expand_names
 from unveil_core.semantics.instances import cluster_points, fit_box, vote_instances
-from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.visibility import PointsNear, points_in_view
 from unveil_core.semantics.votes import sample_colors, vote_labels
 
 CAMERA = Camera(80, 60, 70.0, 70.0, 40.0, 30.0, np.eye(4))
@@ -110,6 +110,26 @@ def test_instances_by_vote_and_by_cluster() -> None:
     assert (clusters[which == 1] == 1).all() and (clusters[which == 0] == 2).all()
     assert (cluster_points(points[:5], 0.2) == 0).all()
     assert len(cluster_points(np.zeros((0, 3)), 0.2)) == 0
+
+
+def test_views_are_asked_about_the_points_near_them() -> None:
+    """Two places of a long drive: each is as its own views make it, and a view near neither sees nothing."""
+    points, _, spacing = two_walls()
+    away = np.array([5000.0, 0.0, 0.0])
+    pose = CAMERA.world_to_camera.copy()
+    pose[:3, 3] -= pose[:3, :3] @ away
+    between = CAMERA.world_to_camera.copy()
+    between[:3, 3] -= between[:3, :3] @ away / 2
+    cameras = [CAMERA, replace(CAMERA, world_to_camera=between), replace(CAMERA, world_to_camera=pose)]
+    both, twice = np.concatenate([points, points + away]), np.tile(spacing, 2)
+    placed = PointsNear(both, twice)
+    here, nothing, there = (placed.seen_by(camera, near=0.1) for camera in cameras)
+    alone = points_in_view(points, spacing, CAMERA, near=0.1)
+    assert np.array_equal(here.index, alone.index) and np.array_equal(here.depth, alone.depth)
+    assert there.index.min() >= len(points) and not len(nothing.index)
+    pictures = [np.full((60, 80), number) for number in (3, 4, 5)]
+    ids = vote_instances(both, twice, cameras, lambda v: pictures[v], near=0.1)
+    assert (ids[: len(points)] == 3).all() and (ids[len(points) :] == 5).all()
 
 
 def test_box_of_a_turned_car() -> None:

@@ -137,8 +137,8 @@ class PointCloud:
     classes: NDArray[np.uint8] | None = None
     moving: NDArray[np.bool_] | None = None
 
-    def select(self, keep: NDArray[np.bool_]) -> PointCloud:
-        """The points of a mask (P,)."""
+    def select(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> PointCloud:
+        """The points of a mask (P,) or at indices (M,)."""
 
         def part(values: NDArray[Any] | None) -> Any:
             return None if values is None else values[keep]

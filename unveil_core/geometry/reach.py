@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["CameraViews", "PointGrid", "cameras_near", "centres_of", "rising"]
+__all__ = ["CameraViews", "cameras_near", "centres_of"]
 
 T = TypeVar("T")
 
@@ -106,50 +106,3 @@ def _edges(camera: Camera) -> Float64:
     width, height, fx, fy, cx, cy = camera.intrinsics
     normals = np.array([[0, 0, 1], [fx, 0, cx], [-fx, 0, width - cx], [0, fy, cy], [0, -fy, height - cy]])
     return normals @ camera.pose[0]
-
-
-class PointGrid:
-    """Points in the cells of a grid on the horizontal plane, to find those near a place without looking at all of them.
-
-    Attributes:
-        cell: side of the cells, metres.
-        order: (N,) indices of the points, cell after cell; first: (C,) where in it each cell begins.
-
-    Args:
-        points: (N, 3), z up; cell: side of the cells, metres.
-    """
-
-    def __init__(self, points: Float64, cell: float = 20.0) -> None:
-        self.cell = cell
-        places = np.floor(points[:, :2] / cell).astype(np.int64)
-        self._cells, of_point = np.unique(places, axis=0, return_inverse=True)
-        self.order = np.argsort(of_point.ravel(), kind="stable")
-        self._ends = np.searchsorted(of_point.ravel()[self.order], np.arange(len(self._cells) + 1))
-        self.first = self._ends[:-1]
-
-    @property
-    def middles(self) -> Float64:
-        """(C, 2) of the cells that hold points."""
-        return (self._cells + 0.5) * self.cell
-
-    def of_cells(self, cells: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Indices, rising, of the points in some of the cells (C,)."""
-        parts = [self.order[self._ends[k] : self._ends[k + 1]] for k in np.flatnonzero(cells)]
-        return rising(np.concatenate(parts)) if parts else np.zeros(0, dtype=np.int64)
-
-    def near(self, place: Float64, reach: float) -> NDArray[np.int64]:
-        """Indices, rising, of all points within ``reach`` of a place (3,), and of some beyond."""
-        gap = np.maximum(np.abs(self.middles - place[:2]) - self.cell / 2, 0.0)
-        return self.of_cells((gap * gap).sum(axis=1) <= reach * reach)
-
-
-def rising(index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Different numbers (N,), one at least, in rising order; those that lie close together, as points of one place do, in linear
-    time."""
-    low = int(index.min())
-    span = int(index.max()) - low + 1
-    if span > 8 * len(index):
-        return np.sort(index)
-    there = np.zeros(span, dtype=bool)
-    there[index - low] = True
-    return np.flatnonzero(there) + low

@@ -13,7 +13,7 @@ from unveil_core.base.types import Float64
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.reach import PointGrid
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.ground.height_field import HeightField
 from unveil_core.surfels.initialize import thin_points
 
@@ -33,13 +33,11 @@ FEWEST = 20
 
 def _one_per_cell(local: Float64, cell: float) -> Float64:
     """(C, 3) of each cell of the plan its low point: mean place, low percentile of the height."""
-    key = np.floor(local[:, :2] / cell).astype(np.int64)
-    _, group = np.unique(key, axis=0, return_inverse=True)
-    order = np.lexsort((local[:, 2], group.ravel()))
-    group, local = group.ravel()[order], local[order]
-    first = np.searchsorted(group, np.arange(group[-1] + 1))
-    count = np.diff(np.append(first, len(group)))
-    low = local[first + (LOW_PERCENT * (count - 1)) // 100]
+    grid = PointGrid(local, cell)
+    first, count = grid.first, np.diff(np.append(grid.first, len(local)))
+    local = local[grid.order]
+    by_height = np.lexsort((local[:, 2], np.repeat(np.arange(len(count)), count)))
+    low: Float64 = local[by_height[first + (LOW_PERCENT * (count - 1)) // 100]]
     return low
 
 

@@ -21,7 +21,8 @@ from unveil_core.ground.height_field import HeightField
 __all__ = ["fit_terrain", "ground_points"]
 
 CELL_M, MOST_CELLS = 0.25, 8_000_000
-"""Side of a cell, metres; drives over more ground than this many cells cover get larger ones."""
+"""Side of a cell, metres; drives over more ground than this many cells cover, a rectangle of half a square kilometre, get larger
+ones: some ten planes of that size, of 4 or 8 bytes a cell, are held while the ground is fitted."""
 SMOOTHED_M = (3.2, 1.6, 0.8, 0.4, 0.2)
 """Widths of the averages, metres: each counts where it has points enough, the next narrower one instead where that has."""
 ENOUGH_CELLS = 1.5

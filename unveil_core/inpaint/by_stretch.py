@@ -16,10 +16,11 @@ from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float64, Mask
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import ASKED_M, FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
@@ -32,7 +33,7 @@ from unveil_core.inpaint.light.casters import Kinds
 from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.street_scene import Removal, Views
-from unveil_core.inpaint.stretches import Stretch
+from unveil_core.inpaint.stretches import CASTS_M, Stretch
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES, UPRIGHT_CLASSES
 from unveil_core.semantics.labels import SceneLabels
@@ -105,6 +106,23 @@ class StreetFill:
         """(N,) arc lengths of the full scene's surfels."""
         return self.ground.path.to_street(self.removal.surfels.means.double().numpy())[:, 0]
 
+    @cached_property
+    def _s_of_cameras(self) -> Float64:
+        """(V,) arc lengths of the cameras."""
+        return self.ground.path.to_street(centres_of(self.cameras))[:, 0]
+
+    def _looking(self, stretch: Stretch) -> list[Camera]:
+        """The cameras that may show what lights or shades a stretch, and the first and the last of the way, from which to which the
+        ground was seen."""
+        s = self._s_of_cameras
+        asked = stretch.near(s, CASTS_M + ASKED_M)
+        asked[[s.argmin(), s.argmax()]] = True
+        return [self.cameras[i] for i in np.flatnonzero(asked)]
+
+    def near(self, stretch: Stretch) -> NDArray[np.int64]:
+        """Indices, rising, of the full scene's surfels near a stretch."""
+        return np.flatnonzero(stretch.near(self._s_of_surfels))
+
     # ----------------------------------------------------------------------------------------------------------- ground
 
     def find_sun(self) -> Sun | None:
@@ -120,7 +138,7 @@ class StreetFill:
                     kept,
                     gone,
                     footprint=self._footprint(stretch, chart),
-                    cameras=self.cameras,
+                    cameras=self._looking(stretch),
                     kinds=self._kinds,
                 )
                 return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
@@ -158,7 +176,7 @@ class StreetFill:
                     kept,
                     gone,
                     footprint=footprint,
-                    cameras=self.cameras,
+                    cameras=self._looking(stretch),
                     kinds=self._kinds,
                     sun=sun,
                 )
@@ -251,12 +269,12 @@ class StreetFill:
 
     def _near(self, stretch: Stretch) -> tuple[Surfels, Surfels]:
         """Surfels of what stays and of what is removed, near a stretch."""
-        near, gone = stretch.near(self._s_of_surfels), self.removal.gone
-        surfels = self.removal.surfels
-        return surfels.select(torch.from_numpy(near & ~gone)), surfels.select(torch.from_numpy(near & gone))
+        near, surfels = self.near(stretch), self.removal.surfels
+        gone = self.removal.gone[near]
+        return surfels.select(torch.from_numpy(near[~gone])), surfels.select(torch.from_numpy(near[gone]))
 
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
-        near = stretch.near(self._s_of_surfels)
+        near = self.near(stretch)
         return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
 
     # ------------------------------------------------------------------------------------------------- what stands beside

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames
@@ -15,6 +16,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
+from unveil_core.semantics.members import Members
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Removal", "Views", "drive_views"]
@@ -47,15 +49,18 @@ class Removal:
     gone: Mask
     instance: Labels
 
-    def objects(self, near: Mask) -> list[NDArray[np.float64]]:
-        """(M, 3) positions of the removed surfels among those that are ``near`` (N,), one array per object."""
-        gone = self.gone & near
-        means, instance = self.surfels.means.double().numpy()[gone], self.instance[gone]
-        return [means[instance == i] for i in np.unique(instance) if i > 0]
+    def objects(self, near: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+        """(M, 3) positions of the removed surfels among those at indices ``near`` (K,), one array per object."""
+        gone = near[self.gone[near]]
+        members = Members(self.instance[gone])
+        return [self._positions(gone[members[i]]) for i in members.numbers.tolist() if i > 0]
 
-    def loose(self, near: Mask) -> NDArray[np.float64]:
+    def loose(self, near: NDArray[np.int64]) -> NDArray[np.float64]:
         """(M, 3) positions of the removed surfels that belong to no object, likewise."""
-        return self.surfels.means.double().numpy()[self.gone & near & (self.instance == 0)]
+        return self._positions(near[self.gone[near] & (self.instance[near] == 0)])
+
+    def _positions(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        return self.surfels.means[torch.from_numpy(index)].double().numpy()
 
 
 def drive_views(

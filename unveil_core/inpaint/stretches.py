@@ -20,7 +20,7 @@ from unveil_core.ground.blocks import Blocks
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import READ_M, TEXEL_M, rows_of
 
-__all__ = ["Stretch", "cut_street"]
+__all__ = ["CASTS_M", "Stretch", "cut_street"]
 
 AROUND_M = 25.0
 """Length beyond its ends that a stretch reads as its surroundings, metres: twice the half length of the widest window in which
@@ -68,9 +68,10 @@ class Stretch:
         """(N,) which arc lengths (N,) are its own."""
         return (s >= self.s[0]) & (s < self.s[1])
 
-    def near(self, s: Float64) -> Mask:
-        """(N,) which arc lengths (N,) may hide, light or shade what it reads."""
-        return (s >= self.s_around[0] - CASTS_M) & (s < self.s_around[1] + CASTS_M)
+    def near(self, s: Float64, beyond: float = CASTS_M) -> Mask:
+        """(N,) which arc lengths (N,) lie no farther than ``beyond`` from its surroundings, metres; by default of what may hide,
+        light or shade what it reads."""
+        return (s >= self.s_around[0] - beyond) & (s < self.s_around[1] + beyond)
 
 
 def cut_street(ground: Ground, blocks: Blocks, cameras: Sequence[Camera], removed: Float64) -> list[Stretch]:

@@ -8,9 +8,11 @@ import numpy as np
 
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import train_id
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.drives.drive import Drive, Frame
 from unveil_core.semantics.classes import REMOVABLE
 from unveil_core.semantics.instances import cluster_points, fit_box
+from unveil_core.semantics.members import Members
 
 __all__ = ["points_have_classes", "with_boxes_of_points"]
 
@@ -37,7 +39,8 @@ def points_have_classes(drive: Drive) -> bool:
 
 
 def with_boxes_of_points(drive: Drive) -> Drive:
-    """The drive with a box around each cluster of points of a removable class, in all frames and sweeps: it stands still.
+    """The drive with a box around each cluster of points of a removable class, in all sweeps and in the frames within
+    ``ASKED_M`` of it: it stands still.
 
     Args:
         drive: localized, with points that have classes.
@@ -51,14 +54,21 @@ def with_boxes_of_points(drive: Drive) -> Drive:
         if len(positions) < LEAST_POINTS:
             continue
         clusters = cluster_points(positions * (1, 1, 0), CLUSTER_M, minimum=LEAST_POINTS)
+        members = Members(clusters)
         for k in range(1, int(clusters.max()) + 1):
-            found = fit_box(positions[clusters == k], np.eye(3))
+            found = fit_box(positions[members[k]], np.eye(3))
             length, width, height = (max(side, SMALLEST_M) for side in found.size)
             if length <= LONGEST_M and len(boxes) < MOST_OBJECTS:
                 box = TrackedBox(len(boxes) + 1, class_name, found.centre, (length, width, height), found.yaw)
                 boxes.append(box)
+    centres = np.array([b.centre for b in boxes]).reshape(-1, 3)
+
+    def near(frame: Frame) -> tuple[TrackedBox, ...]:
+        away = np.linalg.norm(centres - frame.camera.centre, axis=1)
+        return tuple(boxes[k] for k in np.flatnonzero(away < ASKED_M))
+
     return replace(
         drive,
-        frames=tuple(replace(f, boxes=tuple(boxes)) for f in drive.frames),
+        frames=tuple(replace(f, boxes=near(f)) for f in drive.frames),
         sweeps=tuple(replace(s, boxes=tuple(boxes)) for s in drive.sweeps),
     )

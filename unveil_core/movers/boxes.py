@@ -16,9 +16,14 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.drives.importing.sweeps import in_boxes
 from unveil_core.drives.moved import moved_ids
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.classes import REMOVABLE
 
 __all__ = ["box_pixels", "moving_boxes", "points_in_boxes"]
+
+CELL_M, AROUND_M = 5.0, 1.0
+"""Side of the cells in which points are looked for in boxes, about a car's length, and how far around these, metres: more than the
+margin of :func:`in_boxes`."""
 
 
 def moving_boxes(drive: Drive) -> tuple[dict[int, str], frozenset[int]]:
@@ -100,6 +105,11 @@ def points_in_boxes(points: PointCloud, drive: Drive, moved: Sequence[int]) -> M
     if points.moving is not None:
         return points.moving
     inside = np.zeros(len(points.positions), dtype=bool)
+    if not moved:
+        return inside
+    grid = PointGrid(points.positions, CELL_M)
     for frame in drive.frames:
-        inside |= in_boxes(points.positions, [b for b in frame.boxes if b.id in moved])
+        for box in (b for b in frame.boxes if b.id in moved):
+            index = grid.near(np.asarray(box.centre), float(np.linalg.norm(box.size)) / 2 + AROUND_M)
+            inside[index] |= in_boxes(points.positions[index], [box])
     return inside

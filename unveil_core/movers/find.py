@@ -19,12 +19,13 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, instants
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.geometry.images import border_px
 from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
 from unveil_core.movers.boxes import box_pixels, moving_boxes, points_in_boxes
 from unveil_core.movers.contacts import find_contacts
-from unveil_core.movers.pixel_set import PixelSet
+from unveil_core.movers.pixel_set import PixelMasks, PixelSet
 from unveil_core.movers.points import points_along_track, points_behind_contacts
 from unveil_core.movers.seen_through import (
     MASKED,
@@ -251,7 +252,8 @@ def _by_instances(
     # By id: how it is known to move, or None.
     known: dict[str, str | None] = {} if state is None else state[1]["known"]
     for done, source in enumerate(sorted(shown)):
-        masks = {v: instances[v] == source for v in shown[source]}
+        pixels = {v: PixelSet.of(instances[v] == source) for v in shown[source]}
+        masks = PixelMasks(pixels, [(c.height, c.width) for c in search.cameras])
         counts = np.zeros(len(search.names), np.int64)
         for v, mask in masks.items():
             counts += np.bincount(search.labels[v][mask], minlength=len(search.names))
@@ -266,8 +268,8 @@ def _by_instances(
         evidence = known[str(source)]
         if evidence is not None:
             number = search.add(search.names[label], evidence, source)
-            for v, mask in masks.items():
-                search.numbers.put(v, PixelSet.of(mask), number)
+            for v, of_frame in pixels.items():
+                search.numbers.put(v, of_frame, number)
 
 
 def _without_others(frames: Sequence[FrameVisibility], masks: Mapping[int, Mask]) -> Sequence[FrameVisibility]:
@@ -362,6 +364,7 @@ def _points(search: _Search, shown: Mapping[int, Sequence[int]]) -> Mask:
         return frame_visibility(np.isin(label, search.behind_labels) & still, np.isin(label, upright) & still)
 
     visibility = DriveVisibility(search.cameras, search.cache.frames(len(search.cameras), static))
+    grid = PointGrid(points)
     turn = np.argsort(np.argsort(instants(search.drive.frames), kind="stable"))
     for k, (name, evidence, _) in enumerate(search.movers):
         if evidence == "boxes":
@@ -371,12 +374,12 @@ def _points(search: _Search, shown: Mapping[int, Sequence[int]]) -> Mask:
         for v in sorted(shown.get(k + 1, ()), key=lambda v: int(turn[v])):
             camera, mask = search.cameras[v], search.numbers.image(v) == k + 1
             contacts = find_contacts(mask, search.below(v), camera, ground)
-            found |= points_behind_contacts(points, mask, contacts, camera, body, ground)
+            found[points_behind_contacts(points, grid, mask, contacts, camera, body, ground)] = True
             if len(contacts) and np.median(contacts.error) < 2 * body.error_m:
                 # Of its places the second lies about in its middle.
                 middle = probe_points(contacts, camera, replace(body, heights_m=(0.0,)), ground)[:, 1]
                 track.append(np.median(middle, axis=0))
                 heights.append(float(np.median(contacts.height)))
         if len(track) > 1:
-            found |= points_along_track(points, np.array(track), max(heights), visibility, body, ground)
+            found[points_along_track(points, grid, np.array(track), max(heights), visibility, body, ground)] = True
     return found

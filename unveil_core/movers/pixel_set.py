@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Mask
 
-__all__ = ["PixelSet"]
+__all__ = ["PixelMasks", "PixelSet"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,3 +54,28 @@ class PixelSet:
         shape = self.lower - self.upper, self.right - self.left
         crop = np.unpackbits(self.bits, count=shape[0] * shape[1]).reshape(shape).astype(bool)
         image[self.upper : self.lower, self.left : self.right][crop] = value
+
+
+class PixelMasks(Mapping[int, Mask]):
+    """The pixels of one object as masks by frame, each made when it is asked for: an object may be seen all along a drive.
+
+    Args:
+        pixels: by frame; shapes: (H, W) of each frame of the drive.
+    """
+
+    def __init__(self, pixels: Mapping[int, PixelSet], shapes: Sequence[tuple[int, int]]) -> None:
+        self.pixels, self._shapes = pixels, shapes
+
+    def __getitem__(self, frame: int) -> Mask:
+        image = np.zeros(self._shapes[frame], np.uint16)
+        self.pixels[frame].write(image, 1)
+        return image.astype(bool)
+
+    def __contains__(self, frame: object) -> bool:
+        return frame in self.pixels
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.pixels)
+
+    def __len__(self) -> int:
+        return len(self.pixels)

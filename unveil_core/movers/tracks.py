@@ -105,7 +105,8 @@ def instance_moves(
         visibility: of all frames, with only this object's pixels as ``occupied``.
     """
     verdicts, places, doubts, widths = [], [], [], [0.0]
-    for frame, mask in sorted(masks.items()):
+    for frame in sorted(masks):
+        mask = masks[frame]
         if mask.sum() < SMALLEST_PX:
             continue
         contacts = _certain(find_contacts(mask, below[frame], visibility.cameras[frame], ground), body)

@@ -27,7 +27,8 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import PointGrid
+from unveil_core.geometry.grid import PointGrid
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import Block, Blocks
 from unveil_core.optimize.reconstruct import Reconstruction, ReconstructSettings, reconstruct, sky_of_labels
 from unveil_core.optimize.reoptimize import ReoptimizeSettings, reoptimize
@@ -35,7 +36,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["BlockwiseReconstruction", "BlockwiseReoptimization", "block_of_drive"]
+__all__ = ["BlockwiseReconstruction", "BlockwiseReoptimization", "block_of_drive", "grid_of"]
 
 CELL_M = 10.0
 """Side of the cells of the plan in which points are chosen for a block, metres."""
@@ -96,7 +97,7 @@ class BlockwiseReconstruction:
 
     def block(self, block: Block) -> dict[str, NDArray[Any]]:
         """The surfels that a block owns, its sky and choices: made, unless they are kept already."""
-        drive = block_of_drive(self.drive, block)
+        drive = block_of_drive(self.drive, block, self._grid)
         # What was chosen, and how often a label occurs elsewhere, is nothing to a block.
         scene = replace(self.scene, removed=(), instances=(), pixel_counts=())
         own_exposures = Exposures({(f.camera_name, f.name): self.exposures.of(f) for f in drive.frames})
@@ -127,6 +128,11 @@ class BlockwiseReconstruction:
         return self.parts.once(block.name, digest_of(self.code, given, place), make)
 
     @cached_property
+    def _grid(self) -> PointGrid:
+        """Of the drive's points: made once, not by each block."""
+        return grid_of(self.drive)
+
+    @cached_property
     def _sky(self) -> tuple[Sky | None, dict[str, Any]]:
         """The start of the sky, the same for all blocks: made once, by the block that is made first."""
 
@@ -140,26 +146,37 @@ class BlockwiseReconstruction:
         return sky, facts_of(found["choice"])
 
 
-def block_of_drive(drive: Drive, block: Block) -> Drive:
-    """The frames of a block, and the points that they may see: no more than a block is made of."""
+def grid_of(drive: Drive) -> PointGrid:
+    """The points of a drive in the cells that :func:`block_of_drive` chooses from."""
+    return PointGrid(drive.points.positions, CELL_M)
+
+
+def block_of_drive(drive: Drive, block: Block, grid: PointGrid | None = None) -> Drive:
+    """The frames of a block, and the points that they may see: no more than a block is made of.
+
+    Args:
+        grid: of the drive, see :func:`grid_of`; None = made for this block.
+    """
     frames = tuple(
         replace(drive.frames[i], boxes=(), instance_path=None, ego_path=None, footage=None) for i in block.frames
     )
     drive = replace(drive, frames=frames, sources=(), sweeps=(), notices=(), truth_root=None, key_frames=None)
-    positions = drive.points.positions
-    if not len(positions):
+    if not len(drive.points.positions):
         return drive
-    seen = np.zeros(len(positions), dtype=bool)
-    seen[_in_some_view(PointGrid(positions, CELL_M), [f.camera for f in frames])] = True
+    seen = _in_some_view(grid or grid_of(drive), [f.camera for f in frames])
     return replace(drive, points=drive.points.select(seen))
 
 
 def _in_some_view(grid: PointGrid, cameras: Sequence[Camera]) -> NDArray[np.int64]:
-    """Indices of the points that some camera may see, and of some others."""
+    """Indices, rising, of the points that some camera may see, and of some others."""
     middles = grid.middles
     seen = np.zeros(len(middles), dtype=bool)
+    # The cells of a long drive that no camera of the block comes near are not asked for each of them.
+    places = centres_of(cameras)[:, :2]
+    beyond = np.maximum(places.min(axis=0) - middles, middles - places.max(axis=0)).max(axis=1)
+    near = np.flatnonzero(beyond < FAR_M + CELL_M)
     for camera in cameras:
-        seen |= _in_view(camera, middles)
+        seen[near] |= _in_view(camera, middles[near])
     return grid.of_cells(seen)
 
 

@@ -6,6 +6,7 @@ from the points and the views too, so that the optimization need not find them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -262,13 +263,23 @@ def start_sky(
     chosen, best, tried = rows[0], -np.inf, {}
     for height in rows if len(rows) > 1 and any(m.any() for m in masks[1::2]) else ():
         trial = fit_sky(samples[::2], UP, height=height)
-        errors = [
-            np.square(trial.render(camera).numpy()[mask] - image[mask] / 255.0).ravel()
-            for camera, image, mask in samples[1::2]
-        ]
-        psnr = decibels(float(np.concatenate(errors).mean()))
+        psnr = decibels(_sky_error(trial, samples[1::2]))
         tried[str(height)] = round(psnr, 3)
         if psnr < best + SKY_GAIN:
             break
         chosen, best = height, psnr
     return fit_sky(samples, UP, height=chosen), {"chosen": chosen, "psnr_of_rows": tried}
+
+
+def _sky_error(sky: Sky, samples: Sequence[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]]) -> float:
+    """Mean squared error of a sky in the pixels that show it, colours in [0, 1]; one frame's errors are held at a time.
+
+    Args:
+        samples: camera, image (H, W, 3) and mask (H, W) of some views, of which one at least shows sky.
+    """
+    sums, count = [], 0
+    for camera, image, mask in samples:
+        error = np.square(sky.render(camera).numpy()[mask] - image[mask] / 255.0)
+        sums.append(float(error.sum()))
+        count += error.size
+    return math.fsum(sums) / count

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import PointGrid
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.ground.street import Ground
 
 __all__ = ["floating_ground"]

@@ -16,7 +16,8 @@ from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import ASKED_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import CameraViews, PointGrid
+from unveil_core.geometry.grid import PointGrid
+from unveil_core.geometry.reach import CameraViews
 from unveil_core.remove.observed_kernels import DEPTHS, mark_shown, mark_sky
 
 __all__ = ["SeenView", "SeenViews", "depth_behind", "never_seen", "seen_by_some", "seen_view"]

@@ -7,8 +7,10 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.semantics.instances import Box, fit_box
 from unveil_core.semantics.labels import SceneLabels
+from unveil_core.semantics.members import Members
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["near_removed", "select_removed"]
@@ -18,6 +20,9 @@ MARGIN_M = 0.15
 BUS_M, LONGEST_M, WIDEST_M, GAP_M = 12.0, 25.0, 3.5, 0.4
 """Metres. A box that is longer than a bus is one vehicle's up to the second length, a road train's, if it is no wider than the
 third and nowhere along it lies a gap of the fourth: cars parked in a row leave half a metre and more."""
+CELL_M, SLACK_M = 4.0, 0.01
+"""Metres. Side of the cells in which surfels are looked for near an object, about its length; and how far beyond its box they are
+looked for, more than any rounding."""
 HANGING_M, REACH_M = 0.5, 3.0
 """Metres. The floor of a box hangs in the air if what lies under it, at most ``REACH_M`` down, is more than ``HANGING_M`` lower."""
 
@@ -48,17 +53,22 @@ def select_removed(
         chosen |= np.isin(instance_of_surfel, scene.instances)
     if axes is not None:
         means = surfels.means.detach().to(torch.float64).numpy()
-        removable = np.isin(labels, scene.removable_labels)
-        margin = MARGIN_M
+        others = np.flatnonzero(~np.isin(labels, scene.removable_labels))
+        # An object is compared with what is near it, not with all surfels of a long drive.
+        grid, members = PointGrid(means[others] @ axes.T, CELL_M), Members(instance_of_surfel)
         for instance in np.unique(instance_of_surfel[chosen]):
             if instance == 0:  # belongs to no object
                 continue
-            box = fit_box(means[chosen & (instance_of_surfel == instance)], axes, gap=1.0)
-            if not _is_one(box, means[chosen & (instance_of_surfel == instance)], axes):
+            own = members[instance]
+            own = own[chosen[own]]
+            box = fit_box(means[own], axes, gap=1.0)
+            if not _is_one(box, means[own], axes):
                 continue
+            half = float(np.hypot(*(np.asarray(box.size[:2]) / 2 + MARGIN_M)))
+            near = others[grid.near(axes @ np.asarray(box.centre), half + SLACK_M)]
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
-            above = -margin if _hangs(box, means[~removable], axes) else margin
-            chosen |= box.contains(means, axes, margin=margin, above=above) & ~removable
+            above = -MARGIN_M if _hangs(box, means[near], axes) else MARGIN_M
+            chosen[near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]] = True
     return chosen | near_removed(surfels, chosen, too_close)
 
 
@@ -83,7 +93,7 @@ def _hangs(box: Box, kept: NDArray[np.float64], axes: NDArray[np.float64]) -> bo
     """Whether a box begins well above what lies under it: the foot of an object that the images cut off was never seen.
 
     Args:
-        kept: (M, 3) positions that belong to no object.
+        kept: (M, 3) positions near it that belong to no object.
     """
     under = box.contains(kept, axes, margin=MARGIN_M, above=-REACH_M)
     height = kept[under] @ axes[2] - (np.asarray(box.centre) @ axes[2] - box.size[2] / 2)

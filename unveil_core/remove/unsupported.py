@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import PointGrid
+from unveil_core.geometry.grid import PointGrid
 
 __all__ = ["unsupported"]
 

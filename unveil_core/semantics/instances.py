@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.clusters import connected_points
-from unveil_core.semantics.visibility import points_in_view
+from unveil_core.semantics.visibility import PointsNear
 from unveil_core.semantics.votes import view_weights
 
 __all__ = ["Box", "cluster_points", "fit_box", "vote_instances"]
@@ -63,17 +63,17 @@ def vote_instances(
     *,
     near: float,
 ) -> NDArray[np.int64]:
-    """The instance id (P,) that most views show at each point, 0 = none.
+    """The instance id (P,) that most views near it show at each point, 0 = none.
 
     Args:
         positions, spacing: removable points and their neighbourhood, metres.
         instance_image: gives (H, W) ids of view v (0 = none), or None where it has none; asked once each.
     """
-    votes = _SparseVotes()
+    votes, placed = _SparseVotes(), PointsNear(positions, spacing)
     for v, camera in enumerate(cameras):
         image = instance_image(v)
         if image is not None:
-            seen = points_in_view(positions, spacing, camera, near=near)
+            seen = placed.seen_by(camera, near=near)
             number = image[seen.rows, seen.columns].astype(np.int64)
             named = number > 0
             votes.add(seen.index[named], number[named], view_weights(image, seen)[named])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.base.types import Float64
+from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.grid import PointGrid
 from unveil_core.geometry.projection import pixel_of
 
-__all__ = ["PointsInView", "points_in_view"]
+__all__ = ["PointsInView", "PointsNear", "points_in_view"]
 
 WIDEST = 1 / 16
 """Half the width of what a point may hide, as a share of the picture's: a lonely point near the camera is no wall. 24 pixels of
@@ -145,3 +147,28 @@ def points_in_view(
     rows, columns = y.astype(np.int64), x.astype(np.int64)
     seen = z <= nearest.at(rows, columns) * (1 + tolerance) + 2 * spacing[index]
     return PointsInView(index[seen], rows[seen], columns[seen], z[seen])
+
+
+class PointsNear:
+    """Points of a whole drive, of which a view is only asked about those near it.
+
+    Args:
+        positions: (P, 3) world positions; spacing: (P,) distance to neighbours, metres.
+        normals: (P, 3) or None, see :func:`points_in_view`.
+    """
+
+    def __init__(
+        self,
+        positions: NDArray[np.float64],
+        spacing: NDArray[np.float64],
+        normals: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._positions, self._spacing, self._normals = positions, spacing, normals
+        self._grid = PointGrid(positions)
+
+    def seen_by(self, camera: Camera, *, near: float) -> PointsInView:
+        """Those within ``ASKED_M`` of a view, and some beyond, that no nearer one of them hides."""
+        index = self._grid.near(camera.centre, ASKED_M)
+        normals = None if self._normals is None else self._normals[index]
+        seen = points_in_view(self._positions[index], self._spacing[index], camera, near=near, normals=normals)
+        return replace(seen, index=index[seen.index])

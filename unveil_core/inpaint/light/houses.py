@@ -181,7 +181,10 @@ def _in_sight(points: NDArray[np.float64], cameras: Sequence[Camera]) -> NDArray
     """(P,) bool, whether a point (P, 3) lies in some camera's image, occlusion aside."""
     seen = np.zeros(len(points), dtype=bool)
     for camera in cameras:
-        seen[camera.shown(points)[0]] = True
+        left = np.flatnonzero(~seen)
+        if not len(left):
+            break
+        seen[left[camera.shown(points[left])[0]]] = True
     return seen
 
 

@@ -128,7 +128,6 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
 def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tuple[Mask, Mask, list[Surfels]]:
     """(N,) surfels of the ground that new ones replace, (N,) those that lost a shadow, and the new ones of each stretch."""
     surfels, gone = given.removal.surfels, given.removal.gone
-    places = surfels.means.double().numpy()[gone]
     spacing = REOPTIMIZE_PRESETS[context.settings.quality].ground_spacing_m
     label = given.scene.labels.index("road") or 0
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
@@ -136,12 +135,13 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
     for stretch in fill.stretches:
 
         def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
-            chart = fill.own(stretch)
+            chart, near = fill.own(stretch), fill.near(stretch)
+            local = surfels.select(torch.from_numpy(near))
+            places = local.means.double().numpy()[gone[near]]
             anew = new_ground(chart, places, fill.cameras_of(stretch), fill.of_frames(stretch, given.views.removed))
             seeds = seed_ground(chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label)
-            old = displaced_by(chart, anew, surfels, given.scene.labels.indices(GROUND_CLASSES))
-            indices = {"displaced": np.flatnonzero(old), "relit": np.flatnonzero(ground_relit(chart, surfels))}
-            return {**seeds.arrays(), **indices}
+            old = displaced_by(chart, anew, local, given.scene.labels.indices(GROUND_CLASSES))
+            return {**seeds.arrays(), "displaced": near[old], "relit": near[ground_relit(chart, local)]}
 
         made = context.kept.within(f"street/{stretch.name}").once("renewed", make)
         displaced[made["displaced"]] = True

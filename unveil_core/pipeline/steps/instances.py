@@ -23,8 +23,9 @@ from unveil_core.pipeline.steps.marked import files_of_marked
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
+from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
-from unveil_core.semantics.visibility import PointsInView, points_in_view
+from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
@@ -61,16 +62,13 @@ def run(context: StageContext) -> None:
     axes = up_frame(UP)
     listed: Any = read_json(workspace.objects_json)
     entries: list[dict[str, object]] = []
+    members = Members(of_surfel)
     for done, known in enumerate(listed["objects"]):
-        number, members = int(known["id"]), of_surfel == int(known["id"])
+        number, own = int(known["id"]), members[int(known["id"])]
         context.progress(done + 1, len(listed["objects"]), "naming objects")
-        if not members.any():
+        if not len(own):
             continue
-        box = (
-            known["box"]
-            if known["source"] in ("box", "boxes")
-            else fit_box(positions[members], axes, gap=1.0).to_json()
-        )
+        box = known["box"] if known["source"] in ("box", "boxes") else fit_box(positions[own], axes, gap=1.0).to_json()
         # The one that the stage before made, whatever path a stranger's objects.json names.
         made, picture = workspace.root / "objects" / Path(str(known["thumbnail"])).name, None
         if known["thumbnail"] is not None and made.is_file():
@@ -80,7 +78,7 @@ def run(context: StageContext) -> None:
             {
                 **known,
                 "box": box,
-                "surfels": int(members.sum()),
+                "surfels": len(own),
                 "thumbnail": picture,
                 "removed": known["class"] in scene.removed or number in scene.instances,
             }
@@ -115,11 +113,14 @@ def _give_to_marked(
     axes = up_frame(UP)
     ground = scene.labels.indices(GROUND_CLASSES)
     above = ~np.isin(labels, ground)
-    frames = drive.frames
+    frames, marks = drive.frames, marked_objects(context.settings.marked)
+    if not marks:
+        return
+    placed = PointsNear(positions, spacing)
     views: Sequence[PointsInView] = context.cache.frames(
-        len(frames), lambda v: points_in_view(positions, spacing, frames[v].camera, near=NEAR_M)
+        len(frames), lambda v: placed.seen_by(frames[v].camera, near=NEAR_M)
     )
-    for mark in marked_objects(context.settings.marked):
+    for mark in marks:
         if mark.box is not None:
             box = marked_box(mark.box, drive)
             of_surfel[above & box.contains(positions, axes, margin=0.0, above=ABOVE_GROUND_M)] = mark.id
