@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import link_or_copy
+from .files import link_or_copy, patiently
 
 __all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
 
@@ -81,7 +81,7 @@ def numbered(files: Sequence[Path], folder: Path) -> PictureSequence:
     # Only what was made here before: the folder may hold, or be, something else.
     for left in set(folder.iterdir()) - set(linked):
         if MADE.fullmatch(left.name):
-            left.unlink()
+            patiently(left.unlink)
     return PictureSequence(tuple(linked), 0)
 
 

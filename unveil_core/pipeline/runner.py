@@ -20,8 +20,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
-from unveil_core.base.files import disk_is_full
+from unveil_core.base.errors import (
+    Cancelled,
+    DiskFullError,
+    DriveError,
+    OutOfMemoryError,
+    SettingsError,
+    UnveilError,
+    WorkspaceError,
+)
+from unveil_core.base.files import full_disk, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.base.resume.parts import Parts
@@ -80,8 +88,8 @@ def _room_on(root: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if disk_is_full(error, root):
-            raise DiskFullError(root) from error
+        if full := full_disk(error, root):
+            raise DiskFullError(full) from error
         raise
 
 
@@ -112,6 +120,7 @@ def run_stages(
     Raises:
         Cancelled: SIGINT or SIGTERM came; the workspace resumes.
         DiskFullError: no room; the workspace resumes.
+        OutOfMemoryError: no memory; the workspace resumes.
         UnveilError: bad input; the stage's partial output is gone.
     """
     ran: list[str] = []
@@ -142,7 +151,7 @@ def run_stages(
                 continue
             if force:
                 shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
-            _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows)
+            _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows, digests)
             ran.append(stage.name)
             digests.save()
     return ran
@@ -175,7 +184,8 @@ def run_block(
         with workspace.lock():
             recover(workspace)
             _check_inputs(stage, workspace)
-            wanted = input_hash(stage, workspace, settings, drive, Digests(workspace))
+            digests = Digests(workspace)
+            wanted = input_hash(stage, workspace, settings, drive, digests)
             recorded = workspace.state().get("stages", {}).get(stage.name, {})
             if is_current(stage, workspace, recorded, wanted):
                 return False
@@ -188,6 +198,8 @@ def run_block(
             stage.run_block(attempt.context(partial), number)
             if stop.is_set():
                 raise Cancelled(stage.name)
+            if error := _change_of(stage, workspace, digests):
+                raise error
             note = note_of_block(workspace.root, stage.name, number)
             note.parent.mkdir(parents=True, exist_ok=True)
             note.touch()
@@ -204,6 +216,28 @@ def _check_inputs(stage: Stage, workspace: Workspace) -> None:
         )
 
 
+def _check_nothing_changed(stage: Stage, workspace: Workspace, digests: Digests) -> None:
+    """Raise an error where a file that a stage read is another one than when it began."""
+    error = _change_of(stage, workspace, digests)
+    if error is not None:
+        # Named after what was there before, and made of who knows what.
+        shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
+        raise error
+
+
+def _change_of(stage: Stage, workspace: Workspace, digests: Digests) -> UnveilError | None:
+    """What is said where a file was changed under a stage that read it; None where none was."""
+    changed = digests.changed()
+    if changed is None:
+        return None
+    kind = WorkspaceError if changed.is_relative_to(workspace.root) else DriveError
+    return kind(
+        f"was changed or removed while {stage.name} read it",
+        path=changed,
+        mend="let it be while a run goes on, and run it again: finished stages stay",
+    )
+
+
 @dataclass
 class _Attempt:
     """One stage being run."""
@@ -218,8 +252,8 @@ class _Attempt:
     last_logged: float = 0.0
     last_trimmed: float = 0.0
 
-    def make(self, wanted: str, follows: dict[str, str]) -> None:
-        """Run the stage and commit its outputs under the input hash ``wanted``."""
+    def make(self, wanted: str, follows: dict[str, str], digests: Digests) -> None:
+        """Run the stage and commit its outputs under the input hash ``wanted``, which ``digests`` were taken for."""
         stage, workspace = self.stage, self.workspace
         partial = open_partial(workspace, stage.name, wanted)
         begun_before = (partial / SCRATCH).exists()
@@ -234,15 +268,12 @@ class _Attempt:
             facts = stage.run(self.context(partial))
             if self.stop.is_set():
                 raise Cancelled(stage.name)
+            _check_nothing_changed(stage, workspace, digests)
         except BaseException as error:
-            # What was computed so far serves the next attempt, unless it may be what is wrong.
-            if not isinstance(error, Cancelled | KeyboardInterrupt | OSError | MemoryError):
-                shutil.rmtree(partial, ignore_errors=True)
-                Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
-            self._record_end(error)
-            if isinstance(error, KeyboardInterrupt):
-                raise Cancelled(stage.name) from error
-            raise
+            said = self._ended(error, partial, digests)
+            if said is error:
+                raise
+            raise said from error
         # Sequences of frames and what they are made of refer to each other: without this they stay for the whole run.
         gc.collect()
         return_free_memory()
@@ -266,6 +297,27 @@ class _Attempt:
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds, **self._left(1, 1)))
         if self.expected is not None and not begun_before:
             self.expected.ended(stage.name, seconds)
+
+    def _ended(self, error: BaseException, partial: Path, digests: Digests) -> BaseException:
+        """Record that an attempt ended early, and return what is to be said of it."""
+        stage, workspace = self.stage, self.workspace
+        said = error
+        if isinstance(error, KeyboardInterrupt):
+            said = Cancelled(stage.name)
+        elif is_out_of_memory(error):
+            held = peak_memory_mb()
+            traceback.clear_frames(error.__traceback__)  # what they hold is wanted now
+            smaller = None if self.expected is None else self.expected.forecast.with_less_memory(held)
+            said = OutOfMemoryError(workspace.root, stage.name, held, smaller)
+        elif not isinstance(error, UnveilError | Cancelled):
+            # A file that vanished or grew may lead to any error.
+            said = _change_of(stage, workspace, digests) or error
+        # What was computed so far serves the next attempt, unless it may be what is wrong.
+        if not isinstance(said, Cancelled | OutOfMemoryError | OSError):
+            shutil.rmtree(partial, ignore_errors=True)
+            Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
+        self._record_end(said, error)
+        return said
 
     def context(self, partial: Path) -> StageContext:
         """What the stage works with; ``partial``: the folder that it writes in."""
@@ -292,15 +344,16 @@ class _Attempt:
             return {}
         return {"left_s": round(self.expected.clock.left(self.stage.name, done, total))}
 
-    def _record_end(self, error: BaseException) -> None:
+    def _record_end(self, said: BaseException, error: BaseException) -> None:
         """Record how an attempt ended; the entries of the result that lies there stay."""
-        status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
+        status = "cancelled" if isinstance(said, Cancelled) else "failed"
         detail: dict[str, Any] = {}
-        if not isinstance(error, UnveilError | Cancelled):
-            detail["traceback"] = traceback.format_exc()
-        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be said
+        if not isinstance(said, UnveilError | Cancelled):
+            detail["traceback"] = "".join(traceback.format_exception(error))
+        # A full disk has no room for this either; the error itself is what must be said.
+        with suppress(OSError, MemoryError, WorkspaceError):
             self.workspace.update_stage(self.stage.name, status=status)
-            self.reporter(self.workspace.log(self.stage.name, str(error), level="error", **detail))
+            self.reporter(self.workspace.log(self.stage.name, str(said), level="error", **detail))
 
 
 def _versions() -> dict[str, str]:

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image
+from unveil_core.base.files import move, read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
@@ -110,7 +110,7 @@ def _finish(temporary: Path, path: Path) -> None:
     with temporary.open("rb") as stream:
         os.fsync(stream.fileno())
     os.chmod(temporary, 0o644)
-    os.replace(temporary, path)
+    move(temporary, path)
 
 
 def _write_mp4(path: Path, pairs: Iterator[Picture], rate: float) -> bool:
