@@ -116,3 +116,59 @@ def test_a_file_that_may_not_grow_is_told_likewise(tmp_path: Path) -> None:
         f"unveil: failed: {root}: the disk is full (free some space and run it again: it goes on)"
     )
     assert main(["import", str(drive), "-o", str(root)]) == 0
+
+
+LIMITED = """
+import os, resource, sys
+import unveil_core.pipeline.run
+from pathlib import Path
+from unveil_core.app.cli import main
+held = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+resource.setrlimit(resource.RLIMIT_AS, (held + 2**19, held + 2**19))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RLIMIT_AS")
+def test_too_little_memory_is_one_clear_line_and_the_workspace_goes_on(tmp_path: Path) -> None:
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    command = ["import", str(drive), "-o", str(root)]
+    done = subprocess.run([sys.executable, "-c", LIMITED, *command], capture_output=True, text=True)
+    said = [line for line in done.stderr.splitlines() if line.startswith("unveil: ")]
+    assert done.returncode == 1, done.stderr
+    assert len(said) == 1 and "no memory left" in said[0] and "Traceback" not in done.stderr
+    assert main(command) == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_end_that_is_asked_for_before_the_first_stage_is_one_line(number: int, tmp_path: Path) -> None:
+    """While libraries are loaded and the drive is checked, which takes seconds."""
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    process = subprocess.Popen(
+        [sys.executable, "-v", "-m", "unveil_core", "import", str(drive), "-o", str(root)],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    text = ""
+    while "import 'numpy.version'" not in text:  # Python tells what it loads
+        text = process.stderr.readline()
+        assert text
+    process.send_signal(number)
+    said = [line for line in process.stderr.read().splitlines() if line.startswith(("unveil", "Traceback"))]
+    assert process.wait(timeout=120) == 130
+    assert said == ["unveil: cancelled; run the same command again to go on"]
+    process.stderr.close()
+    assert not root.exists()
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a traceback that nobody wrote down."""
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    assert main(["import", str(drive), "-o", str(root)]) == 0
+    (root / "events.jsonl").unlink()
+    (root / "events.jsonl").mkdir()
+    capsys.readouterr()
+    assert main(["segment", str(root)]) == 1
+    assert capsys.readouterr().err == f"unveil: failed: {root}/events.jsonl: Is a directory (--debug shows where)\n"

@@ -23,6 +23,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
+    "LEAST_ROOM",
     "NO_ARCHIVE",
     "decode_image",
     "full_disk",

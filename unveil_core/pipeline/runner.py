@@ -57,6 +57,9 @@ __all__ = ["run_block", "run_stages"]
 TRIM_EVERY_S = 1.0
 """Seconds between returns of freed memory, each of which takes some milliseconds."""
 
+KILLED = "the last run was ended here from outside: killed, or out of memory or power; it goes on"
+"""Such a run could not say it itself."""
+
 
 @contextmanager
 def _signals(flag: threading.Event) -> Iterator[None]:
@@ -130,6 +133,10 @@ def run_stages(
     stop = threading.Event()
     with _room_on(workspace.root), workspace.lock(), _signals(stop):
         recover(workspace)
+        killed = [
+            name for name, entry in workspace.state().get("stages", {}).items() if entry.get("status") == "running"
+        ]
+        notices = [*notices, *(Notice(name, KILLED) for name in killed)]
         digests = Digests(workspace)
         workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
         for notice in notices:
@@ -310,8 +317,10 @@ class _Attempt:
             smaller = None if self.expected is None else self.expected.forecast.with_less_memory(held)
             said = OutOfMemoryError(workspace.root, stage.name, held, smaller)
         elif not isinstance(error, UnveilError | Cancelled):
-            # A file that vanished or grew may lead to any error.
-            said = _change_of(stage, workspace, digests) or error
+            try:
+                _check_nothing_changed(stage, workspace, digests)
+            except UnveilError as change:
+                said = change  # a file that vanished or grew may lead to any error
         # What was computed so far serves the next attempt, unless it may be what is wrong.
         if not isinstance(said, Cancelled | OutOfMemoryError | OSError):
             shutil.rmtree(partial, ignore_errors=True)
