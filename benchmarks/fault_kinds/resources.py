@@ -6,13 +6,12 @@ import os
 import resource
 import shutil
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fault_kinds.bench import Bench
-from fault_kinds.runs import Run, Tally, done, everything
+from fault_kinds.runs import Tally, done, everything
 
 MB = 2**20
 NOBODY = 65534
@@ -129,7 +128,6 @@ def read_only(bench: Bench, times: int) -> Iterator[Tally]:
                 bench.go_on(tally, workspace, finished)
             shutil.rmtree(place)
         yield tally
-    yield _turned(bench, times)
     tally = Tally("read-only drive", "0, as if it could be written")
     try:
         with mounted(bench.root / "ro", "--bind", "-o", "ro", str(bench.drive)):
@@ -157,32 +155,3 @@ def _on_read_only(bench: Bench, tally: Tally, place: Path, workspace: Path, nobo
     assert ended is not None
     tally.note(ended, hide=(place, bench.root))
 
-
-def _turned(bench: Bench, times: int) -> Tally:
-    """A disk that turns read-only while a run writes on it, as one with errors does."""
-    tally = Tally("disk turns read-only under a run", "not 0, one line, goes on")
-    disk = bench.root / "turning"
-    try:
-        with mounted(disk, "-t", "tmpfs", "-o", "size=64m", "tmpfs"):
-
-            def remount(how: str) -> bool:
-                return not subprocess.run(["mount", "-o", f"remount,{how}", str(disk)], capture_output=True).returncode
-
-            def disturb(_: Path, run: Run) -> None:
-                time.sleep(bench.moment(2.0))
-                for _ in range(500):  # refused while a file is open for writing
-                    if remount("ro"):
-                        return
-                    time.sleep(0.01)
-
-            bench.series(
-                tally,
-                times,
-                disturb,
-                between=lambda _: remount("rw") and None,
-                new=lambda: (remount("rw"), disk / f"ws{tally.times}")[1],
-                remove=lambda workspace: (remount("rw"), shutil.rmtree(workspace))[1],
-            )
-    except OSError as error:
-        tally.skipped = f"no disk can be mounted here: {error}"
-    return tally

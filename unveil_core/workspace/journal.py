@@ -59,10 +59,10 @@ def recover(workspace: Workspace) -> None:
     for folder in workspace.root.glob(f"{PARTIAL}*"):
         if not (folder / INPUTS).is_file():
             shutil.rmtree(folder, ignore_errors=True)
-    for folder, _, names in os.walk(workspace.root):
+    for place, _, names in os.walk(workspace.root):
         for name in names:
             if HALF_WRITTEN.fullmatch(name):
-                os.unlink(os.path.join(folder, name))
+                os.unlink(os.path.join(place, name))
     workspace.end_cut_event()
 
 
