@@ -130,6 +130,7 @@ def hard_names(bench: Bench) -> Iterator[Tally]:
     plain = bench.new()
     bench.start(plain, *until).wait()
     wanted = digests(plain)
+    wanted.pop("drive/cameras.json")  # names the drive's folder
     for name in NAMES:
         place = bench.new("place")
         place.mkdir()
@@ -138,7 +139,9 @@ def hard_names(bench: Bench) -> Iterator[Tally]:
         ended = Run(whole(drive / "transforms.json", workspace, *until), bench.root / "errors").wait()
         assert ended is not None
         tally.note(ended, lines=0)
-        tally.compare(digests(workspace), wanted)
+        found = digests(workspace)
+        found.pop("drive/cameras.json", None)
+        tally.compare(found, wanted)
         shutil.rmtree(place)
     yield tally
     tally = Tally("hard names of photographs, up to 255 bytes", "0, the same pictures")

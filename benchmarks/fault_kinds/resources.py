@@ -90,7 +90,8 @@ def full_disk(bench: Bench, times: int) -> Tally:
             room = [64]
 
             def grow(_: Path | None = None) -> None:
-                room[0] += int(bench.generator.uniform(16, 400))
+                # The last run is to come to its end.
+                room[0] += int(bench.generator.uniform(16, 400)) if tally.times < times else 64 * 1024
                 subprocess.run(["mount", "-o", f"remount,size={room[0]}k", str(disk)], check=True)
 
             def new() -> Path:
