@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shutil
+import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 
 HERE = Path(__file__).resolve().parent
+LONGEST_S = 900.0
+"""After which a run that does not end is ended, and counts as killed without a line."""
 
 
 @dataclass
@@ -107,7 +110,10 @@ class Bench:
                 run = self.start(workspace, prepare=before)
                 if not calm and disturb is not None:
                     disturb(workspace, run)
-                ended = run.wait()
+                ended = run.wait(LONGEST_S)
+                if ended is None:  # a library that waits for memory for ever
+                    run.send(signal.SIGKILL)
+                    ended = run.wait()
                 assert ended is not None
                 self.count_lost(tally, ended, finished)
                 if not ended.code:
