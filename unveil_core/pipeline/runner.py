@@ -33,6 +33,7 @@ from unveil_core.base.files import full_disk, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.base.resume.parts import Parts
+from unveil_core.base.thread_errors import ThreadErrors
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
@@ -202,7 +203,13 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            stage.run_block(attempt.context(partial), number)
+            with ThreadErrors() as threads:
+                try:
+                    stage.run_block(attempt.context(partial), number)
+                finally:
+                    if threads.found:
+                        _drop(workspace, stage, partial)
+            threads.check()
             if stop.is_set():
                 raise Cancelled(stage.name)
             if error := _change_of(stage, workspace, digests):
@@ -221,6 +228,12 @@ def _check_inputs(stage: Stage, workspace: Workspace) -> None:
             path=workspace.root,
             mend="run the stages before it, or `unveil run`",
         )
+
+
+def _drop(workspace: Workspace, stage: Stage, partial: Path) -> None:
+    """Remove all that is kept of a stage: it may be made of what a thread did not compute."""
+    shutil.rmtree(partial, ignore_errors=True)
+    shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
 
 
 def _check_nothing_changed(stage: Stage, workspace: Workspace, digests: Digests) -> None:
@@ -271,13 +284,18 @@ class _Attempt:
         if self.expected is not None:
             self.expected.clock.begin(stage.name)
         self.reporter(workspace.log(stage.name, "started"))
+        threads = ThreadErrors()
         try:
-            facts = stage.run(self.context(partial))
+            with threads:
+                facts = stage.run(self.context(partial))
+            threads.check()
             if self.stop.is_set():
                 raise Cancelled(stage.name)
             _check_nothing_changed(stage, workspace, digests)
         except BaseException as error:
             said = self._ended(error, partial, digests)
+            if threads.found:
+                _drop(workspace, stage, partial)
             if said is error:
                 raise
             raise said from error
