@@ -1,5 +1,13 @@
 """``python -m unveil_core`` is the ``unveil`` command."""
 
-from unveil_core.app.cli import main
+import signal
+import sys
 
-raise SystemExit(main())
+try:
+    from unveil_core.app.cli import main
+except KeyboardInterrupt:
+    sys.exit(130)
+
+code = main()
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is said and written: nothing is left that could be interrupted
+raise SystemExit(code)

@@ -6,9 +6,46 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import time
+from collections.abc import Callable
 from pathlib import Path
 
-__all__ = ["link_or_copy", "one_line", "own_folder", "write_whole"]
+__all__ = ["link_or_copy", "move", "one_line", "own_folder", "patiently", "write_whole"]
+
+HELD = (5, 32)
+"""Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
+WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
+"""Between attempts, seconds: one in all, after which it is no passing look."""
+LONGEST_START = 100
+"""Of a file's name, bytes that its temporary name begins with."""
+
+
+def patiently(act: Callable[..., object], *arguments: object) -> None:
+    """Rename or remove something; where another program holds it for a moment (Windows), do it again for about a second.
+
+    Raises:
+        OSError: it cannot be done; or it is still held.
+    """
+    for wait in WAITS_S:
+        try:
+            act(*arguments)
+            return
+        except PermissionError as error:
+            if getattr(error, "winerror", None) not in HELD:
+                raise
+        time.sleep(wait)
+    act(*arguments)
+
+
+def move(source: Path, target: Path) -> None:
+    """Rename a file, in the place of another one; see :func:`patiently`."""
+    patiently(os.replace, source, target)
+
+
+def _partial(path: Path) -> Path:
+    """The temporary name of a file: not much longer than a name may be."""
+    encoded = path.name.encode(errors="surrogateescape")[:LONGEST_START]
+    return path.with_name(f".{encoded.decode(errors='ignore')}.partial")
 
 
 def own_folder(workspace: Path, *names: str) -> Path:
@@ -37,12 +74,12 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    partial = _partial(path)
     partial.unlink(missing_ok=True)  # not to be written through, if it is a link
     try:
         with partial.open("xb") as file:
             file.write(content)
-        os.replace(partial, path)
+        move(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
@@ -54,17 +91,17 @@ def link_or_copy(source: Path, target: Path) -> None:
     Raises:
         OSError: neither can be made.
     """
-    target.unlink(missing_ok=True)
+    patiently(target.unlink, True)
     try:
         os.link(source, target)
         return
     except OSError:
         pass
-    partial = target.with_name(f".{target.name}.partial")
+    partial = _partial(target)
     partial.unlink(missing_ok=True)
     try:
         shutil.copy2(source, partial)
-        os.replace(partial, target)
+        move(partial, target)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

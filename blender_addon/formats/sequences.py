@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import link_or_copy, own_folder
+from .files import link_or_copy, own_folder, patiently
 
 __all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
 
@@ -81,7 +81,7 @@ def numbered(files: Sequence[Path], workspace: Path, *names: str) -> PictureSequ
     # Only what was made here before: the folder may hold, or be, something else.
     for left in set(folder.iterdir()) - set(linked):
         if MADE.fullmatch(left.name):
-            left.unlink()
+            patiently(left.unlink)
     return PictureSequence(tuple(linked), 0)
 
 

@@ -9,12 +9,15 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.app.cli import main
+from unveil_core.pipeline.run import stage_named
+from unveil_core.pipeline.stage import Stage
 from unveil_core.workspace.workspace import Workspace
 
 PARENT = """
@@ -116,3 +119,55 @@ def test_a_file_that_may_not_grow_is_told_likewise(tmp_path: Path) -> None:
         f"unveil: failed: {root}: the disk is full (free some space and run it again: it goes on)"
     )
     assert main(["import", str(drive), "-o", str(root)]) == 0
+
+
+def test_too_little_memory_is_one_clear_line_and_the_workspace_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    assert main(["import", str(drive), "-o", str(root)]) == 0
+
+    def hungry(name: str) -> Stage:
+        return replace(stage_named(name), run=lambda context: {"much": len(bytearray(1 << 46))})
+
+    capsys.readouterr()
+    with monkeypatch.context() as patched:
+        patched.setattr("unveil_core.pipeline.run.stage_named", hungry)
+        assert main(["segment", str(root)]) == 1
+    said = [line for line in capsys.readouterr().err.splitlines() if line != "segment      started"]
+    assert len(said) == 1 and said[0].startswith(f"unveil: failed: {root}: no memory left for segment, at ")
+    assert main(["segment", str(root)]) == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_an_end_that_is_asked_for_before_the_first_stage_is_one_line(number: int, tmp_path: Path) -> None:
+    """While libraries are loaded and the drive is checked, which takes seconds."""
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    process = subprocess.Popen(
+        [sys.executable, "-v", "-m", "unveil_core", "import", str(drive), "-o", str(root)],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    text = ""
+    while "import 'numpy.version'" not in text:  # Python tells what it loads
+        text = process.stderr.readline()
+        assert text
+    process.send_signal(number)
+    said = [line for line in process.stderr.read().splitlines() if line.startswith(("unveil", "Traceback"))]
+    assert process.wait(timeout=120) == 130
+    assert said == ["unveil: cancelled; run the same command again to go on"]
+    process.stderr.close()
+    assert not root.exists()
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a traceback that nobody wrote down."""
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"
+    assert main(["import", str(drive), "-o", str(root)]) == 0
+    (root / "events.jsonl").unlink()
+    (root / "events.jsonl").mkdir()
+    capsys.readouterr()
+    assert main(["segment", str(root)]) == 1
+    assert capsys.readouterr().err == f"unveil: failed: {root}/events.jsonl: Is a directory (--debug shows where)\n"

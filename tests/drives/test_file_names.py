@@ -58,3 +58,21 @@ def test_a_workspace_whose_names_lead_out_is_one_clear_line(tmp_path: Path, fiel
     path.write_text(json.dumps(document))
     with pytest.raises(DriveError, match="is not an imported drive"):
         read_imported(done.root)
+
+
+def test_photographs_may_have_names_as_long_as_the_system_allows(tmp_path: Path) -> None:
+    path = make_tiny_drive(tmp_path / "drive")
+    document = json.loads(path.read_text())
+    stems = ["a b", "e\u0301🚗", "x" * 251, "🚙" * 62 + "abc"]
+    for frame, stem in zip(document["frames"], stems, strict=True):
+        for key in ("file_path", "semantic_path", "instance_path"):
+            old = path.parent / frame[key]
+            frame[key] = f"{old.parent.name}/{stem}.png"
+            old.rename(path.parent / frame[key])
+    path.write_text(json.dumps(document))
+    import_drive(open_drive(path), tmp_path / "imported")
+    frames = read_imported(tmp_path / "imported").frames
+    assert len({f.name for f in frames}) == 4 and {"a b", "e\u0301🚗"} <= {f.name for f in frames}
+    assert sorted(f.image_path.read_bytes() for f in frames) == sorted(
+        p.read_bytes() for p in (path.parent / "images").iterdir()
+    )

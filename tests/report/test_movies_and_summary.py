@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -220,3 +221,17 @@ def test_wording() -> None:
     assert [memory(m) for m in (640.4, 2355.0)] == ["640 MB", "2.3 GB"]
     assert [percent(p) for p in (0.0, 0.034, 0.5, 1.0)] == ["0 %", "3.4 %", "50 %", "100 %"]
     assert (decibels(None), decibels(31.44), similarity(None), similarity(0.91)) == ("exact", "31.4 dB", "–", "0.910")
+
+
+def test_a_movie_for_which_there_was_no_room_is_none(finished: Path, tmp_path: Path) -> None:
+    """OpenCV writes what fits, and says nothing."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(disk)], capture_output=True).returncode:
+        pytest.skip("no right to mount a small disk")
+    try:
+        with pytest.raises(OSError, match="No space left on device"):
+            write_video(finished, disk / "street.mp4")
+        assert not list(disk.iterdir())
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)

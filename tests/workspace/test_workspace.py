@@ -37,7 +37,7 @@ def test_two_runs_into_one_new_folder_lose_nothing(tmp_path: Path, later_s: floa
     first = unveil(drive, root)
     time.sleep(later_s)
     both = (first, unveil(drive, root))
-    said = [process.communicate(timeout=60)[1].strip() for process in both]
+    said = [process.communicate(timeout=300)[1].strip() for process in both]
     ends = [process.returncode for process in both]
     # The second may come when the first is done; it then finds nothing left to do.
     assert 0 in ends

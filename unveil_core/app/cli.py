@@ -2,41 +2,92 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
-from unveil_core.base.errors import Cancelled, DiskFullError, UnveilError
+from unveil_core.base.errors import Cancelled, DiskFullError, OutOfMemoryError, UnveilError
 
-__all__ = ["main"]
+__all__ = ["CANCELLED", "main"]
+
+CANCELLED = "unveil: cancelled; run the same command again to go on"
+NO_MEMORY = "unveil: failed: no memory left (end other programs, or use a machine with more)"
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # names of files need not be text that a terminal can show
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     try:
         arguments = command_parser().parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or 0) if isinstance(stop.code, int | None) else 2
+    asked = threading.Event()
     try:
-        if arguments.end_with_stdin:
-            end_with_stdin()
-        return VERBS[arguments.verb](arguments)
+        with _interrupts(asked):
+            if arguments.end_with_stdin:
+                end_with_stdin()
+            return VERBS[arguments.verb](arguments)
     except UnveilError as error:
-        print(f"unveil: error: {error}", file=sys.stderr)
-        return 2
-    except DiskFullError as error:
-        print(f"unveil: failed: {error}", file=sys.stderr)
-        return 1
+        return _say(f"error: {error}", 2)
+    except (DiskFullError, OutOfMemoryError) as error:
+        return _say(f"failed: {error}", 1)
     except (Cancelled, KeyboardInterrupt):
-        print("unveil: cancelled; run the same command again to go on", file=sys.stderr)
-        return 130
+        return _say(CANCELLED.removeprefix("unveil: "), 130)
     except Exception as error:
         if arguments.debug:
             raise
-        where = "the traceback is in the workspace's events.jsonl; --debug shows it"
-        print(f"unveil: failed: {type(error).__name__}: {error} ({where})", file=sys.stderr)
-        return 1
+        return _say(*_of_any(error, asked.is_set()))
+
+
+def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
+    """Line and exit code of an error that none of the program's own says better."""
+    # Loads NumPy, which is loaded by then where anything went wrong that is worth to be told apart.
+    from unveil_core.base.files import full_disk, is_out_of_memory
+
+    if interrupted:  # libraries that are being loaded make an error of their own of it
+        return CANCELLED.removeprefix("unveil: "), 130
+    if is_out_of_memory(error):
+        return NO_MEMORY.removeprefix("unveil: "), 1
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, OSError):
+        if full := full_disk(error, Path.cwd()):
+            return f"failed: {DiskFullError(full)}", 1
+        if error.filename is not None and error.strerror:
+            return f"failed: {error.filename}: {error.strerror} (--debug shows where)", 1
+    return f"failed: {text} (the traceback is in the workspace's events.jsonl; --debug shows it)", 1
+
+
+def _say(line: str, code: int) -> int:
+    with suppress(OSError):  # whoever listened may be gone
+        print(f"unveil: {line}", file=sys.stderr, flush=True)
+    return code
+
+
+@contextmanager
+def _interrupts(asked: threading.Event) -> Iterator[None]:
+    """SIGTERM ends the command as Ctrl-C does, also before and after the stages, which heed both themselves."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        asked.set()
+        raise KeyboardInterrupt
+
+    previous = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,8 @@ def _text(event: dict[str, object]) -> str:
 
 
 def _plain(event: dict[str, object]) -> None:
-    if event["message"] in ("started", "done", "up to date") or event["level"] in ("error", "warning", "notice"):
+    # Of an error the command says itself how it ended, once.
+    if event["message"] in ("started", "done", "up to date") or event["level"] in ("warning", "notice"):
         print(f"{event['stage']:<12} {_text(event)}", file=sys.stderr, flush=True)
 
 

@@ -8,6 +8,8 @@ __all__ = [
     "Cancelled",
     "DiskFullError",
     "DriveError",
+    "InUseError",
+    "OutOfMemoryError",
     "SelectionError",
     "SettingsError",
     "UnveilError",
@@ -48,12 +50,34 @@ class WorkspaceError(UnveilError):
     """A workspace folder that cannot be used as it is."""
 
 
+class InUseError(WorkspaceError):
+    """A workspace in which another process works."""
+
+
 class DiskFullError(Exception):
     """No room left to write to: nothing is wrong with the input, so this is a failure (exit code 1) that says what to do."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = path
         super().__init__(f"{path}: the disk is full (free some space and run it again: it goes on)")
+
+
+class OutOfMemoryError(Exception):
+    """The system gave no more memory: a failure (exit code 1) that says what would fit.
+
+    Args:
+        path: the workspace; stage: that wanted it.
+        held_mb: the most that the process held, MB.
+        mend: options with which less is held; None = none is known.
+    """
+
+    def __init__(self, path: Path | str, stage: str, held_mb: float, mend: str | None = None) -> None:
+        self.path = path
+        way_out = f"or run it with {mend}" if mend else "or use a machine with more"
+        super().__init__(
+            f"{path}: no memory left for {stage}, at {held_mb:.0f} MB "
+            f"(end other programs {way_out}: it goes on where it stopped)"
+        )
 
 
 class Cancelled(Exception):

@@ -7,9 +7,11 @@ import json
 import os
 import shutil
 import tempfile
+import time
 import zipfile
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,10 +23,14 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
+    "LEAST_ROOM",
     "NO_ARCHIVE",
     "decode_image",
-    "disk_is_full",
+    "full_disk",
+    "is_out_of_memory",
     "link_or_copy",
+    "move",
+    "patiently",
     "read_image",
     "read_image_as_it_is",
     "read_instance_image",
@@ -52,6 +58,34 @@ IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 """Pixels as they are stored: cameras are calibrated for these, whatever a maker's note says of how to hold the picture."""
 MOST_PIXELS = 1 << 28
 """Of an image, 800 MB as RGB: twice what the largest cameras take."""
+HELD = (5, 32)
+"""Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
+WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
+"""Between attempts at what such a program prevents, seconds: one in all, after which it is no passing look."""
+LONGEST_START = 100
+"""Of a file's name, bytes that its temporary name begins with: file systems allow 255 in all."""
+
+
+def patiently(act: Callable[..., object], *arguments: object) -> None:
+    """Rename or remove something; where another program holds it for a moment (Windows), do it again for about a second.
+
+    Raises:
+        OSError: it cannot be done; or it is still held.
+    """
+    for wait in WAITS_S:
+        try:
+            act(*arguments)
+            return
+        except PermissionError as error:
+            if getattr(error, "winerror", None) not in HELD:
+                raise
+        time.sleep(wait)
+    act(*arguments)
+
+
+def move(source: Path, target: Path) -> None:
+    """Rename a file or folder, a file in the place of another one; see :func:`patiently`."""
+    patiently(os.replace, source, target)
 
 
 def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
@@ -63,16 +97,20 @@ def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
+    start = path.name.encode(errors="surrogateescape")[:LONGEST_START].decode(errors="ignore")
+    handle, name = tempfile.mkstemp(prefix=f".{start}.", suffix=".partial", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
             write(stream)
             stream.flush()
             os.fsync(stream.fileno())
         os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
+        move(Path(name), path)
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(path)  # writing names none, and the file tells which disk is full
+        with suppress(OSError):
+            Path(name).unlink(missing_ok=True)
         raise
 
 
@@ -81,14 +119,44 @@ def write_bytes_atomic(path: Path, content: bytes) -> None:
     write_atomic(path, lambda stream: stream.write(content))
 
 
-def disk_is_full(error: OSError, path: Path) -> bool:
-    """Whether an error in writing below a path came from want of space; not every library passes the system's number on."""
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+def full_disk(error: OSError, path: Path) -> Path | None:
+    """Where there was no room, if an error in writing came from that; None where it came from something else.
+
+    Args:
+        path: where was written if the error names no file; not every library passes name and number of the system on.
+    """
+    places = [Path(name) for name in (error.filename, error.filename2) if isinstance(name, str)]
+    where = next((p for p in places if not p.absolute().is_relative_to(path.absolute())), path)
+    known = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    if known and places:
+        return where
+    if known or error.errno is None:
+        for folder in (path, Path(tempfile.gettempdir())):
+            with suppress(OSError):
+                if shutil.disk_usage(folder).free < LEAST_ROOM:
+                    return folder
+    return path if known else None
+
+
+LEAST_ROOM = 2**20
+"""Bytes that are left free on a disk that is full: less than the next block of a file."""
+NO_MEMORY = (
+    "can't allocate memory",
+    "bad_alloc",
+    "Insufficient memory",
+    "Unable to allocate",
+    "can't start new thread",
+)
+"""What PyTorch, the C++ library, OpenCV, NumPy and Python's threads say for want of memory, in errors that are no MemoryError."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error came from want of memory; libraries raise many kinds for it."""
+    if isinstance(error, MemoryError):
         return True
-    try:
-        return error.errno is None and shutil.disk_usage(path).free < 2**20
-    except OSError:
-        return False
+    if isinstance(error, OSError):
+        return error.errno == errno.ENOMEM
+    return isinstance(error, RuntimeError | ImportError | cv2.error) and any(w in str(error) for w in NO_MEMORY)
 
 
 def refuse_devices(path: Path) -> None:
@@ -172,7 +240,9 @@ def _decode(
         raise DriveError("is cut short", path=path, mend="copy it again from its source")
     try:
         image = cv2.imdecode(content, flags)
-    except cv2.error:
+    except cv2.error as error:
+        if is_out_of_memory(error):  # nothing is wrong with the file: its size was looked at before
+            raise MemoryError(str(error)) from error
         image = None
     if image is None:
         raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")

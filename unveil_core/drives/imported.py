@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -63,6 +64,10 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
 
 
+SUFFIX = re.compile(r"[A-Za-z0-9]{1,5}")
+"""Of a file's name."""
+
+
 def _own_name(text: object) -> str:
     """A name that import gives: others would lead out of the workspace's folders."""
     if not is_file_name(text):
@@ -73,7 +78,10 @@ def _own_name(text: object) -> str:
 def _inside(folder: Path, name: object) -> Path:
     """The path of a file in the folder."""
     parts = PurePosixPath(str(name)).parts
-    if not parts or not all(is_file_name(part) for part in parts):
+    # Import names files after frames, whose names may be as long as names can be, and adds a suffix.
+    stem, _, suffix = parts[-1].rpartition(".") if parts else ("", "", "")
+    last = is_file_name(parts[-1]) or (is_file_name(stem) and SUFFIX.fullmatch(suffix)) if parts else False
+    if not last or not all(is_file_name(part) for part in parts[:-1]):
         raise ValueError(f"{str(name)[:40]!r} is no file in this folder")
     return folder.joinpath(*parts)
 

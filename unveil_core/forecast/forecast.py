@@ -46,6 +46,10 @@ class Forecast:
         time, memory = about_as_long(sum(self.seconds.values())), about_as_much(self.memory_mb)
         return f"{what}: about {time}, {memory} of memory and {about_as_much(self.disk_mb)} of disk"
 
+    def with_less_memory(self, free_mb: float) -> str | None:
+        """The options with which the run fits into so much memory, MB; None where none does, or it should fit as it is."""
+        return _smaller_memory(self.workload, free_mb) or None
+
     def lacking(self, free_memory_mb: float, free_disk_mb: float) -> list[str]:
         """A line for each of memory and disk that will not do, with what would fit; none where both do."""
         lines = []
@@ -55,7 +59,7 @@ class Forecast:
             lines.append(f"this needs {amounts}; {way_out} would fit")
 
         if self.memory_mb > free_memory_mb:
-            way_out = _smaller_memory(self.workload, free_memory_mb) or "a machine with more"
+            way_out = self.with_less_memory(free_memory_mb) or "a machine with more"
             lack("memory", self.memory_mb, free_memory_mb, way_out)
         if self.disk_mb > free_disk_mb:
             frames = _fewer_frames(self.workload, free_disk_mb)

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.errors import UnveilError, WorkspaceError
+from unveil_core.base.errors import InUseError, UnveilError, WorkspaceError
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
@@ -82,6 +82,8 @@ def run(
         place = Path(drive).absolute()
         del opened  # the stages read what was imported: two clouds of points of a long drive need not be held
         run_stages(space, stages, settings, place, notices=notices, expected=expected, reporter=reporter)
+    except InUseError:
+        raise  # whoever works in it goes on with what this call made
     except UnveilError:
         # Only what this call made, and while nobody else works in it: two may have begun at once.
         if space.made:

@@ -20,11 +20,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.errors import Cancelled, DiskFullError, SettingsError, UnveilError, WorkspaceError
-from unveil_core.base.files import disk_is_full
+from unveil_core.base.errors import (
+    Cancelled,
+    DiskFullError,
+    DriveError,
+    OutOfMemoryError,
+    SettingsError,
+    UnveilError,
+    WorkspaceError,
+)
+from unveil_core.base.files import full_disk, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.base.resume.parts import Parts
+from unveil_core.base.thread_errors import ThreadErrors
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
@@ -48,6 +57,9 @@ __all__ = ["run_block", "run_stages"]
 
 TRIM_EVERY_S = 1.0
 """Seconds between returns of freed memory, each of which takes some milliseconds."""
+
+KILLED = "the last run was ended here from outside: killed, or out of memory or power; it goes on"
+"""Such a run could not say it itself."""
 
 
 @contextmanager
@@ -80,8 +92,8 @@ def _room_on(root: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if disk_is_full(error, root):
-            raise DiskFullError(root) from error
+        if full := full_disk(error, root):
+            raise DiskFullError(full) from error
         raise
 
 
@@ -112,6 +124,7 @@ def run_stages(
     Raises:
         Cancelled: SIGINT or SIGTERM came; the workspace resumes.
         DiskFullError: no room; the workspace resumes.
+        OutOfMemoryError: no memory; the workspace resumes.
         UnveilError: bad input; the stage's partial output is gone.
     """
     ran: list[str] = []
@@ -121,6 +134,10 @@ def run_stages(
     stop = threading.Event()
     with _room_on(workspace.root), workspace.lock(), _signals(stop):
         recover(workspace)
+        killed = [
+            name for name, entry in workspace.state().get("stages", {}).items() if entry.get("status") == "running"
+        ]
+        notices = [*notices, *(Notice(name, KILLED) for name in killed)]
         digests = Digests(workspace)
         workspace.update(drive=str(drive), settings=settings.to_json(), versions=_versions())
         for notice in notices:
@@ -142,7 +159,7 @@ def run_stages(
                 continue
             if force:
                 shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
-            _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows)
+            _Attempt(workspace, stage, settings, drive, stop, reporter, expected).make(wanted, follows, digests)
             ran.append(stage.name)
             digests.save()
     return ran
@@ -175,7 +192,8 @@ def run_block(
         with workspace.lock():
             recover(workspace)
             _check_inputs(stage, workspace)
-            wanted = input_hash(stage, workspace, settings, drive, Digests(workspace))
+            digests = Digests(workspace)
+            wanted = input_hash(stage, workspace, settings, drive, digests)
             recorded = workspace.state().get("stages", {}).get(stage.name, {})
             if is_current(stage, workspace, recorded, wanted):
                 return False
@@ -185,9 +203,17 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            stage.run_block(attempt.context(partial), number)
+            with ThreadErrors() as threads:
+                try:
+                    stage.run_block(attempt.context(partial), number)
+                finally:
+                    if threads.found:
+                        _drop(workspace, stage, partial)
+            threads.check()
             if stop.is_set():
                 raise Cancelled(stage.name)
+            if error := _change_of(stage, workspace, digests):
+                raise error
             note = note_of_block(workspace.root, stage.name, number)
             note.parent.mkdir(parents=True, exist_ok=True)
             note.touch()
@@ -204,6 +230,34 @@ def _check_inputs(stage: Stage, workspace: Workspace) -> None:
         )
 
 
+def _drop(workspace: Workspace, stage: Stage, partial: Path) -> None:
+    """Remove all that is kept of a stage: it may be made of what a thread did not compute."""
+    shutil.rmtree(partial, ignore_errors=True)
+    shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
+
+
+def _check_nothing_changed(stage: Stage, workspace: Workspace, digests: Digests) -> None:
+    """Raise an error where a file that a stage read is another one than when it began."""
+    error = _change_of(stage, workspace, digests)
+    if error is not None:
+        # Named after what was there before, and made of who knows what.
+        shutil.rmtree(parts_of(workspace.root, stage.name), ignore_errors=True)
+        raise error
+
+
+def _change_of(stage: Stage, workspace: Workspace, digests: Digests) -> UnveilError | None:
+    """What is said where a file was changed under a stage that read it; None where none was."""
+    changed = digests.changed()
+    if changed is None:
+        return None
+    kind = WorkspaceError if changed.is_relative_to(workspace.root) else DriveError
+    return kind(
+        f"was changed or removed while {stage.name} read it",
+        path=changed,
+        mend="let it be while a run goes on, and run it again: finished stages stay",
+    )
+
+
 @dataclass
 class _Attempt:
     """One stage being run."""
@@ -218,8 +272,8 @@ class _Attempt:
     last_logged: float = 0.0
     last_trimmed: float = 0.0
 
-    def make(self, wanted: str, follows: dict[str, str]) -> None:
-        """Run the stage and commit its outputs under the input hash ``wanted``."""
+    def make(self, wanted: str, follows: dict[str, str], digests: Digests) -> None:
+        """Run the stage and commit its outputs under the input hash ``wanted``, which ``digests`` were taken for."""
         stage, workspace = self.stage, self.workspace
         partial = open_partial(workspace, stage.name, wanted)
         begun_before = (partial / SCRATCH).exists()
@@ -230,19 +284,21 @@ class _Attempt:
         if self.expected is not None:
             self.expected.clock.begin(stage.name)
         self.reporter(workspace.log(stage.name, "started"))
+        threads = ThreadErrors()
         try:
-            facts = stage.run(self.context(partial))
+            with threads:
+                facts = stage.run(self.context(partial))
+            threads.check()
             if self.stop.is_set():
                 raise Cancelled(stage.name)
+            _check_nothing_changed(stage, workspace, digests)
         except BaseException as error:
-            # What was computed so far serves the next attempt, unless it may be what is wrong.
-            if not isinstance(error, Cancelled | KeyboardInterrupt | OSError | MemoryError):
-                shutil.rmtree(partial, ignore_errors=True)
-                Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
-            self._record_end(error)
-            if isinstance(error, KeyboardInterrupt):
-                raise Cancelled(stage.name) from error
-            raise
+            said = self._ended(error, partial, digests)
+            if threads.found:
+                _drop(workspace, stage, partial)
+            if said is error:
+                raise
+            raise said from error
         # Sequences of frames and what they are made of refer to each other: without this they stay for the whole run.
         gc.collect()
         return_free_memory()
@@ -266,6 +322,29 @@ class _Attempt:
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds, **self._left(1, 1)))
         if self.expected is not None and not begun_before:
             self.expected.ended(stage.name, seconds)
+
+    def _ended(self, error: BaseException, partial: Path, digests: Digests) -> BaseException:
+        """Record that an attempt ended early, and return what is to be said of it."""
+        stage, workspace = self.stage, self.workspace
+        said = error
+        if isinstance(error, KeyboardInterrupt):
+            said = Cancelled(stage.name)
+        elif is_out_of_memory(error):
+            held = peak_memory_mb()
+            traceback.clear_frames(error.__traceback__)  # what they hold is wanted now
+            smaller = None if self.expected is None else self.expected.forecast.with_less_memory(held)
+            said = OutOfMemoryError(workspace.root, stage.name, held, smaller)
+        elif not isinstance(error, UnveilError | Cancelled):
+            try:
+                _check_nothing_changed(stage, workspace, digests)
+            except UnveilError as change:
+                said = change  # a file that vanished or grew may lead to any error
+        # What was computed so far serves the next attempt, unless it may be what is wrong.
+        if not isinstance(said, Cancelled | OutOfMemoryError | OSError):
+            shutil.rmtree(partial, ignore_errors=True)
+            Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
+        self._record_end(said, error)
+        return said
 
     def context(self, partial: Path) -> StageContext:
         """What the stage works with; ``partial``: the folder that it writes in."""
@@ -292,15 +371,16 @@ class _Attempt:
             return {}
         return {"left_s": round(self.expected.clock.left(self.stage.name, done, total))}
 
-    def _record_end(self, error: BaseException) -> None:
+    def _record_end(self, said: BaseException, error: BaseException) -> None:
         """Record how an attempt ended; the entries of the result that lies there stay."""
-        status = "cancelled" if isinstance(error, Cancelled | KeyboardInterrupt) else "failed"
+        status = "cancelled" if isinstance(said, Cancelled) else "failed"
         detail: dict[str, Any] = {}
-        if not isinstance(error, UnveilError | Cancelled):
-            detail["traceback"] = traceback.format_exc()
-        with suppress(OSError):  # a full disk has no room for this either; the error itself is what must be said
+        if not isinstance(said, UnveilError | Cancelled):
+            detail["traceback"] = "".join(traceback.format_exception(error))
+        # A full disk has no room for this either; the error itself is what must be said.
+        with suppress(OSError, MemoryError, WorkspaceError):
             self.workspace.update_stage(self.stage.name, status=status)
-            self.reporter(self.workspace.log(self.stage.name, str(error), level="error", **detail))
+            self.reporter(self.workspace.log(self.stage.name, str(said), level="error", **detail))
 
 
 def _versions() -> dict[str, str]:

@@ -29,12 +29,14 @@ class Digests:
             known = json.loads(self.path.read_text("utf-8"))
             self.known = known if isinstance(known, dict) else {}
         self.used: set[str] = set()
+        self._read: dict[Path, tuple[int, int]] = {}
 
     def of_file(self, path: Path) -> str:
         """The digest of a file's content; it is read only if size or time of change are others than last time."""
         stat = path.stat()
         key = str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path.absolute())
         self.used.add(key)
+        self._read[path] = (stat.st_size, stat.st_mtime_ns)
         held = self.known.get(key)
         if isinstance(held, list) and len(held) == 3 and held[:2] == [stat.st_size, stat.st_mtime_ns]:
             return str(held[2])
@@ -53,6 +55,24 @@ class Digests:
         """(name, digest) of files outside the workspace, each given with the name under which it counts."""
         return [(name, self.of_file(path) if path.is_file() else "absent") for name, path in files]
 
+    def begin(self) -> None:
+        """From now on, look which files are asked for: those that the next stage reads."""
+        self._read = {}
+
+    def changed(self) -> Path | None:
+        """The first file of those asked for since :meth:`begin` that is gone, or has another size or time of change; None = none.
+
+        A file of equal content but another time counts, too: what was read in between is not known.
+        """
+        for path, (size, time_ns) in self._read.items():
+            try:
+                stat = path.stat()
+            except OSError:
+                return path
+            if (stat.st_size, stat.st_mtime_ns) != (size, time_ns):
+                return path
+        return None
+
     def save(self) -> None:
         """Write what is remembered; files that are gone are forgotten."""
         kept = {k: v for k, v in self.known.items() if k in self.used or (self.root / k).is_file()}
@@ -61,6 +81,7 @@ class Digests:
 
 def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:
     """Digest of everything that a stage's result depends on: code, settings, and the content of all files that it reads."""
+    digests.begin()
     values = settings.to_json()
     files = settings.files  # of these the content counts, see Stage.outside
     parts: list[object] = [stage.name, stage.variant, code_digest(stage.run)]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image
+from unveil_core.base.files import LEAST_ROOM, move, read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
@@ -110,7 +112,7 @@ def _finish(temporary: Path, path: Path) -> None:
     with temporary.open("rb") as stream:
         os.fsync(stream.fileno())
     os.chmod(temporary, 0o644)
-    os.replace(temporary, path)
+    move(temporary, path)
 
 
 def _write_mp4(path: Path, pairs: Iterator[Picture], rate: float) -> bool:
@@ -128,7 +130,10 @@ def _write_mp4(path: Path, pairs: Iterator[Picture], rate: float) -> bool:
         if writer is None:
             return False
         writer.release()
-        if temporary.stat().st_size == 0:
+        if not _is_whole(temporary):
+            # OpenCV does not tell that a file could not be written to its end.
+            if shutil.disk_usage(path.parent).free < LEAST_ROOM:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
             return False
         _finish(temporary, path)
         return True
@@ -136,6 +141,23 @@ def _write_mp4(path: Path, pairs: Iterator[Picture], rate: float) -> bool:
         if writer is not None:
             writer.release()
         temporary.unlink(missing_ok=True)
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether an MPEG-4 file is as long as its parts say, and has the one that tells where the pictures lie, written last."""
+    names, end, size = set(), 0, path.stat().st_size
+    with path.open("rb") as stream:
+        while end < size:
+            stream.seek(end)
+            head = stream.read(16)
+            length = int.from_bytes(head[:4], "big")
+            if length == 1:  # the next number has it
+                length = int.from_bytes(head[8:16], "big")
+            if length < 8 or end + length > size:
+                return False
+            names.add(head[4:8])
+            end += length
+    return b"moov" in names
 
 
 def _write_webp(path: Path, pairs: Iterator[Picture], rate: float) -> None:

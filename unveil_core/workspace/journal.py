@@ -4,6 +4,8 @@ new one, with the record that belongs to it, never a mixture.
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_json, write_atomic, write_json_atomic
+from unveil_core.base.files import move, patiently, read_json, write_atomic, write_json_atomic
 from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
@@ -21,6 +23,9 @@ PARTIAL = ".partial-"
 """How the folders begin in which stages write."""
 INPUTS = ".inputs"
 """File in such a folder with the digest of what the stage reads: only an attempt with the same may go on from it."""
+
+HALF_WRITTEN = re.compile(r"\..*\.partial(\.\w+)?|\..*\.npz\.\d+\.new")
+"""Names of files that a kill left half-written: of results, of movies (the suffix tells the format), and of what is kept."""
 
 
 def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[str], record: dict[str, Any]) -> None:
@@ -40,8 +45,10 @@ def recover(workspace: Workspace) -> None:
     """Finish an interrupted commit, and throw away what no stage can go on from.
 
     Raises:
-        WorkspaceError: the journal is damaged, or names something outside the workspace; the workspace holds a symbolic link.
+        WorkspaceError: the journal is damaged, or names something outside the workspace; the workspace holds a symbolic link, or
+            is one of another version, of which nothing is changed.
     """
+    workspace.state()
     refuse_links(workspace.root)
     path = _journal(workspace)
     if path.is_file():
@@ -52,9 +59,11 @@ def recover(workspace: Workspace) -> None:
     for folder in workspace.root.glob(f"{PARTIAL}*"):
         if not (folder / INPUTS).is_file():
             shutil.rmtree(folder, ignore_errors=True)
-    for file in workspace.root.rglob(".*.partial"):
-        if file.is_file():
-            file.unlink()
+    for place, _, names in os.walk(workspace.root):
+        for name in names:
+            if HALF_WRITTEN.fullmatch(name):
+                os.unlink(os.path.join(place, name))
+    workspace.end_cut_event()
 
 
 def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
@@ -85,10 +94,10 @@ def _finish(workspace: Workspace, entry: dict[str, Any]) -> None:
             continue  # moved before the interruption
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.is_dir():
-            shutil.rmtree(target)
-        else:
+            patiently(shutil.rmtree, target)
+        elif source.is_dir():
             target.unlink(missing_ok=True)
-        source.rename(target)
+        move(source, target)
     # What is recorded replaces the entry: nothing of the result before it may stay.
     workspace.replace_stage(entry["stage"], entry["record"])
     shutil.rmtree(partial, ignore_errors=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import platform
@@ -11,14 +12,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import write_json_atomic
+from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
+from unveil_core.base.files import full_disk, write_json_atomic
 
 __all__ = ["Workspace"]
 
 FORMAT = 1
 """Of workspace.json, raised when a workspace can no longer be read by the versions before."""
 LOCK = ".lock"
+WRITABLE = "make it writable, or name another folder"
+NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
+"""Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
+TAKEN = (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK)
+"""What the system says of a lock that somebody else has; of Windows the last two. All else means that it has none to give."""
 SIGNED_AT = 1
 """Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
 BEGUN = (LOCK, ".workspace.json.")
@@ -56,6 +62,7 @@ class Workspace:
 
         Raises:
             WorkspaceError: the folder holds something else, cannot be written, or is just being made by another process.
+            DiskFullError: no room.
         """
         workspace = Workspace(Path(root))
         if workspace.workspace_json.is_file():
@@ -75,7 +82,9 @@ class Workspace:
                 if not workspace.workspace_json.is_file():
                     write_json_atomic(workspace.workspace_json, {"format": FORMAT, "stages": {}})
         except OSError as error:
-            raise WorkspaceError(f"cannot be written: {error.strerror}", path=root) from error
+            if full := full_disk(error, Path(root)):
+                raise DiskFullError(full) from error
+            raise WorkspaceError(f"cannot be written: {error.strerror}", path=root, mend=WRITABLE) from error
         return workspace
 
     # -------------------------------------------------------------------------------------------------------------- paths
@@ -190,6 +199,12 @@ class Workspace:
             stream.write(json.dumps(event) + "\n")
         return event
 
+    def end_cut_event(self) -> None:
+        """End the last line where a kill or a full disk cut it short: the next event would be lost with it."""
+        with suppress(FileNotFoundError), self.events_jsonl.open("rb+") as stream:
+            if stream.seek(0, os.SEEK_END) and stream.seek(-1, os.SEEK_END) >= 0 and stream.read(1) != b"\n":
+                stream.write(b"\n")
+
     def events(self) -> list[dict[str, Any]]:
         """All events; a last line that was cut short by a kill is left out."""
         if not self.events_jsonl.is_file():
@@ -210,7 +225,11 @@ class Workspace:
 
 
 class Lock:
-    """One process at a time, or several that share. The operating system drops the lock with the process, however it ends."""
+    """One process at a time, or several that share. The operating system drops the lock with the process, however it ends.
+
+    Entering raises an InUseError where another process has it, and a WorkspaceError where the file system has no locks (some
+    network file systems) or the folder cannot be written.
+    """
 
     def __init__(self, path: Path, *, shared: bool = False) -> None:
         self.path, self.shared = path, shared
@@ -223,22 +242,32 @@ class Lock:
         except FileNotFoundError as error:
             raise WorkspaceError("is not there any more", path=self.path.parent, mend="run it again") from error
         except OSError as error:
-            if not self.path.is_symlink():
-                raise
-            raise WorkspaceError("is a symbolic link", path=self.path, mend="remove the link") from error
+            if self.path.is_symlink():
+                raise WorkspaceError("is a symbolic link", path=self.path, mend="remove the link") from error
+            if full := full_disk(error, self.path.parent):
+                raise DiskFullError(full) from error
+            problem = f"cannot be written: {error.strerror}"
+            raise WorkspaceError(problem, path=self.path.parent, mend=WRITABLE) from error
         for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
             try:
                 self._take(self._handle, self.shared)
                 break
             except OSError as error:
-                if patience:
+                if error.errno not in TAKEN and os.environ.get(NO_LOCKS_VARIABLE) == "1":
+                    break
+                if error.errno in TAKEN and patience:
                     time.sleep(patience)
                     continue
                 holder = self._holder(self._handle)
                 os.close(self._handle)
                 self._handle = None
+                if error.errno in TAKEN:
+                    problem = f"is in use by another process{holder}"
+                    raise InUseError(problem, path=self.path.parent, mend="wait or stop it") from error
                 raise WorkspaceError(
-                    f"is in use by another process{holder}", path=self.path.parent, mend="wait or stop it"
+                    f"is on a file system without locks, so two runs would not be kept apart: {error.strerror}",
+                    path=self.path.parent,
+                    mend=f"use a local disk; where no other run can come, set {NO_LOCKS_VARIABLE}=1",
                 ) from error
         self._sign(self._handle)
         return self

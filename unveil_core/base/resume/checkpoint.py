@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import NO_ARCHIVE
+from unveil_core.base.files import NO_ARCHIVE, move
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
 
@@ -31,7 +31,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     try:
         with new.open("wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
-        new.replace(path)
+        move(new, path)
     finally:
         new.unlink(missing_ok=True)
 

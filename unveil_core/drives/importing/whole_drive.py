@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.files import move, write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
@@ -111,7 +111,7 @@ def import_drive(
         try:
             _write(drive_as_read, drive, partial, work_side, kept or Kept(), progress)
             shutil.rmtree(destination, ignore_errors=True)
-            partial.rename(destination)
+            move(partial, destination)
         except BaseException:
             if kept is None:
                 shutil.rmtree(partial, ignore_errors=True)

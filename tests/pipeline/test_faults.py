@@ -1,0 +1,206 @@
+"""Stages that run out of memory, or whose files change under them; and what kills leave half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tests.drives.tiny_drive import make_tiny_drive
+from unveil_core.base.errors import InUseError, OutOfMemoryError, UnveilError, WorkspaceError
+from unveil_core.pipeline.run import run
+from unveil_core.pipeline.runner import run_stages
+from unveil_core.pipeline.settings import RunSettings
+from unveil_core.pipeline.stage import Stage, StageContext, parts_of
+from unveil_core.workspace.journal import recover
+from unveil_core.workspace.workspace import Workspace
+
+MOST = 1 << 46
+
+
+def read(context: StageContext) -> None:
+    context.output("sum.txt").write_text(context.drive.read_text())
+
+
+def outside(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    return [("drive", drive)]
+
+
+STAGE = Stage("read", read, (), ("sum.txt",), outside=outside)
+
+
+def go(root: Path, drive: Path, stage: Stage = STAGE) -> list[str]:
+    return run_stages(Workspace.create(root), (stage,), RunSettings(), drive)
+
+
+@pytest.mark.parametrize(
+    "allocate",
+    [lambda: np.zeros(MOST, np.uint8), lambda: torch.zeros(MOST, dtype=torch.uint8), lambda: bytearray(MOST)],
+)
+def test_want_of_memory_is_told_and_what_was_computed_serves_the_next_attempt(
+    allocate: Callable[[], object], tmp_path: Path
+) -> None:
+    made: list[str] = []
+
+    def hungry(context: StageContext) -> None:
+        context.kept.once("first", lambda: made.append("first") or {"x": np.zeros(1)})
+        if len(made) == 1:
+            made.append("hungry")
+            allocate()
+        read(context)
+
+    (tmp_path / "drive").write_text("3")
+    stage = replace(STAGE, run=hungry)
+    line = r"w: no memory left for read, at \d+ MB .end other programs or use a machine with more: it goes on where"
+    with pytest.raises(OutOfMemoryError, match=line):
+        go(tmp_path / "w", tmp_path / "drive", stage)
+    workspace = Workspace.open(tmp_path / "w")
+    assert workspace.state()["stages"]["read"]["status"] == "failed"
+    assert "allocate" in workspace.events()[-1]["traceback"]
+    assert go(tmp_path / "w", tmp_path / "drive", stage) == ["read"] and made == ["first", "hungry"]
+
+
+@pytest.mark.parametrize("also", [False, True])
+def test_a_thread_of_a_library_that_finds_no_memory_spoils_no_result(
+    also: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The library goes on without it, with arrays that hold anything; and what was made of them must not be kept."""
+    (tmp_path / "drive").write_text("3")
+
+    def disturbed(context: StageContext) -> None:
+        thread = threading.Thread(target=lambda: bytearray(MOST))
+        thread.start()
+        thread.join()
+        context.kept.once("made of it", lambda: {"x": np.zeros(1)})
+        (parts_of(context.workspace.root, "read") / "block_000/digest").mkdir(parents=True)
+        (parts_of(context.workspace.root, "read") / "block_000/digest/part.npz").touch()
+        if also:
+            bytearray(MOST)
+        read(context)
+
+    with pytest.raises(OutOfMemoryError, match="no memory left for read"):
+        go(tmp_path / "w", tmp_path / "drive", replace(STAGE, run=disturbed))
+    left = [p.name for p in (tmp_path / "w").iterdir()]
+    assert sorted(left) == [".blocks", ".lock", "events.jsonl", "workspace.json"]
+    assert not parts_of(tmp_path / "w", "read").exists() and "Traceback" not in capfd.readouterr().err
+    assert go(tmp_path / "w", tmp_path / "drive") == ["read"]
+
+
+@pytest.mark.parametrize("how", ["changed", "changed and put back", "removed", "removed and missed"])
+def test_a_file_that_changes_under_a_stage_spoils_no_result(how: str, tmp_path: Path) -> None:
+    drive, root = tmp_path / "drive", tmp_path / "w"
+    drive.write_text("3")
+
+    def disturbed(context: StageContext) -> None:
+        (parts_of(root, "read") / "block_000/digest").mkdir(parents=True)
+        if how.startswith("removed"):
+            drive.unlink()
+        else:
+            drive.write_text("4")
+            os.utime(drive, ns=(1, 1))
+        if how == "removed and missed":
+            read(context)
+        context.output("sum.txt").write_text("of what was read")
+        if how == "changed and put back":
+            drive.write_text("3")
+
+    kind = "was changed or removed while read read it .let it be while a run goes on, and run it again"
+    with pytest.raises(UnveilError, match=f"drive: {kind}"):
+        go(root, drive, replace(STAGE, run=disturbed))
+    assert not (root / "sum.txt").exists() and not list(root.glob(".partial*")) and not parts_of(root, "read").exists()
+    drive.write_text("3")
+    assert go(root, drive) == ["read"] and (root / "sum.txt").read_text() == "3"
+    os.utime(drive, (4_102_444_800, 4_102_444_800))  # another time alone is no other content, once nobody reads it
+    assert go(root, drive) == []
+
+
+def test_a_folder_that_is_removed_under_a_run_is_one_line(tmp_path: Path) -> None:
+    """Also when the run would write that down in the folder."""
+    drive, root = tmp_path / "drive", tmp_path / "w"
+    drive.write_text("3")
+
+    def disturbed(context: StageContext) -> None:
+        for path in sorted(root.rglob("*"), reverse=True):
+            path.rmdir() if path.is_dir() else path.unlink()
+        root.rmdir()
+        read(context)
+
+    with pytest.raises((OSError, WorkspaceError)):
+        go(root, drive, replace(STAGE, run=disturbed))
+
+
+def test_after_a_kill_the_next_run_says_so(tmp_path: Path) -> None:
+    """The killed one cannot, and who finds it gone in the morning asks why."""
+    (tmp_path / "drive").write_text("3")
+    workspace = Workspace.create(tmp_path / "w")
+    workspace.update_stage("read", status="running")
+    assert go(tmp_path / "w", tmp_path / "drive") == ["read"] and go(tmp_path / "w", tmp_path / "drive") == []
+    told = [e for e in workspace.events() if "ended here from outside: killed, or out of memory" in e["message"]]
+    assert [(e["stage"], e["level"]) for e in told] == [("read", "notice")]
+
+
+def test_what_a_kill_left_half_written_is_no_part_of_the_result(tmp_path: Path) -> None:
+    workspace = Workspace.create(tmp_path / "w")
+    report = workspace.root / ".partial-report/report"
+    report.mkdir(parents=True)
+    (report.parent / ".inputs").write_text("digest")
+    left = [".index.html.abc.partial", ".before_after.x1_y.partial.mp4", ".part.npz.123.new"]
+    for name in left:
+        (report / name).write_bytes(b"half")
+    (report / "whole.partial.txt").write_bytes(b"somebody's")
+    workspace.log("report", "whole")
+    with workspace.events_jsonl.open("a") as stream:
+        stream.write('{"t": 1, "stage": "cut')
+    recover(workspace)
+    assert [p.name for p in report.iterdir()] == ["whole.partial.txt"]
+    workspace.log("report", "after")
+    assert [e["message"] for e in workspace.events()] == ["whole", "after"]
+    before = workspace.events_jsonl.read_bytes()
+    recover(workspace)
+    assert workspace.events_jsonl.read_bytes() == before
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from unveil_core.workspace.workspace import Workspace
+with Workspace(Path(sys.argv[1])).lock():
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_run_that_meets_another_does_not_remove_what_both_work_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other may have begun nothing yet, and let go of the lock for a moment."""
+    drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "w"
+    real, others = Workspace.create, []
+
+    def create_and_meet(path: str | Path) -> Workspace:
+        space = real(path)
+        others.append(subprocess.Popen([sys.executable, "-c", HOLD, str(root)], stdout=subprocess.PIPE, text=True))
+        assert others[0].stdout is not None and others[0].stdout.readline() == "held\n"
+        return space
+
+    def met_and_gone(stages: object, *rest: object, **options: object) -> None:
+        try:
+            run_stages(stages, *rest, **options)  # type: ignore[arg-type]
+        finally:
+            others[0].kill()
+            others[0].communicate()
+
+    monkeypatch.setattr(Workspace, "create", staticmethod(create_and_meet))
+    monkeypatch.setattr("unveil_core.pipeline.run.run_stages", met_and_gone)
+    with pytest.raises(InUseError, match="is in use by another process, "):
+        run(drive, root, RunSettings(remove=("vehicle",)))
+    assert json.loads((root / "workspace.json").read_text())["format"] == 1
