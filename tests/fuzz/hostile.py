@@ -55,6 +55,8 @@ def packed_numbers() -> tuple[bytes, ...]:
     for order in "<>":
         for layout, bits in (("B", 8), ("H", 16), ("I", 32), ("Q", 64)):
             top = 1 << bits
-            found += [struct.pack(order + layout, n) for n in (0, 1, top // 2 - 1, top // 2, top - 1, min(top - 1, 100_000))]
+            found += [
+                struct.pack(order + layout, n) for n in (0, 1, top // 2 - 1, top // 2, top - 1, min(top - 1, 100_000))
+            ]
         found += [struct.pack(order + kind, n) for kind in "fd" for n in (math.nan, math.inf, -math.inf, -1.0, 3e38)]
     return tuple(dict.fromkeys(found))

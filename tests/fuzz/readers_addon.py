@@ -26,7 +26,16 @@ __all__ = ["READERS"]
 REFUSED = (OSError, ValueError)
 """What the add-on's readers may raise; operators show it as one line."""
 EVENTS = (
-    {"t": 1.5, "stage": "mesh", "done": 3, "total": 9, "message": "fusing", "level": "info", "loss": 0.5, "left_s": 60.0},
+    {
+        "t": 1.5,
+        "stage": "mesh",
+        "done": 3,
+        "total": 9,
+        "message": "fusing",
+        "level": "info",
+        "loss": 0.5,
+        "left_s": 60.0,
+    },
     {"t": 2.5, "stage": "mesh", "done": 9, "total": 9, "message": "done", "level": "info", "seconds": 3},
     {"t": 3.5, "stage": "report", "message": "no room", "level": "error", "traceback": "a\nb"},
 )

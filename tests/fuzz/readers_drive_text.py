@@ -117,7 +117,11 @@ def _kitti_text(folder: Path) -> Opened:
     drive = day / "2011_09_26_drive_0001_sync"
     poses = folder / "poses.txt"
     poses.write_text("1 0 0 0 0 1 0 0 0 0 1 0\n0 0 1 3 0 1 0 1 -1 0 0 2\n")
-    cameras, scanner, stamps = day / "calib_cam_to_cam.txt", day / "calib_velo_to_cam.txt", drive / "oxts/timestamps.txt"
+    cameras, scanner, stamps = (
+        day / "calib_cam_to_cam.txt",
+        day / "calib_velo_to_cam.txt",
+        drive / "oxts/timestamps.txt",
+    )
     packets = sorted((drive / "oxts/data").iterdir())
 
     def read(file: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import json
 import mmap
 import os
@@ -175,6 +176,7 @@ def _child(
         for stream in (1, 2):  # what libraries say of damaged files
             os.dup2(nothing, stream)
         warnings.simplefilter("ignore")
+        gc.freeze()  # the modules are no garbage of the readers
         held = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
         resource.setrlimit(resource.RLIMIT_AS, (held + ADDRESS_SPACE, held + ADDRESS_SPACE))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -239,9 +241,7 @@ def _put(file: Path, content: bytes) -> None:
         os.close(handle)
 
 
-def _small(
-    reader: Reader, opened: Opened, file: Path, content: bytes, verdict: Finding, state: State
-) -> bytes:
+def _small(reader: Reader, opened: Opened, file: Path, content: bytes, verdict: Finding, state: State) -> bytes:
     """The content made small, where that shows the same again; what took much memory is left as it is."""
     if verdict.kind == "memory":
         return content

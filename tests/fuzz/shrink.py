@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 __all__ = ["shrunk"]
 
-MOST_TRIES = 600
+MOST_TRIES = 150
 
 
 def shrunk(content: bytes, still: Callable[[bytes], bool]) -> bytes:

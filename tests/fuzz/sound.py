@@ -73,5 +73,7 @@ def sound_names(drive: Drive, within: Path | None = None) -> None:
         if not is_file_name(frame.name) or not is_file_name(frame.camera_name):
             raise Wrong("a name that is no file's is taken")
         inner = (frame.image_path, frame.semantic_path, frame.instance_path, frame.mask_path, frame.ego_path)
-        if within is not None and not all(p is None or (p.is_relative_to(within) and ".." not in p.parts) for p in inner):
+        if within is not None and not all(
+            p is None or (p.is_relative_to(within) and ".." not in p.parts) for p in inner
+        ):
             raise Wrong("a file outside the workspace is taken")

@@ -25,6 +25,7 @@ __all__ = [
     "decode_image",
     "disk_is_full",
     "link_or_copy",
+    "parsed_json",
     "read_image",
     "read_image_as_it_is",
     "read_instance_image",
@@ -107,6 +108,22 @@ def read_text(path: Path, mend: str | None = None) -> str:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
 
 
+def parsed_json(text: str | bytes) -> Any:
+    """What a JSON text holds. Whole numbers of more digits than 64 bits have become floats, as in other programs.
+
+    Raises:
+        ValueError: it is no JSON, or lists lie too deep within one another.
+    """
+    try:
+        return json.loads(text, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("it holds too many lists or objects within one another") from None
+
+
+def _whole(digits: str) -> int | float:
+    return int(digits) if len(digits) < 20 else float(digits)
+
+
 def read_json(path: Path) -> object:
     """What a JSON file of a drive holds.
 
@@ -115,8 +132,8 @@ def read_json(path: Path) -> object:
     """
     text = read_text(path)
     try:
-        content: object = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        content: object = parsed_json(text)
+    except ValueError as error:
         raise DriveError(f"is not valid JSON: {error}", path=path) from error
     return content
 

@@ -6,6 +6,7 @@ A JSON list; each entry is ``{id, class, centre: [x, y, z], size: [length, width
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image, read_json
 from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.named_paths import named_path
 
 __all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marked"]
 
@@ -54,8 +56,7 @@ def read_marked(path: Path) -> tuple[MarkedObject, ...]:
     if not isinstance(entries, list):
         raise DriveError("holds no list of marked objects", path=path, mend=MEND)
     found = [_entry(i, entry, path) for i, entry in enumerate(entries)]
-    numbers = [m.id for m in found]
-    twice = [n for n in numbers if numbers.count(n) > 1]
+    twice = [number for number, times in Counter(m.id for m in found).items() if times > 1]
     if twice:
         raise DriveError(f"id {twice[0]} occurs twice", path=path, mend="an id stands for one object")
     return tuple(found)
@@ -72,7 +73,7 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
     if "mattes" not in entry:
         (box,) = read_boxes([{"class": "object", **entry}], path, str(i))
         return MarkedObject(box.id, box.class_name, box=box)
-    number, folder = entry.get("id"), path.parent / str(entry["mattes"])
+    number, folder = entry.get("id"), named_path(path.parent, entry["mattes"], path, f"mattes of entry {i}")
     if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
         raise DriveError(f"entry {i}: id {number!r} is no number from 1 to 65535", path=path, mend=MEND)
     if not files_named(folder):

@@ -6,8 +6,8 @@ import math
 import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from unveil_core.base.checked import checked
 from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
@@ -193,6 +193,15 @@ class RunSettings:
 
     @staticmethod
     def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
-        """Inverse of :meth:`to_json`."""
-        known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
-        return RunSettings(**known)
+        """Inverse of :meth:`to_json`, of what a workspace records.
+
+        Raises:
+            SettingsError: a setting that this version does not have, or of another kind.
+        """
+        try:
+            return checked(RunSettings, data)
+        except (TypeError, ValueError) as error:
+            raise SettingsError(
+                f"the workspace records settings that this version does not have: {error}",
+                mend="use the version of Unveil that made it, or begin a new workspace",
+            ) from error

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.files import write_json_atomic
+from unveil_core.base.files import parsed_json, write_json_atomic
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
@@ -25,8 +25,8 @@ class Digests:
         self.root = workspace.root
         self.path = workspace.root / ".digests.json"
         self.known: dict[str, list] = {}  # type: ignore[type-arg]
-        with suppress(OSError, ValueError, RecursionError):
-            known = json.loads(self.path.read_text("utf-8"))
+        with suppress(OSError, ValueError):
+            known = parsed_json(self.path.read_text("utf-8"))
             self.known = known if isinstance(known, dict) else {}
         self.used: set[str] = set()
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import NO_ARCHIVE
+from unveil_core.base.files import NO_ARCHIVE, parsed_json
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
 
@@ -52,7 +52,7 @@ def facts_array(facts: Any) -> NDArray[np.uint8]:
 
 def facts_of(array: NDArray[Any]) -> Any:
     """Inverse of :func:`facts_array`."""
-    return json.loads(array.tobytes())
+    return parsed_json(array.tobytes())
 
 
 class Kept:
@@ -112,4 +112,8 @@ class Checkpoint:
         arrays = None if self.path is None else read_arrays(self.path)
         if arrays is None or FACTS not in arrays:
             return None
-        return arrays, facts_of(arrays.pop(FACTS))
+        try:
+            facts = facts_of(arrays.pop(FACTS))
+        except ValueError:
+            return None
+        return (arrays, facts) if isinstance(facts, dict) else None

@@ -25,6 +25,7 @@ from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
+from unveil_core.drives.named_paths import named_path
 from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["pose_from_matrix", "read_transforms_json"]
@@ -38,7 +39,7 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     """
     try:
         pose = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pose = np.zeros(0)
     if pose.shape == (3, 4):
         pose = np.vstack([pose, [0, 0, 0, 1]])
@@ -60,9 +61,9 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     return pose
 
 
-def _image_path(root: Path, name: str) -> Path:
-    """The file that ``file_path`` means; Instant-NGP leaves the suffix out, and Windows writes backslashes."""
-    path = root / name.replace("\\", "/")
+def _image_path(source: Path, name: object) -> Path:
+    """The file that ``file_path`` of a transforms.json means; Instant-NGP leaves the suffix out."""
+    path = named_path(source.parent, name, source, "file_path")
     if not path.suffix or not path.exists():
         for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
             if (candidate := path.with_name(path.name + suffix)).exists():
@@ -93,7 +94,7 @@ def _up_told(keys: Keys) -> Float64 | None:
         return None
     try:
         up = np.asarray(keys.get("up"), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
         raise DriveError("up is no direction", path=keys.path, mend="three numbers, as [0, 0, 1]")
@@ -106,7 +107,7 @@ def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
     for i, entry in enumerate(entries):
         if not isinstance(entry, dict) or not entry.get("file_path"):
             raise DriveError(f"frame {i} has no file_path", path=path)
-    images = [_image_path(path.parent, str(entry["file_path"])) for entry in entries]
+    images = [_image_path(path, entry["file_path"]) for entry in entries]
     cameras = camera_names(entries)
     names = frame_names(entries, cameras, [image.stem for image in images])
     frames = []

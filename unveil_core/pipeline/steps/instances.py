@@ -5,13 +5,12 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.files import write_json_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
@@ -26,7 +25,7 @@ from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_array, load_selection, save_array
+from unveil_core.workspace.files import listed_objects, load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -59,11 +58,11 @@ def run(context: StageContext) -> None:
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
     axes = up_frame(UP)
-    listed: Any = read_json(workspace.objects_json)
+    listed = listed_objects(workspace)
     entries: list[dict[str, object]] = []
-    for done, known in enumerate(listed["objects"]):
+    for done, known in enumerate(listed):
         number, members = int(known["id"]), of_surfel == int(known["id"])
-        context.progress(done + 1, len(listed["objects"]), "naming objects")
+        context.progress(done + 1, len(listed), "naming objects")
         if not members.any():
             continue
         box = (
