@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -31,6 +32,7 @@ __all__ = [
     "read_instance_image",
     "read_json",
     "read_label_image",
+    "read_unchanged",
     "write_atomic",
     "write_bytes_atomic",
     "write_image_atomic",
@@ -47,6 +49,10 @@ NO_ARCHIVE = (
     ValueError,
     zipfile.BadZipFile,
     zlib.error,
+    tokenize.TokenError,
+    AttributeError,
+    TypeError,
+    ArithmeticError,
 )
 """What numpy and zipfile raise for a damaged ``.npz``, an encrypted one or one of a later format: found by fuzzing."""
 IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -224,6 +230,15 @@ def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         raise DriveError(f"has {image.dtype} pixels", path=path, mend="export it again with 8 or 16 bits")
     ordered: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
     return ordered
+
+
+def read_unchanged(path: Path) -> NDArray[np.generic]:
+    """(H, W) or (H, W, C) with the values and the order of channels that the file has.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    return _decode(path, cv2.IMREAD_UNCHANGED)
 
 
 def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:

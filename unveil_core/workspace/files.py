@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.array_headers import check_npy
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, parsed_json, read_label_image, write_atomic, write_image_atomic
 from unveil_core.base.names import is_file_name
@@ -93,13 +93,7 @@ def load_array(path: Path) -> NDArray[np.int64]:
     """
     try:
         with path.open("rb") as stream:
-            size = path.stat().st_size
-            version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
-            if version != (1, 0):
-                raise ValueError(f"it is of version {version}")
-            shape, _, kind = np.lib.format.read_array_header_1_0(stream)  # type: ignore[no-untyped-call]
-            if kind.kind not in "biuf" or math.prod(shape) * kind.itemsize != size - stream.tell():
-                raise ValueError(f"it says {shape} {kind} in {size:,} bytes")
+            check_npy(stream, path.stat().st_size)
             stream.seek(0)
             array: NDArray[np.int64] = np.load(stream, allow_pickle=False)
     except NO_ARCHIVE as error:

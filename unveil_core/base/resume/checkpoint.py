@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.array_headers import check_npz
 from unveil_core.base.files import NO_ARCHIVE, parsed_json
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
@@ -39,6 +40,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
     try:
+        check_npz(path)
         with np.load(path, allow_pickle=False) as data:
             return dict(data)
     except NO_ARCHIVE:
