@@ -68,5 +68,5 @@ def one_line(error: Exception, place: str | Path) -> str:
 def _shown(text: str) -> str:
     """One line that Blender can show: text of files may hold anything."""
     whole = " ".join(text.split())
-    whole = whole if len(whole) <= LONGEST_LINE else f"{whole[:LONGEST_LINE]}…"
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+    whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+    return whole if len(whole) <= LONGEST_LINE else f"{whole[:LONGEST_LINE]}…"

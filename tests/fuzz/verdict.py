@@ -10,7 +10,7 @@ from tests.fuzz.reader import Opened, Reader, Wrong
 
 __all__ = ["LONGEST_MESSAGE", "Finding", "finding_of", "judged"]
 
-LONGEST_MESSAGE = 1000
+LONGEST_MESSAGE = 2000
 """Characters: what is longer is no line any more."""
 
 

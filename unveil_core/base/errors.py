@@ -42,11 +42,11 @@ def _shown(text: str, *, tail: bool = False) -> str:
         tail: the end tells more than the beginning.
     """
     whole = " ".join(text.split())
+    if not whole.isprintable():
+        whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
     if len(whole) > LONGEST_PART:
-        whole = f"…{whole[-LONGEST_PART:]}" if tail else f"{whole[:LONGEST_PART]}…"
-    if whole.isprintable():
-        return whole
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+        return f"…{whole[-LONGEST_PART:]}" if tail else f"{whole[:LONGEST_PART]}…"
+    return whole
 
 
 class DriveError(UnveilError):
