@@ -130,6 +130,8 @@ BYTES = (
     ("PLY of points", "points.ply", b"vertex 4", b"vertex " + b"4" * 5000),
     ("add-on: PLY", "mesh.ply", b"property float x", b"property float \x1b"),
     ("depth images", "a.npy", b"'<f4'", b"'<f4"),
+    ("depth images", "a.npy", b"(16, 24)", b"(" * 300),
+    ("COLMAP binary", "images.bin", b"0000.jpg", b"0" * 300),
     ("arrays of a workspace", "points.npy", b"(6,)", b"(6,"),
 )
 ARRAYS = (

@@ -61,7 +61,7 @@ def _in_chain(error: BaseException | None, kind: type[BaseException]) -> bool:
         # Arrow asks the system for what a file claims, and writes what there is: nothing was taken where it says no.
         if isinstance(error, kind) and type(error).__name__ != "ArrowMemoryError":
             return True
-        error = error.__cause__ or error.__context__
+        error = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     return False
 
 

@@ -47,7 +47,10 @@ def check_npy(stream: BinaryIO | Any, size: int) -> None:
     if version not in ((1, 0), (2, 0)):
         raise ValueError(f"it is of version {version}")
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, kind = read(stream)  # type: ignore[no-untyped-call]
+    try:
+        shape, _, kind = read(stream)  # type: ignore[no-untyped-call]
+    except (MemoryError, RecursionError):  # so Python says that brackets lie too deep within one another
+        raise ValueError("its header is none") from None
     sound = kind.kind in NUMBERS and min(shape, default=0) >= 0
     if not sound or math.prod(shape) * kind.itemsize != size - stream.tell():
         raise ValueError(f"it says {str(shape)[:60]} {kind} in {size:,} bytes")

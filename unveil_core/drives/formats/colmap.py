@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
+from unveil_core.drives.named_paths import named_path
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
 from unveil_core.geometry.transforms import quat_to_rotation
@@ -254,6 +255,7 @@ def read_colmap(path: Path) -> Drive:
             raise DriveError(f"image {name} names camera {camera_id}, which is not there", path=folder)
         lens = lenses[camera_id]
         (fx, fy, cx, cy), distortion = lens.split()
+        named_path(root / "masks", f"{name}.png", folder, "an image's name")  # is the longest that is looked for
         image = root / "images" / name
         masks = (root / "masks" / f"{name}.png", (root / "masks" / name).with_suffix(".png"))
         parent = Path(name).parent.as_posix()
