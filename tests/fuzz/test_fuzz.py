@@ -17,10 +17,10 @@ from tests.fuzz.run import fuzz, input_of
 from tests.fuzz.shrink import shrunk
 from tests.fuzz.table import READERS
 from tests.fuzz.verdict import Finding, judged
-from unveil_core.base.checked import checked
+from unveil_core.base.checks.fields import checked
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import parsed_json
-from unveil_core.drives.named_paths import named_path
 from unveil_core.farm.state import TaskState
 from unveil_core.pipeline.settings import RunSettings
 

@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image, read_json
 from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.drives.named_paths import named_path
 
 __all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marked"]
 

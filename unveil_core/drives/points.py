@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
+from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_atomic
-from unveil_core.base.ply_headers import UNREADABLE, check_counts
 from unveil_core.drives.drive import PointCloud
 
 __all__ = ["read_points", "write_points"]

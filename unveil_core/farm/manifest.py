@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.checked import checked
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.base.names import is_file_name

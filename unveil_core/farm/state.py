@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.checked import checked
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.farm.manifest import Batch, Task

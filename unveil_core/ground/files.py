@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from unveil_core.base.array_headers import check_npz
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.base.types import Float64

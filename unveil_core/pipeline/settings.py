@@ -7,7 +7,7 @@ import re
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from unveil_core.base.checked import checked
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file

@@ -13,9 +13,9 @@ import numpy as np
 import torch
 from plyfile import PlyData, PlyElement
 
+from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import write_atomic
-from unveil_core.base.ply_headers import UNREADABLE, check_counts
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.surfels.surfels import Surfels
 

@@ -16,7 +16,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.base.array_headers import check_npz
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.geometry.axes import up_frame

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from unveil_core.base.checked import checked
+from unveil_core.base.checks.fields import checked
 
 __all__ = ["Assumption", "assumed", "recorded_assumptions"]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.array_headers import check_npy
+from unveil_core.base.checks.array_headers import check_npy
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, parsed_json, read_label_image, write_atomic, write_image_atomic
 from unveil_core.base.names import is_file_name

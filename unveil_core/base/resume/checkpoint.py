@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.array_headers import check_npz
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.files import NO_ARCHIVE, parsed_json
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.array_headers import check_npz
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE
 

@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
-from unveil_core.drives.named_paths import named_path
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
 from unveil_core.geometry.transforms import quat_to_rotation

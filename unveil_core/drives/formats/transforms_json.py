@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
@@ -25,7 +26,6 @@ from unveil_core.drives.formats.nerfstudio.keys import Keys
 from unveil_core.drives.formats.nerfstudio.lens import crop_notice, read_lens
 from unveil_core.drives.formats.nerfstudio.points import read_named_points
 from unveil_core.drives.formats.nerfstudio.rig import camera_names, frame_names
-from unveil_core.drives.named_paths import named_path
 from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["pose_from_matrix", "read_transforms_json"]

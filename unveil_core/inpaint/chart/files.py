@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.array_headers import check_npz
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.array_headers import check_npy
+from unveil_core.base.checks.array_headers import check_npy
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE, read_unchanged
 from unveil_core.base.types import Float32, Float64

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
-from unveil_core.drives.named_paths import named_path
 
 __all__ = ["Keys"]
 

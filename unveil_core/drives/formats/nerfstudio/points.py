@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.formats.colmap import find_model, read_model_points
 from unveil_core.drives.formats.nerfstudio.keys import Keys
-from unveil_core.drives.named_paths import named_path
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 
