@@ -58,17 +58,22 @@ def main() -> None:
     found = 0
     for reader in chosen:
         inputs = arguments.inputs or reader.inputs or INPUTS[reader.kind]
-        results: dict[str, Any] = json.loads(arguments.output.read_text()) if arguments.output.is_file() else {}
-        rows = results.get("readers", {})
-        if arguments.resume and is_done(rows.get(reader.name), inputs):
+        if arguments.resume and is_done(known_rows(arguments.output).get(reader.name), inputs):
             continue
         row = measured(reader, inputs, arguments)
+        rows = known_rows(arguments.output)  # now, for others may have written meanwhile
         found += sum(row[k] for k in ("crash", "hang", "memory", "wrong"))
         rows = {name: {**rows, reader.name: row}[name] for name in READERS if name in {*rows, reader.name}}
         about = {**machine(), "parsers": {name: version(name) for name in PARSERS}}
         limits = {"seconds": HANG_S, "memory_mb": MEMORY_MB}
         write_json_atomic(arguments.output, {"machine": about, "limits": limits, "readers": rows})
     raise SystemExit(int(found > 0))
+
+
+def known_rows(path: Path) -> dict[str, Any]:
+    """The rows of a file of results, by reader."""
+    rows: dict[str, Any] = json.loads(path.read_text())["readers"] if path.is_file() else {}
+    return rows
 
 
 def measured(reader: Reader, inputs: int, arguments: argparse.Namespace) -> dict[str, Any]:
