@@ -69,6 +69,8 @@ VALUES: tuple[tuple[str, str, tuple[str | int, ...], object], ...] = (
     ("cameras.json", "cameras.json", (*FRAME, "width"), 0),
     ("cameras.json", "cameras.json", (*FRAME, "timestamp"), "soon"),
     ("cameras.json", "cameras.json", (*FRAME, "name"), "../x"),
+    ("events.jsonl, digests", ".digests.json", ("é" * 200,), [1, 2, "3"]),
+    ("events.jsonl, digests", ".digests.json", ("events.jsonl",), [float("nan")]),
     ("journal of a stage", ".journal.json", ("record", "seconds"), float("nan")),
     ("journal of a stage", ".journal.json", ("outputs",), [LONG]),
     ("journal of a stage", ".journal.json", ("outputs",), ["meshes/new.ply/x"]),

@@ -142,6 +142,8 @@ class RunSettings:
                 raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
         if self.seed < 0:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
+        if self.seed >= 1 << 63:
+            raise SettingsError(f"seed {self.seed} is too large", mend="use less than 2^63")
         if self.device == "cuda":
             raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
 

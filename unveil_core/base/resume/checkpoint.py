@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.checks.array_headers import check_npz
-from unveil_core.base.files import NO_ARCHIVE, parsed_json
+from unveil_core.base.files import NO_ARCHIVE
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
 
@@ -54,7 +54,10 @@ def facts_array(facts: Any) -> NDArray[np.uint8]:
 
 def facts_of(array: NDArray[Any]) -> Any:
     """Inverse of :func:`facts_array`."""
-    return parsed_json(array.tobytes())
+    try:
+        return json.loads(array.tobytes())  # states of generators are whole numbers of 128 bits
+    except RecursionError:
+        raise ValueError("it holds too many lists or objects within one another") from None
 
 
 class Kept:
