@@ -42,6 +42,7 @@ VALUES: tuple[tuple[str, str, tuple[str | int, ...], object], ...] = (
     ("marked objects", "marked.json", (1, "mattes"), LONG),
     ("marked objects", "marked.json", (1, "mattes"), ESCAPE),
     ("camera path", "viewer.json", ("camera_type",), ESCAPE),
+    ("camera path", "viewer.json", ("camera_path", 0, "fov"), 5e-324),
     ("PandaSet JSON", "timestamps.json", (0,), HUGE),
     ("PandaSet JSON", "intrinsics.json", ("fx",), HUGE),
     ("PandaSet JSON", "poses.json", (0, "position", "x"), HUGE),

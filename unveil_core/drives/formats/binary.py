@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,10 @@ def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
         DriveError: missing, cut short, too large, without one of the arrays, or with objects.
     """
     try:
-        check_npz(path, names, MOST_BYTES)
+        with zipfile.ZipFile(path) as packed:
+            if sum(packed.getinfo(f"{name}.npy").file_size for name in names) > MOST_BYTES:
+                raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+        check_npz(path, names)
         with np.load(path, allow_pickle=False) as archive:
             return [np.asarray(archive[name]) for name in names]
     except KeyError as error:

@@ -151,7 +151,11 @@ def _read_depth(path: Path) -> Float32:
     """(H, W) as the file has it."""
     if path.suffix.lower() == ".npy":
         return np.array(_load_npy(path), dtype=np.float32)
-    image = read_unchanged(path)
+    try:
+        image = read_unchanged(path)
+    except DriveError as error:
+        problem = error.problem.replace("readable image", "readable depth image")
+        raise DriveError(problem, path=path, mend="export it again as 16-bit PNG or .npy") from error
     if image.ndim != 2 or image.dtype == np.uint8:
         shape = f"{image.shape[2]} channels" if image.ndim == 3 else "8 bits"
         raise DriveError(
