@@ -27,6 +27,7 @@ VALUES: tuple[tuple[str, str, tuple[str | int, ...], object], ...] = (
     ("transforms.json", "transforms.json", (*FRAME, "file_path"), "a\0b"),
     ("transforms.json", "transforms.json", (*FRAME, "file_path"), LONG),
     ("transforms.json", "transforms.json", (*FRAME, "file_path"), "\ud800"),
+    ("transforms.json", "transforms.json", (*FRAME, "file_path"), "/"),
     ("transforms.json", "transforms.json", (*FRAME, "semantic_path"), LONG),
     ("transforms.json", "transforms.json", (*FRAME, "transform_matrix", 0, 3), HUGE),
     ("transforms.json", "transforms.json", ("w",), HUGE),

@@ -64,6 +64,8 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
 def _image_path(source: Path, name: object) -> Path:
     """The file that ``file_path`` of a transforms.json means; Instant-NGP leaves the suffix out."""
     path = named_path(source.parent, name, source, "file_path")
+    if not path.name:
+        raise DriveError(f"file_path names no file: {str(name)[:40]!r}", path=source, mend="correct it")
     if not path.suffix or not path.exists():
         for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
             if (candidate := path.with_name(path.name + suffix)).exists():
