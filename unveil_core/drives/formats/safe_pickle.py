@@ -225,7 +225,7 @@ def _all_of(stream: Any) -> bytes:
     """What a stream holds, or just more than :data:`MOST_BYTES` of it. Piece by piece: for one read of so many bytes, room for
     all of them is taken first."""
     pieces, size = list[bytes](), 0
-    while size <= MOST_BYTES and (piece := stream.read(PIECE_BYTES)):
+    while size <= MOST_BYTES and (piece := stream.read(min(PIECE_BYTES, MOST_BYTES + 1 - size))):
         pieces.append(piece)
         size += len(piece)
     return b"".join(pieces)
