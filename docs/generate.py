@@ -9,6 +9,7 @@ parts anew, compares, and holds the imports to :data:`ORDER`.
 from __future__ import annotations
 
 import ast
+import json
 import re
 import sys
 from dataclasses import dataclass
@@ -156,7 +157,19 @@ def stage_table() -> str:
     return "\n".join(lines)
 
 
+def fuzz_table() -> str:
+    """What fuzzing tried and found, a row for each reader of ``benchmarks/results/fuzz.json``."""
+    rows = json.loads((ROOT / "benchmarks/results/fuzz.json").read_text(encoding="utf-8"))["readers"]
+    lines = ["| reader | inputs | of these read | crashes | hangs | over the limit of memory | wrong |"]
+    lines += ["|---|---|---|---|---|---|---|"]
+    for name, row in rows.items():
+        found = " | ".join(str(row[kind]) for kind in ("crash", "hang", "memory", "wrong"))
+        lines.append(f"| {name} | {row['inputs']:,} | {row['read'] / max(row['inputs'], 1):.0%} | {found} |".replace("%", " %"))
+    return "\n".join(lines)
+
+
 PARTS = {
+    "benchmarks.md": {"fuzzing": fuzz_table},
     "development.md": {"packages": drawing, "package table": package_table},
     "workspace.md": {"stages": stage_table},
 }

@@ -15,6 +15,8 @@ import numpy as np
 
 __all__ = ["DriveFrame", "ImportedDrive", "Lens", "read_drive", "read_json"]
 
+FARTHEST, LONGEST_SIDE = 1e12, 1 << 20
+"""Of coordinates, metres or units of the drive, and of a picture, pixels: what is larger is damaged."""
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 """From a camera that looks along +z with y down to Blender's, which looks along -z with y up."""
 
@@ -129,11 +131,16 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
         similarity = data["to_world"]
         offset = np.array(similarity["translation"], np.float64).reshape(3)
         rotation = np.array(similarity["rotation"], np.float64).reshape(3, 3)
-        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, float(similarity["scale"]), rotation)
+        scale = float(similarity["scale"])
+        if not (np.abs(offset) < FARTHEST).all() or not 1 / FARTHEST < scale < FARTHEST:
+            raise ValueError("its way to the drive is none")
+        if not np.isfinite(rotation).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
+            raise ValueError("its way to the drive is no rotation")
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
             tracks.setdefault(_name(entry["camera"]), []).append(_frame(entry, drive))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
     drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
     return drive
@@ -165,7 +172,8 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     shown = entry if in_lens else footage
     width, height = int(shown["width"]), int(shown["height"])
     lens = [float(shown[key]) for key in ("fx", "fy", "cx", "cy")]
-    if width < 1 or height < 1 or not np.isfinite([*lens, *placed.ravel()]).all() or min(lens[:2]) <= 0:
+    sound = 1 <= min(width, height) <= max(width, height) < LONGEST_SIDE and (np.abs(placed) < FARTHEST).all()
+    if not sound or not (np.abs(lens) < FARTHEST).all() or min(lens[:2]) < 1 / FARTHEST:
         raise ValueError(f"the camera of frame {entry['name']} has no size, focal length or pose")
     return DriveFrame(
         _name(entry["name"]),

@@ -68,6 +68,9 @@ def own_folder(workspace: Path, *names: str) -> Path:
     return folder
 
 
+LONGEST_LINE = 800
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file under another name and rename it: on a full disk nothing is left of it, and the old one stays.
 
@@ -118,5 +121,12 @@ def one_line(error: Exception, place: str | Path) -> str:
         where = error.filename or place
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             return f"{where}: the disk is full (free some space and try again)"
-        return f"{where}: {error.strerror or error}"
-    return " ".join(str(error).split())
+        return _shown(f"{where}: {error.strerror or error}")
+    return _shown(str(error))
+
+
+def _shown(text: str) -> str:
+    """One line that Blender can show: text of files may hold anything."""
+    whole = " ".join(text.split())
+    whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+    return whole if len(whole) <= LONGEST_LINE else f"{whole[:LONGEST_LINE]}…"

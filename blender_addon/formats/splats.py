@@ -13,6 +13,8 @@ SH_C0 = 0.28209479177387814
 TETRA = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]) / np.sqrt(3.0)
 TETRA_FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
 """Turned outwards."""
+LOG_SCALES = -40.0, 15.0
+"""Natural logarithms of the shortest and longest extent that is drawn, metres."""
 SIGMAS = 1.5
 """Half the edge of a disc's square, standard deviations."""
 
@@ -55,8 +57,11 @@ def surfel_discs(ply: Ply) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     table = ply.vertices
     try:
         quats = np.stack([table[f"rot_{i}"] for i in range(4)], axis=1).astype(np.float64)
-        scales = np.exp(np.stack([table["scale_0"], table["scale_1"]], axis=1).astype(np.float64))
+        logs = np.stack([table["scale_0"], table["scale_1"]], axis=1).astype(np.float64)
         flat = np.stack([table[f"f_dc_{i}"] for i in range(3)], axis=1)
+        if not all(np.isfinite(values).all() for values in (quats, logs, flat)):
+            raise ValueError("a number is not finite")
+        scales = np.exp(np.clip(logs, *LOG_SCALES))
     except (KeyError, ValueError) as error:
         raise ValueError(f"holds no surfels: {error}") from error
     w, x, y, z = (quats / np.maximum(np.linalg.norm(quats, axis=1, keepdims=True), 1e-12)).T

@@ -96,7 +96,7 @@ class JobState:
         if line.startswith("{"):
             try:
                 event = json.loads(line)
-            except ValueError:
+            except (ValueError, RecursionError):
                 event = None
             if isinstance(event, dict) and isinstance(event.get("stage"), str):
                 self._take(event)
@@ -109,7 +109,7 @@ class JobState:
 
     def _take(self, event: dict) -> None:  # type: ignore[type-arg]
         stage, message = event["stage"], str(event.get("message", ""))
-        done, total = (int(event.get(k) or 0) for k in ("done", "total"))
+        done, total = (_count(event.get(k)) for k in ("done", "total"))
         # A stage counts anew for each of its parts: the pace of one part says nothing of the next.
         if stage != self.stage or done < self.done or total != self.total:
             self.stage_started, self.first_done = time.monotonic(), done
@@ -117,13 +117,9 @@ class JobState:
             self.metrics = {}
         self.stage, self.message, self.done, self.total = stage, message, done, total
         left = event.get("left_s")
-        if isinstance(left, int | float):
+        if _is_number(left) and left >= 0:
             self.run_left = time.monotonic(), float(left)
-        numbers = {
-            k: float(v)
-            for k, v in event.items()
-            if k not in NOT_SHOWN and isinstance(v, int | float) and not isinstance(v, bool)
-        }
+        numbers = {k: float(v) for k, v in event.items() if k not in NOT_SHOWN and _is_number(v)}
         self.metrics = numbers or self.metrics
         if message in ("done", "up to date"):
             self.ended[stage] = message
@@ -149,6 +145,15 @@ class JobState:
             if not self.error:
                 self.error = HINTS.get(exit_code) or _killed(exit_code)
         self.log.append(f"ended with exit code {exit_code}: {self.error or self.status}")
+
+
+def _is_number(value: object) -> bool:
+    """Whether a value of an event is a number that can be shown."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -1e300 < value < 1e300
+
+
+def _count(value: object) -> int:
+    return int(value) if _is_number(value) else 0  # type: ignore[call-overload]
 
 
 def _killed(exit_code: int) -> str:

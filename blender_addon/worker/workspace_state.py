@@ -85,12 +85,12 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     root = Path(root)
     try:
         data = json.loads((root / "workspace.json").read_text(encoding="utf-8"))
-        recorded = dict(data.get("stages", {}))
+        recorded = {str(name): _entry(entry) for name, entry in data.get("stages", {}).items()}
     except FileNotFoundError:
         return _none(root, "There is no workspace yet")
     except OSError as error:
         return _none(root, f"{root}: cannot be read: {error.strerror}")
-    except (ValueError, AttributeError, TypeError):
+    except (ValueError, AttributeError, TypeError, RecursionError):
         return _none(root, f"{root / 'workspace.json'}: is damaged (run again into a new folder)")
     # Asked for only where it matters: whoever looks holds the lock himself for a moment.
     in_use = any(entry.get("status") == "running" for entry in recorded.values()) and _in_use(root)
@@ -104,8 +104,20 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         message = _why_failed(root, name) if state == "failed" else ""
         if state in ("to do", "stale") and entry.get("status") == "running":
             message = "was broken off; Unveil goes on from here"
-        stages[name] = StageState(name, state, entry.get("seconds") if state == "done" else None, message)
+        stages[name] = StageState(name, state, _seconds(entry.get("seconds")) if state == "done" else None, message)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
+
+
+def _entry(entry: object) -> dict:  # type: ignore[type-arg]
+    if not isinstance(entry, dict) or not isinstance(entry.get("settings") or {}, dict):
+        raise TypeError("a stage is no object")
+    return entry
+
+
+def _seconds(value: object) -> float | None:
+    """A time that a file tells, None where it is none."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e9
+    return float(value) if plain else None  # type: ignore[arg-type]
 
 
 def _none(root: Path, problem: str) -> WorkspaceState:
@@ -139,7 +151,7 @@ def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:
         made = json.loads((root / "selection.json").read_text(encoding="utf-8"))
         found = {"remove": made["removed"], "instances": made["instances"]}
         return {k: wanted.get(k) if set(v) == set(wanted.get(k) or ()) else v for k, v in found.items()}  # type: ignore[call-overload]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
 
 
@@ -188,8 +200,8 @@ def _why_failed(root: Path, stage: str) -> str:
     for line in reversed(lines):
         try:
             event = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             continue
-        if event.get("stage") == stage and event.get("level") == "error":
-            return str(event.get("message", "")).splitlines()[0] if event.get("message") else ""
+        if isinstance(event, dict) and event.get("stage") == stage and event.get("level") == "error":
+            return next(iter(str(event.get("message") or "").splitlines()), "")
     return ""

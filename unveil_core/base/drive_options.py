@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from unveil_core.base.errors import SettingsError
@@ -31,7 +32,7 @@ class DriveOptions:
     def __post_init__(self) -> None:
         if self.frames is not None:
             frame_range(self.frames)
-        if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not (self.sweeps.isdigit() and int(self.sweeps)):
+        if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not re.fullmatch(r"0*[1-9]\d{0,8}", self.sweeps, re.ASCII):
             raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
 
 
@@ -45,6 +46,8 @@ def frame_range(text: str) -> slice:
     try:
         numbers = [int(p) if p.strip() else None for p in parts]
     except ValueError:
+        numbers = [None] * 4
+    if any(n is not None and abs(n) > 1 << 40 for n in numbers):
         numbers = [None] * 4
     first, last = (numbers + [None, None])[:2]
     step = numbers[2] if len(numbers) == 3 else None

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+LONGEST_PART = 600
+"""Characters of the path, the problem and the mend: what files of strangers hold is quoted in part."""
+
 __all__ = [
     "Cancelled",
     "DiskFullError",
@@ -28,10 +31,24 @@ class UnveilError(Exception):
 
     def __init__(self, problem: str, *, path: Path | str | None = None, mend: str | None = None) -> None:
         self.problem, self.path, self.mend = problem, path, mend
-        line = f"{path}: {problem}" if path is not None else problem
+        line = f"{_shown(str(path), tail=True)}: {_shown(problem)}" if path is not None else _shown(problem)
         if mend:
-            line = f"{line} ({mend})"
-        super().__init__(" ".join(line.split()))
+            line = f"{line} ({_shown(mend)})"
+        super().__init__(line)
+
+
+def _shown(text: str, *, tail: bool = False) -> str:
+    """A part of a message as a terminal can show it: one line, not too long, and no orders to the terminal in it.
+
+    Args:
+        tail: the end tells more than the beginning.
+    """
+    whole = " ".join(text.split())
+    if not whole.isprintable():
+        whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+    if len(whole) > LONGEST_PART:
+        return f"…{whole[-LONGEST_PART:]}" if tail else f"{whole[:LONGEST_PART]}…"
+    return whole
 
 
 class DriveError(UnveilError):

@@ -8,6 +8,7 @@ import os
 import shutil
 import tempfile
 import time
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -31,11 +32,13 @@ __all__ = [
     "link_or_copy",
     "move",
     "patiently",
+    "parsed_json",
     "read_image",
     "read_image_as_it_is",
     "read_instance_image",
     "read_json",
     "read_label_image",
+    "read_unchanged",
     "write_atomic",
     "write_bytes_atomic",
     "write_image_atomic",
@@ -52,6 +55,10 @@ NO_ARCHIVE = (
     ValueError,
     zipfile.BadZipFile,
     zlib.error,
+    tokenize.TokenError,
+    AttributeError,
+    TypeError,
+    ArithmeticError,
 )
 """What numpy and zipfile raise for a damaged ``.npz``, an encrypted one or one of a later format: found by fuzzing."""
 IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -186,6 +193,22 @@ def read_text(path: Path, mend: str | None = None) -> str:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
 
 
+def parsed_json(text: str | bytes) -> Any:
+    """What a JSON text holds. Whole numbers of more digits than 64 bits have become floats, as in other programs.
+
+    Raises:
+        ValueError: it is no JSON, or lists lie too deep within one another.
+    """
+    try:
+        return json.loads(text, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("it holds too many lists or objects within one another") from None
+
+
+def _whole(digits: str) -> int | float:
+    return int(digits) if len(digits) < 20 else float(digits)
+
+
 def read_json(path: Path) -> object:
     """What a JSON file of a drive holds.
 
@@ -194,8 +217,8 @@ def read_json(path: Path) -> object:
     """
     text = read_text(path)
     try:
-        content: object = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        content: object = parsed_json(text)
+    except ValueError as error:
         raise DriveError(f"is not valid JSON: {error}", path=path) from error
     return content
 
@@ -289,6 +312,15 @@ def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
         raise DriveError(f"has {image.dtype} pixels", path=path, mend="export it again with 8 or 16 bits")
     ordered: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
     return ordered
+
+
+def read_unchanged(path: Path) -> NDArray[np.generic]:
+    """(H, W) or (H, W, C) with the values and the order of channels that the file has.
+
+    Raises:
+        DriveError: missing, unreadable or cut short.
+    """
+    return _decode(path, cv2.IMREAD_UNCHANGED)
 
 
 def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:

@@ -18,6 +18,10 @@ MOST_DEFLATED = 1032
 JPEG = b"\xff\xd8"
 SIGNATURES = (PNG[:4], JPEG)
 """How the files begin whose headers are read here."""
+PIXELS_OF_A_BYTE = 512
+"""That one byte of a JPEG stands for at most, where codes are Huffman's: a bit for a block of 8x8."""
+ARITHMETIC = frozenset(range(0xC9, 0xD0))
+"""Markers of frames whose codes have no such limit."""
 END, SCAN = 0xD9, 0xDA
 SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of frames, which hold the size of the picture."""
@@ -61,7 +65,7 @@ def _png(content: bytes) -> Header | None:
 
 def _jpeg(content: bytes) -> Header | None:
     size: tuple[int, int] | None = None
-    at, scanned = 2, False
+    at, scanned, most = 2, False, PIXELS_OF_A_BYTE
     while True:
         at = content.find(b"\xff", at)
         if at < 0 or at + 2 > len(content):
@@ -71,10 +75,11 @@ def _jpeg(content: bytes) -> Header | None:
             at += 1 if marker == 0xFF else 2
             continue
         if marker == END:
-            return None if size is None else Header(*size, scanned)
+            return None if size is None else Header(*size, scanned and size[0] * size[1] <= len(content) * most)
         length = int.from_bytes(content[at + 2 : at + 4], "big")
         if marker in SIZES and at + 9 <= len(content):
             size = int.from_bytes(content[at + 7 : at + 9], "big"), int.from_bytes(content[at + 5 : at + 7], "big")
+            most = PIXELS_OF_A_BYTE << 8 if marker in ARITHMETIC else PIXELS_OF_A_BYTE
         scanned |= marker == SCAN
         at += 2 + max(length, 2)
     return None if size is None else Header(*size, False)

@@ -113,7 +113,7 @@ def read_boxes(entries: object, path: Path, frame: str) -> tuple[TrackedBox, ...
     for i, entry in enumerate(entries):
         try:
             boxes.append(_box(entry))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             problem = f"lacks {error}" if isinstance(error, KeyError) else str(error)
             raise DriveError(f"box {i} of frame {frame}: {problem}", path=path, mend=MEND) from error
     if len({b.id for b in boxes}) < len(boxes):

@@ -80,7 +80,7 @@ def read_camera_path(path: Path, drive: Drive) -> tuple[View, ...]:
                 camera = _viewer_camera(entry, top, path, name, drive.frames[0].camera)
         except KeyError as error:
             raise DriveError(f"view {name} lacks {error}", path=path) from error
-        except (TypeError, ValueError, OverflowError) as error:
+        except (TypeError, ValueError, ArithmeticError) as error:
             raise DriveError(f"view {name} is damaged: {error}", path=path) from error
         views.append(
             View(name, file_name(str(entry.get("camera", "camera")), "camera"), drive.to_world.camera_to_local(camera))

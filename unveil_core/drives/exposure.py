@@ -6,7 +6,6 @@ it; each photograph is an affine function of that, per channel of sRGB: ``photog
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.files import parsed_json, read_image, write_json_atomic
 from unveil_core.drives.drive import Frame
 
 __all__ = [
@@ -110,13 +109,18 @@ def exposures_json(exposures: Exposures) -> dict[str, Any]:
 
 
 def exposures_of_json(data: Any) -> Exposures:
-    """Inverse of :func:`exposures_json`; what is not of that form raises a ValueError, KeyError or TypeError."""
+    """Inverse of :func:`exposures_json`; what is not of that form raises a ValueError, KeyError, TypeError or OverflowError."""
     known = {
         (str(f["camera"]), str(f["name"])): Exposure(
             np.array(f["gain"], dtype=np.float64).reshape(3), np.array(f["bias"], dtype=np.float64).reshape(3)
         )
         for f in data["frames"]
     }
+    for (camera, name), exposure in known.items():
+        if not (np.isfinite([exposure.gain, exposure.bias]).all() and exposure.gain.min() > 0):
+            raise ValueError(f"the exposure of {camera} {name} is not finite, or its gain not above 0")
+    if not isinstance(data["figures"], dict):
+        raise ValueError("figures is no object")
     return Exposures(known, data["figures"])
 
 
@@ -134,6 +138,6 @@ def read_exposures(path: Path) -> Exposures:
     if not path.is_file():
         return Exposures()
     try:
-        return exposures_of_json(json.loads(path.read_text("utf-8")))
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return exposures_of_json(parsed_json(path.read_text("utf-8")))
+    except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend="run `unveil reconstruct` again") from error

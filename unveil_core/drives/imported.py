@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import re
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import parsed_json
 from unveil_core.base.names import is_file_name
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
+from unveil_core.geometry.transforms import nearest_rotation
 
 __all__ = ["read_imported"]
 
@@ -30,7 +32,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
     """
     path = folder / "cameras.json"
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = parsed_json(path.read_text(encoding="utf-8"))
         frames = tuple(
             Frame(
                 name=_own_name(e["name"]),
@@ -42,7 +44,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
                 mask_path=_inside(folder, e["mask"]) if "mask" in e else None,
                 ego_path=_inside(folder, e["ego"]) if "ego" in e else None,
                 footage=_footage(e, folder),
-                timestamp=e.get("timestamp"),
+                timestamp=_finite(e.get("timestamp"), "timestamp"),
                 boxes=read_boxes(e.get("boxes"), path, e["name"]),
             )
             for e in data["frames"]
@@ -54,13 +56,13 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
             to_world=Similarity.from_json(data["to_world"]),
             scale_source=str(data["scale_source"]),
             up_source=str(data["up_source"]),
-            frame_rate=data.get("frame_rate"),
-            front_cameras=tuple(str(n) for n in data.get("front_cameras", ())),
+            frame_rate=_finite(data.get("frame_rate"), "frame_rate"),
+            front_cameras=tuple(str(n) for n in data.get("front_cameras") or ()),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
             sources=(path, folder / "points.ply"),
         )
-    except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
 
 
@@ -86,17 +88,26 @@ def _inside(folder: Path, name: object) -> Path:
     return folder.joinpath(*parts)
 
 
+def _finite(value: object, key: str) -> float | None:
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{key} is no finite number")
+    return value
+
+
 def _camera(numbers: dict[str, Any], entry: dict[str, Any]) -> Camera:
     """A camera of size and focal length in ``numbers``, with the pose in ``entry``."""
-    return Camera(
-        int(numbers["width"]),
-        int(numbers["height"]),
-        float(numbers["fx"]),
-        float(numbers["fy"]),
-        float(numbers["cx"]),
-        float(numbers["cy"]),
-        np.array(entry["world_to_camera"], dtype=np.float64),
-    )
+    width, height = (int(numbers[key]) for key in ("width", "height"))
+    fx, fy, cx, cy = (float(numbers[key]) for key in ("fx", "fy", "cx", "cy"))
+    pose = np.array(entry["world_to_camera"], dtype=np.float64)
+    if not 1 <= min(width, height) <= max(width, height) < 1 << 20:
+        raise ValueError(f"a camera of {width}x{height} pixels")
+    if not np.isfinite((fx, fy, cx, cy)).all() or min(fx, fy) <= 0:
+        raise ValueError("a camera without a focal length or centre")
+    if pose.shape != (4, 4) or not np.isfinite(pose).all() or nearest_rotation(pose[:3, :3])[1] > 1e-3:
+        raise ValueError("a pose that is none")
+    return Camera(width, height, fx, fy, cx, cy, pose)
 
 
 def _footage(entry: dict[str, Any], folder: Path) -> Footage | None:
@@ -105,4 +116,6 @@ def _footage(entry: dict[str, Any], folder: Path) -> Footage | None:
         return None
     lens = found["distortion"]
     distortion = None if lens is None else Distortion(str(lens["model"]), tuple(float(k) for k in lens["coefficients"]))
+    if distortion is not None and not np.isfinite(distortion.coefficients).all():
+        raise ValueError("a lens that is not finite")
     return Footage(_inside(folder, found["image"]), _camera(found, entry), distortion)

@@ -6,6 +6,8 @@ A JSON list; each entry is ``{id, class, centre: [x, y, z], size: [length, width
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image, read_json
 from unveil_core.drives.boxes import TrackedBox, read_boxes
@@ -24,6 +27,8 @@ __all__ = ["MarkedObject", "files_named", "marked_objects", "matte", "read_marke
 MEND = "an entry is a box {id, class, centre, size, yaw} or {id, class, mattes: FOLDER}"
 MOST_FILES = 200_000
 """In a folder of mattes: five hours at ten frames a second; a disk has more."""
+MOST_FOLDERS = 500
+"""In it: one a camera is usual."""
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 
 
@@ -54,8 +59,7 @@ def read_marked(path: Path) -> tuple[MarkedObject, ...]:
     if not isinstance(entries, list):
         raise DriveError("holds no list of marked objects", path=path, mend=MEND)
     found = [_entry(i, entry, path) for i, entry in enumerate(entries)]
-    numbers = [m.id for m in found]
-    twice = [n for n in numbers if numbers.count(n) > 1]
+    twice = [number for number, times in Counter(m.id for m in found).items() if times > 1]
     if twice:
         raise DriveError(f"id {twice[0]} occurs twice", path=path, mend="an id stands for one object")
     return tuple(found)
@@ -72,7 +76,7 @@ def _entry(i: int, entry: Any, path: Path) -> MarkedObject:
     if "mattes" not in entry:
         (box,) = read_boxes([{"class": "object", **entry}], path, str(i))
         return MarkedObject(box.id, box.class_name, box=box)
-    number, folder = entry.get("id"), path.parent / str(entry["mattes"])
+    number, folder = entry.get("id"), named_path(path.parent, entry["mattes"], path, f"mattes of entry {i}")
     if isinstance(number, bool) or not isinstance(number, int) or not 0 < number < 65536:
         raise DriveError(f"entry {i}: id {number!r} is no number from 1 to 65535", path=path, mend=MEND)
     if not files_named(folder):
@@ -86,14 +90,14 @@ def files_named(folder: Path) -> list[Path]:
     Raises:
         DriveError: it holds more than mattes can be, as the root of a disk does.
     """
-    if not folder.is_dir():
-        return []
-    found = []
-    for count, path in enumerate(folder.rglob("*")):
-        if count == MOST_FILES:
-            raise DriveError(f"holds more than {MOST_FILES:,} files", path=folder, mend="name a folder of mattes alone")
-        if path.suffix.lower() in PICTURES and not path.name.startswith("."):
-            found.append(path)
+    found, held, inner = [], 0, 0
+    # Not Path.rglob, which takes ten times as long: a folder that holds a whole disk is to be refused soon.
+    for place, folders, files in os.walk(folder):
+        held, inner = held + len(files), inner + len(folders)
+        if held > MOST_FILES or inner > MOST_FOLDERS:
+            problem = f"holds more than {MOST_FILES:,} files or {MOST_FOLDERS:,} folders"
+            raise DriveError(problem, path=folder, mend="name a folder of mattes alone")
+        found += [Path(place, n) for n in files if n.lower().endswith(PICTURES) and not n.startswith(".")]
     return sorted(found)
 
 

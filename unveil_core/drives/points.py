@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement, PlyParseError
+from plyfile import PlyData, PlyElement
 
+from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_atomic
 from unveil_core.drives.drive import PointCloud
@@ -32,11 +33,6 @@ SCANNED = frozenset(
 )
 """Properties that only laser scanners write, in lower case; CloudCompare puts ``scalar_`` before them."""
 
-UNREADABLE = (PlyParseError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError, EOFError, OSError)
-"""What comes of a file that is no such PLY."""
-MOST_LINES, MOST_LINE = 10_000, 65_536
-"""Of a header."""
-
 
 def read_points(path: Path) -> PointCloud:
     """Read x y z (any number type) and, where present, red green blue, and what :func:`write_points` writes.
@@ -49,7 +45,7 @@ def read_points(path: Path) -> PointCloud:
             "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
         )
     try:
-        _check_counts(path)
+        check_counts(path)
         vertex = PlyData.read(str(path))["vertex"].data
         positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
         colors = _colors_of(vertex)
@@ -66,20 +62,6 @@ def read_points(path: Path) -> PointCloud:
     names = vertex.dtype.names
     bare = {n.lower().removeprefix("scalar_") for n in names}
     return PointCloud(positions, colors, bool(bare & SCANNED), classes, moving)
-
-
-def _check_counts(path: Path) -> None:
-    """Raise a ValueError where the header tells more than the file can hold: room for it would be taken first."""
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        for _ in range(MOST_LINES):
-            words = stream.readline(MOST_LINE).split()
-            if not words or words[0] == b"end_header":
-                return
-            # A row is a byte at least.
-            if words[0] == b"element" and len(words) > 2 and not 0 <= int(words[2]) <= size:
-                raise ValueError(f"it says {words[2].decode()} rows in {size:,} bytes")
-    raise ValueError("its header has no end")
 
 
 def _colors_of(vertex: NDArray[np.void]) -> NDArray[np.uint8] | None:

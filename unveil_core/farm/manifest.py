@@ -17,8 +17,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.names import is_file_name
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import place_drive
@@ -108,14 +110,15 @@ def read_batch(root: Path) -> Batch:
         data: Any = read_json(path)
         if data["version"] != VERSION:
             raise ValueError(f"version {data['version']}")
-        drives = tuple(BatchDrive(**d) for d in data["drives"])
-        tasks = tuple(
-            Task(t["id"], t["drive"], t["step"], t["block"], tuple(t["arguments"]), tuple(t["after"]))
-            for t in data["tasks"]
-        )
+        drives = tuple(checked(BatchDrive, d) for d in data["drives"])
+        tasks = tuple(checked(Task, t) for t in data["tasks"])
+        names = {drive.name for drive in drives}
+        if len(names) < len(drives) or not all(map(is_file_name, names)):
+            raise ValueError("two drives of one name, or a name that is no file's")
         known: set[str] = set()
         for task in tasks:
-            if not re.fullmatch(r"[\w.-]{1,200}", task.id) or not set(task.after) <= known or task.id in known:
+            sound = re.fullmatch(r"[\w.-]{1,200}", task.id) and task.drive in names and task.arguments
+            if not sound or not set(task.after) <= known or task.id in known:
                 raise ValueError(f"task {task.id!r}")
             known.add(task.id)
     except (OSError, KeyError, TypeError, ValueError) as error:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.farm.manifest import Batch, Task
@@ -53,8 +54,8 @@ def state_of(batch: Batch, task: Task) -> TaskState:
         return TaskState()
     try:
         data: Any = read_json(path)
-        state = TaskState(**{**data, "arguments": tuple(data["arguments"])})
-    except (UnveilError, TypeError, KeyError):
+        state = checked(TaskState, data)
+    except (UnveilError, TypeError, ValueError):
         return TaskState()
     if state.arguments != task.arguments:
         return TaskState()
@@ -72,7 +73,7 @@ def seen_state(batch: Batch, task: Task) -> TaskState:
     stage = task.step if task.block is not None else _last_stage(task)
     try:
         recorded: Any = read_json(root / "workspace.json")
-        done = recorded["stages"].get(stage, {}).get("status") == "done"
+        done = bool(recorded["stages"].get(stage, {}).get("status") == "done")
     except (UnveilError, KeyError, TypeError, AttributeError):
         done = False
     if task.block is not None:
@@ -95,7 +96,7 @@ def _is_there(process: int) -> bool:
         return True  # asking by a signal ends it there
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except OSError:
         return True

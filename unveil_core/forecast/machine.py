@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from unveil_core.base.files import write_json_atomic
+from unveil_core.base.files import parsed_json, write_json_atomic
 
 __all__ = ["Machine", "free_disk_mb", "free_memory_mb", "measured_seconds", "this_machine"]
 
@@ -116,10 +116,21 @@ def _cache_folder() -> Path:
 def _entries(path: Path) -> dict[str, Any]:
     """What the file holds; nothing where it is not there or damaged."""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = parsed_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return data if isinstance(data, dict) else {}
+    if not isinstance(data, dict):
+        return {}
+    return {name: entry for name, entry in data.items() if _is_json(entry)}
+
+
+def _is_json(entry: object) -> bool:
+    """Whether it can be written again: Python reads NaN and infinity, which JSON does not have."""
+    try:
+        json.dumps(entry, allow_nan=False)
+    except ValueError:
+        return False
+    return True
 
 
 def _ratio(value: object) -> float | None:

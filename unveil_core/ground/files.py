@@ -18,11 +18,11 @@ terrain_cell         ()
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.base.types import Float64
@@ -70,9 +70,7 @@ def read_ground(path: Path) -> DriveGround:
     if not path.is_file():
         raise WorkspaceError("is not there", path=path, mend="run `unveil ground`")
     try:
-        with zipfile.ZipFile(path) as parts:
-            if sum(part.file_size for part in parts.infolist()) > LARGEST_BYTES:
-                raise ValueError("it is too large")
+        check_npz(path, most_bytes=LARGEST_BYTES)
         with np.load(path, allow_pickle=False) as data:
             return _ground({name: data[name] for name in data.files})
     except NO_ARCHIVE as error:

@@ -15,6 +15,7 @@ scale; the whole similarity stands in the node's ``extras``. Vertex colours are 
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -92,20 +93,30 @@ def read_ply(path: Path, to_world: Similarity | None = None) -> Mesh:
     try:
         end = content.index(b"end_header\n") + len(b"end_header\n")
         header = content[:end].decode("ascii").split("\n")
-        vertex_count, face_count = (
-            int(next(line for line in header if line.startswith(f"element {name} ")).split()[2])
-            for name in ("vertex", "face")
-        )
+        vertex_count, face_count = (_count(header, name) for name in ("vertex", "face"))
         code = "<f8" if "property double x" in header else "<f4"
         rows = np.frombuffer(content, [("position", code, 3), ("color", "u1", 3)], vertex_count, end)
         end += rows.nbytes
         triangles = np.frombuffer(content, [("count", "u1"), ("index", "<i4", 3)], face_count, end)
         if (triangles["count"] != 3).any() or end + triangles.nbytes != len(content):
             raise ValueError("it holds more than triangles")
-    except (ValueError, StopIteration, IndexError) as error:
+        if not np.isfinite(rows["position"]).all():
+            raise ValueError("a vertex is not finite")
+        index = triangles["index"]
+        if len(index) and not 0 <= index.min() <= index.max() < len(rows):
+            raise ValueError("a triangle names a vertex that is not there")
+    except (ValueError, LookupError) as error:
         raise WorkspaceError(f"is not a mesh of ours: {error}", path=path, mend="run `unveil mesh` again") from error
     local = (to_world or Similarity()).to_local(rows["position"]).astype(np.float32)
     return Mesh(local, triangles["index"].copy(), rows["color"].copy())
+
+
+def _count(header: list[str], name: str) -> int:
+    """Rows of an element as a header tells them."""
+    lines = [line.split() for line in header if line.startswith(f"element {name} ")]
+    if len(lines) != 1 or len(lines[0]) != 3 or not re.fullmatch("[0-9]{1,12}", lines[0][2]):
+        raise ValueError(f"it does not tell how many rows of {name} it has")
+    return int(lines[0][2])
 
 
 def write_obj(mesh: Mesh, path: Path, to_world: Similarity | None = None) -> None:

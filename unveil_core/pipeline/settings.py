@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from unveil_core.base.checks.fields import checked
 from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
@@ -143,6 +142,8 @@ class RunSettings:
                 raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
         if self.seed < 0:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
+        if self.seed >= 1 << 63:
+            raise SettingsError(f"seed {self.seed} is too large", mend="use less than 2^63")
         if self.device == "cuda":
             raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
 
@@ -194,33 +195,15 @@ class RunSettings:
 
     @staticmethod
     def from_json(data: dict) -> RunSettings:  # type: ignore[type-arg]
-        """Inverse of :meth:`to_json`.
+        """Inverse of :meth:`to_json`, of what a workspace records.
 
         Raises:
-            SettingsError: the workspace records something else.
+            SettingsError: a setting that this version does not have, or of another kind.
         """
-        mend = "give the drive's run command again, or begin a new workspace"
-        if not isinstance(data, dict):
-            raise SettingsError("the workspace records settings that are no object", mend=mend)
-        known: dict[str, Any] = {str(k): tuple(v) if isinstance(v, list) else v for k, v in data.items()}
-        for name, value in known.items():
-            if name not in _KINDS:
-                raise SettingsError(f"the workspace records an unknown setting {name!r}", mend=mend)
-            if not _KINDS[name](value):
-                raise SettingsError(f"the workspace records {name} as {value!r:.80}", mend=mend)
-        return RunSettings(**known)
-
-
-def _is_kind(annotation: str) -> Callable[[Any], bool]:
-    """Whether a value is one of a field that is annotated so."""
-    kinds = {"str": (str,), "int": (int,), "bool": (bool,), "float": (int, float), "None": (type(None),)}
-    inner = re.fullmatch(r"tuple\[(\w+), \.\.\.\]", annotation)
-    if inner:
-        of = _is_kind(inner[1])
-        return lambda value: isinstance(value, tuple) and all(map(of, value))
-    allowed = tuple(kind for part in annotation.split(" | ") for kind in kinds[part])
-    return lambda value: isinstance(value, allowed) and (bool in allowed or not isinstance(value, bool))
-
-
-_KINDS = {field.name: _is_kind(str(field.type)) for field in fields(RunSettings)}
-"""Per setting, what a value of it is: a workspace.json may come from a stranger."""
+        try:
+            return checked(RunSettings, data)
+        except (TypeError, ValueError) as error:
+            raise SettingsError(
+                f"the workspace records settings that this version does not have: {error}",
+                mend="use the version of Unveil that made it, or begin a new workspace",
+            ) from error

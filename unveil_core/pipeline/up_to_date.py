@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.files import write_json_atomic
+from unveil_core.base.files import parsed_json, write_json_atomic
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
@@ -25,9 +26,9 @@ class Digests:
         self.root = workspace.root
         self.path = workspace.root / ".digests.json"
         self.known: dict[str, list] = {}  # type: ignore[type-arg]
-        with suppress(OSError, ValueError, RecursionError):
-            known = json.loads(self.path.read_text("utf-8"))
-            self.known = known if isinstance(known, dict) else {}
+        with suppress(OSError, ValueError):
+            known = parsed_json(self.path.read_text("utf-8"))
+            self.known = {k: v for k, v in known.items() if _is_digest(v)} if isinstance(known, dict) else {}
         self.used: set[str] = set()
         self._read: dict[Path, tuple[int, int]] = {}
 
@@ -38,7 +39,7 @@ class Digests:
         self.used.add(key)
         self._read[path] = (stat.st_size, stat.st_mtime_ns)
         held = self.known.get(key)
-        if isinstance(held, list) and len(held) == 3 and held[:2] == [stat.st_size, stat.st_mtime_ns]:
+        if held is not None and held[:2] == [stat.st_size, stat.st_mtime_ns]:
             return str(held[2])
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
@@ -75,8 +76,13 @@ class Digests:
 
     def save(self) -> None:
         """Write what is remembered; files that are gone are forgotten."""
-        kept = {k: v for k, v in self.known.items() if k in self.used or (self.root / k).is_file()}
+        kept = {k: v for k, v in self.known.items() if k in self.used or os.path.isfile(self.root / k)}
         write_json_atomic(self.path, kept)
+
+
+def _is_digest(entry: object) -> bool:
+    """Whether an entry is a size, a time and a digest."""
+    return isinstance(entry, list) and [type(v) for v in entry] == [int, int, str]
 
 
 def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:

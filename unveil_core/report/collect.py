@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.files import parsed_json, read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
@@ -83,6 +84,9 @@ class Shown:
     metrics: dict[str, Any] | None = None
 
 
+AGAIN = "run the stage that writes it again"
+
+
 def read_json(path: Path, default: Any) -> Any:
     """Parsed JSON, or ``default`` where there is no such file.
 
@@ -92,11 +96,20 @@ def read_json(path: Path, default: Any) -> Any:
     if not path.is_file():
         return default
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parsed_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise WorkspaceError(
-            f"cannot be read: {error}", path=path, mend="run the stage that writes it again"
-        ) from error
+        raise WorkspaceError(f"cannot be read: {error}", path=path, mend=AGAIN) from error
+
+
+@contextmanager
+def understood(place: Path) -> Iterator[None]:
+    """Errors in going through what JSON files of a workspace hold become a WorkspaceError that names ``place``: they hold what no
+    stage writes."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        problem = f"holds what no stage of this version writes: {type(error).__name__} {error}"
+        raise WorkspaceError(problem, path=place, mend=AGAIN) from error
 
 
 def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Shown:

@@ -22,7 +22,7 @@ from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.report.chart import psnr_chart
-from unveil_core.report.collect import MeshPictures, Shown, gather
+from unveil_core.report.collect import MeshPictures, Shown, gather, understood
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.provenance import certainty_cards, mode_legend
 from unveil_core.report.video import write_video
@@ -72,7 +72,9 @@ def write_report(
         progress: called once per frame.
     """
     shown = gather(Path(workspace_root), metrics, progress)
-    write_bytes_atomic(Path(out_dir) / "index.html", build_page(shown).encode())
+    with understood(Path(workspace_root)):
+        page = build_page(shown).encode("utf-8", "replace")
+    write_bytes_atomic(Path(out_dir) / "index.html", page)
     if sum(f.after is not None for f in shown.frames) > 1:
         write_video(Path(workspace_root), Path(out_dir) / "before_after.mp4")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from unveil_core.evaluate import METHODS
-from unveil_core.report.collect import read_json
+from unveil_core.report.collect import read_json, understood
 from unveil_core.report.provenance import certainty_cards
 from unveil_core.report.wording import (
     decibels,
@@ -50,11 +50,12 @@ def print_summary(workspace_root: Path, file: TextIO) -> None:
         file: an open text stream.
     """
     root = Path(workspace_root)
-    blocks = [
-        _results(root),
-        _quality(read_json(root / "metrics.json", {})) + _movers(read_json(root / "workspace.json", {})),
-        _cost(read_json(root / "workspace.json", {})),
-    ]
+    metrics, state = root / "metrics.json", root / "workspace.json"
+    with understood(metrics):
+        quality = _quality(read_json(metrics, {}))
+    with understood(state):
+        recorded = read_json(state, {})
+        blocks = [_results(root), quality + _movers(recorded), _cost(recorded)]
     file.write("\n" + "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 
 __all__ = ["SceneLabels", "choose_labels", "find_labels", "frame_instances", "frame_labels", "labels_of_frames"]
+
+
+_T = TypeVar("_T", str, int)
 
 
 @dataclass(frozen=True)
@@ -69,14 +73,21 @@ class SceneLabels:
 
     @staticmethod
     def from_json(data: dict) -> SceneLabels:  # type: ignore[type-arg]
-        """Inverse of :meth:`to_json`."""
-        return SceneLabels(
-            LabelSet(tuple(data["names"]), tuple(int(i) for i in data["disk_ids"])),
-            str(data["source"]),
-            tuple(data["removed"]),
-            tuple(int(i) for i in data["instances"]),
-            tuple(int(i) for i in data["pixel_counts"]),
-        )
+        """Inverse of :meth:`to_json`; what is not of that form raises a KeyError, TypeError or ValueError."""
+        names, removed = (_list_of(data[key], str, key) for key in ("names", "removed"))
+        ids, instances, counts = (_list_of(data[key], int, key) for key in ("disk_ids", "instances", "pixel_counts"))
+        if not len(names) == len(set(names)) == len(ids) == len(counts):
+            raise ValueError(f"{len(names)} names, {len(ids)} disk_ids and {len(counts)} pixel_counts")
+        if not all(0 <= i < 256 for i in ids) or min(counts, default=0) < 0:
+            raise ValueError("disk_ids are 0 to 255, pixel_counts not below 0")
+        return SceneLabels(LabelSet(names, ids), str(data["source"]), removed, instances, counts)
+
+
+def _list_of(values: object, kind: type[_T], key: str) -> tuple[_T, ...]:
+    """The checked values of a list of a JSON file."""
+    if not isinstance(values, list) or not all(type(v) is kind for v in values):
+        raise ValueError(f"{key} is no list of {kind.__name__}")
+    return tuple(values)
 
 
 def find_labels(drive: Drive) -> SceneLabels:

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import torch
 from plyfile import PlyData, PlyElement
-from plyfile import PlyParseError as _PlyParseError
 
+from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import write_atomic
 from unveil_core.geometry.similarity import Similarity
@@ -97,27 +97,43 @@ def read_surfels(path: Path) -> Surfels:
         UnveilError: the file is missing, is not a PLY, or lacks a 3DGS attribute.
     """
     try:
+        check_counts(path)
         data = PlyData.read(str(path))
         vertex = data["vertex"]
-    except (OSError, KeyError, _PlyParseError, ValueError) as error:
-        raise UnveilError(f"not a readable surfel PLY: {error}", path=path) from error
+        if any(kind.hasobject for kind, _ in (vertex.data.dtype.fields or {}).values()):
+            raise ValueError("its vertices hold lists")
+    except UNREADABLE as error:
+        raise UnveilError(f"not a readable surfel PLY: {str(error) or type(error).__name__}", path=path) from error
     present = set(vertex.data.dtype.names or ())
     rest = sum(name.startswith("f_rest_") for name in present)
     scales = ("scale_0", "scale_1", "scale_2")[: 3 if ELLIPSOIDS in data.comments else 2]
     unread = {"nx", "ny", "nz", "scale_2"} - set(scales)
+    if rest not in (0, 9, 24, 45):
+        raise UnveilError(f"has {rest} coefficients f_rest", path=path, mend="degrees 0 to 3 have 0, 9, 24 or 45")
     missing = [n for n in _names(rest) if n not in present | unread]
     if missing:
         raise UnveilError(f"lacks the attribute {missing[0]}", path=path, mend="export it with 3DGS attribute names")
 
     def stack(*names: str) -> torch.Tensor:
-        return torch.from_numpy(np.stack([np.asarray(vertex[n], dtype=np.float32) for n in names], axis=1))
+        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused
+            found = np.stack([np.asarray(vertex[n], dtype=np.float32) for n in names], axis=1)
+        if not np.isfinite(found).all():
+            raise UnveilError(
+                f"holds {names[0]} that is not finite", path=path, mend="run the stage that wrote it again"
+            )
+        return torch.from_numpy(found)
 
     count = len(vertex.data)
     sh = stack("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
     if rest:
         higher = stack(*(f"f_rest_{i}" for i in range(rest))).reshape(count, 3, rest // 3).transpose(1, 2)
         sh = torch.cat([sh, higher], dim=1)
-    labels = np.asarray(vertex["label"], dtype=np.int64) if "label" in present else np.zeros(count, dtype=np.int64)
+    labels = np.zeros(count, dtype=np.int64)
+    if "label" in present:
+        labels = np.asarray(vertex["label"])
+        if labels.dtype.kind not in "iu" or (count and not -1 <= int(labels.min()) <= int(labels.max()) < 256):
+            raise UnveilError("holds a label that is none", path=path, mend="labels are -1 to 255")
+        labels = labels.astype(np.int64)
     return Surfels(
         means=stack("x", "y", "z"),
         quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),

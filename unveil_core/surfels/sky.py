@@ -16,12 +16,16 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.geometry.axes import up_frame
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["Sky", "fit_sky", "load_sky", "save_sky"]
+
+LARGEST_BYTES = 1 << 28
+"""Of a sky's file, unpacked: hundred times what is written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +120,15 @@ def load_sky(path: Path) -> Sky:
         UnveilError: missing or damaged.
     """
     try:
+        check_npz(path, ("texture", "axes"), LARGEST_BYTES)
         with np.load(path, allow_pickle=False) as data:
-            return Sky(torch.from_numpy(data["texture"]), data["axes"])
+            texture, axes = data["texture"], data["axes"]
+        if texture.dtype != np.float32 or texture.ndim != 3 or len(texture) != 3 or not texture.size:
+            raise ValueError(f"its texture is {texture.dtype} {texture.shape}")
+        if axes.dtype != np.float64 or axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-3:
+            raise ValueError("its axes are no rotation")
+        if not np.isfinite(texture).all():
+            raise ValueError("a colour is not finite")
+        return Sky(torch.from_numpy(texture), axes)
     except NO_ARCHIVE as error:
         raise UnveilError(f"is no readable sky: {error}", path=path, mend="run `unveil reconstruct` again") from error

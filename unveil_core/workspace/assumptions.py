@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from unveil_core.base.checks.fields import checked
+
 __all__ = ["Assumption", "assumed", "recorded_assumptions"]
 
 KEY = "assumptions"
@@ -42,9 +44,10 @@ def recorded_assumptions(stages: dict[str, Any]) -> list[tuple[str, Assumption]]
     """Those of all stages of a workspace.json, with the stage's name; entries that are none are left out."""
     found = []
     for name, stage in stages.items():
-        for entry in stage.get(KEY, ()) if isinstance(stage, dict) else ():
+        entries = stage.get(KEY) if isinstance(stage, dict) else None
+        for entry in entries if isinstance(entries, list) else ():
             try:
-                found.append((name, Assumption(**entry)))
-            except TypeError:
+                found.append((name, checked(Assumption, entry)))
+            except (TypeError, ValueError):
                 continue
     return found

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.array_headers import check_npy
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_json, read_label_image, write_atomic, write_image_atomic
+from unveil_core.base.files import NO_ARCHIVE, parsed_json, read_label_image, write_atomic, write_image_atomic
+from unveil_core.base.names import is_file_name
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace
@@ -18,6 +19,7 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = [
     "frame_file",
     "known_objects",
+    "listed_objects",
     "load_array",
     "load_labels",
     "load_mask",
@@ -53,8 +55,8 @@ def load_selection(workspace: Workspace) -> SceneLabels:
 def _object(path: Path) -> dict[str, Any]:
     """What a JSON file of the workspace holds."""
     try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        content = parsed_json(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend=MEND) from error
     if not isinstance(content, dict):
         raise WorkspaceError("is no JSON object", path=path, mend=MEND)
@@ -84,8 +86,18 @@ def save_array(array: NDArray[np.generic], path: Path) -> None:
 
 
 def load_array(path: Path) -> NDArray[np.int64]:
-    """Read one array of :func:`save_array`."""
-    array: NDArray[np.int64] = np.load(path, allow_pickle=False)
+    """Read one array of numbers of :func:`save_array`.
+
+    Raises:
+        WorkspaceError: missing, damaged, or of something else.
+    """
+    try:
+        with path.open("rb") as stream:
+            check_npy(stream, path.stat().st_size)
+            stream.seek(0)
+            array: NDArray[np.int64] = np.load(stream, allow_pickle=False)
+    except NO_ARCHIVE as error:
+        raise WorkspaceError(f"is no array: {error}", path=path, mend="run the stage that writes it again") from error
     return array
 
 
@@ -98,5 +110,25 @@ def known_objects(workspace: Workspace) -> tuple[int, ...] | None:
     """Ids of the objects that a workspace lists, None where it does not list any yet."""
     if not workspace.objects_json.is_file():
         return None
-    listed: Any = read_json(workspace.objects_json)
-    return tuple(int(o["id"]) for o in listed["objects"])
+    return tuple(int(entry["id"]) for entry in listed_objects(workspace))
+
+
+def listed_objects(workspace: Workspace) -> list[dict[str, Any]]:
+    """The entries of objects.json, each with an id and a thumbnail of the workspace or none.
+
+    Raises:
+        WorkspaceError: it is missing or damaged.
+    """
+    path = workspace.objects_json
+    entries = _object(path).get("objects")
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise WorkspaceError("holds no list of objects", path=path, mend=MEND)
+    for i, entry in enumerate(entries):
+        number, picture = entry.get("id"), entry.get("thumbnail")
+        if type(number) is not int or not 0 < number < 65536:
+            raise WorkspaceError(
+                f"object {i}: id {str(number)[:40]!r} is no number from 1 to 65535", path=path, mend=MEND
+            )
+        if picture is not None and not all(map(is_file_name, str(picture).split("/"))):
+            raise WorkspaceError(f"object {i}: {str(picture)[:40]!r} is no file of the workspace", path=path, mend=MEND)
+    return entries

@@ -4,6 +4,7 @@ new one, with the record that belongs to it, never a mixture.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -13,7 +14,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import move, patiently, read_json, write_atomic, write_json_atomic
+from unveil_core.base.files import full_disk, move, patiently, read_json, write_atomic, write_json_atomic
+from unveil_core.base.names import file_name, is_file_name
 from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
@@ -21,6 +23,7 @@ __all__ = ["PARTIAL", "commit", "open_partial", "recover"]
 
 PARTIAL = ".partial-"
 """How the folders begin in which stages write."""
+MEND = "delete it; the stage is run again"
 INPUTS = ".inputs"
 """File in such a folder with the digest of what the stage reads: only an attempt with the same may go on from it."""
 
@@ -54,8 +57,13 @@ def recover(workspace: Workspace) -> None:
     if path.is_file():
         entry: Any = read_json(path)
         if not _is_sound(entry):
-            raise WorkspaceError("is no journal of this program", path=path, mend="delete it; the stage is run again")
-        _finish(workspace, entry)
+            raise WorkspaceError("is no journal of this program", path=path, mend=MEND)
+        try:
+            _finish(workspace, entry)
+        except OSError as error:
+            if full_disk(error, path) is not None:
+                raise
+            raise WorkspaceError(f"tells what cannot be done: {error.strerror}", path=path, mend=MEND) from error
     for folder in workspace.root.glob(f"{PARTIAL}*"):
         if not (folder / INPUTS).is_file():
             shutil.rmtree(folder, ignore_errors=True)
@@ -116,11 +124,25 @@ def _is_sound(entry: Any) -> bool:
     partial, outputs = entry.get("partial"), entry.get("outputs")
     if not isinstance(partial, str) or not partial.startswith(PARTIAL) or "/" in partial or "\\" in partial:
         return False
+    if not file_name(partial[len(PARTIAL) :], "") == partial[len(PARTIAL) :] != "" or not _is_json(entry):
+        return False
     return isinstance(outputs, list) and all(isinstance(o, str) and _is_inside(o) for o in outputs)
+
+
+def _is_json(entry: Any) -> bool:
+    """Whether it can be written again: Python reads NaN and infinity, which JSON does not have."""
+    try:
+        json.dumps(entry, allow_nan=False).encode()
+    except ValueError:
+        return False
+    return True
 
 
 def _is_inside(name: str) -> bool:
     path = PurePosixPath(name)
-    return (
-        bool(path.parts) and not path.is_absolute() and ".." not in path.parts and "\\" not in name and ":" not in name
-    )
+    return bool(path.parts) and not path.is_absolute() and all(_is_plain(part) for part in path.parts)
+
+
+def _is_plain(part: str) -> bool:
+    """Whether it is the name of one file, which may begin with a dot."""
+    return part.strip(".") != "" and is_file_name(part.lstrip("."))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
-from unveil_core.base.files import full_disk, write_json_atomic
+from unveil_core.base.files import full_disk, parsed_json, write_json_atomic
 
 __all__ = ["Workspace"]
 
@@ -148,11 +148,12 @@ class Workspace:
             WorkspaceError: it is damaged, or of another version.
         """
         try:
-            data = json.loads(self.workspace_json.read_text("utf-8"))
-        except (OSError, ValueError, RecursionError) as error:
+            data = parsed_json(self.workspace_json.read_text("utf-8"))
+        except (OSError, ValueError) as error:
             raise WorkspaceError(f"cannot be read: {error}", path=self.workspace_json) from error
-        stages = data.get("stages", {}) if isinstance(data, dict) else None
-        if not isinstance(stages, dict) or not all(isinstance(entry, dict) for entry in stages.values()):
+        parts = [data.get(n, {}) for n in ("stages", "settings", "versions")] if isinstance(data, dict) else [None]
+        entries = parts[0].values() if isinstance(parts[0], dict) else ()
+        if not all(isinstance(part, dict) for part in (*parts, *entries)):
             raise WorkspaceError(
                 "is not what a workspace says of itself: expected an object with an object for each stage",
                 path=self.workspace_json,
@@ -211,8 +212,8 @@ class Workspace:
             return []
         found = []
         for line in self.events_jsonl.read_text("utf-8", errors="replace").splitlines():
-            with suppress(ValueError, RecursionError):
-                event = json.loads(line)
+            with suppress(ValueError):
+                event = parsed_json(line)
                 if isinstance(event, dict):
                     found.append(event)
         return found

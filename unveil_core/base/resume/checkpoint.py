@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.files import NO_ARCHIVE, move
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
@@ -39,6 +40,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
     try:
+        check_npz(path)
         with np.load(path, allow_pickle=False) as data:
             return dict(data)
     except NO_ARCHIVE:
@@ -52,7 +54,10 @@ def facts_array(facts: Any) -> NDArray[np.uint8]:
 
 def facts_of(array: NDArray[Any]) -> Any:
     """Inverse of :func:`facts_array`."""
-    return json.loads(array.tobytes())
+    try:
+        return json.loads(array.tobytes())  # states of generators are whole numbers of 128 bits
+    except RecursionError:
+        raise ValueError("it holds too many lists or objects within one another") from None
 
 
 class Kept:
@@ -112,4 +117,8 @@ class Checkpoint:
         arrays = None if self.path is None else read_arrays(self.path)
         if arrays is None or FACTS not in arrays:
             return None
-        return arrays, facts_of(arrays.pop(FACTS))
+        try:
+            facts = facts_of(arrays.pop(FACTS))
+        except ValueError:
+            return None
+        return (arrays, facts) if isinstance(facts, dict) else None

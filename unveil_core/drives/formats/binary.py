@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE
 
@@ -48,6 +49,7 @@ def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
         with zipfile.ZipFile(path) as packed:
             if sum(packed.getinfo(f"{name}.npy").file_size for name in names) > MOST_BYTES:
                 raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+        check_npz(path, names)
         with np.load(path, allow_pickle=False) as archive:
             return [np.asarray(archive[name]) for name in names]
     except KeyError as error:

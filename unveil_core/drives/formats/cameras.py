@@ -51,7 +51,7 @@ def rigid(matrix: object, path: Path, what: str) -> Float64:
     """
     try:
         values = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         values = np.zeros(0)
     if values.size not in (12, 16):
         raise DriveError(f"{what} is not a 4x4 or 3x4 matrix", path=path)
@@ -74,7 +74,7 @@ def pose_of(quat: Sequence[float] | Float64, position: Sequence[float] | Float64
         DriveError: numbers that make none.
     """
     q, t = np.asarray(quat, dtype=np.float64), np.asarray(position, dtype=np.float64)
-    if q.shape != (4,) or t.shape != (3,) or not np.isfinite([*q, *t]).all() or not q.any():
+    if q.shape != (4,) or t.shape != (3,) or not np.isfinite([*q, *t]).all() or not 1e-9 < np.linalg.norm(q) < 1e9:
         raise DriveError(f"{what} is no quaternion and position", path=path, mend="download it again or drop the frame")
     pose = np.eye(4)
     pose[:3, :3] = quat_to_rotation(q)

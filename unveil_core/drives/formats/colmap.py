@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
@@ -30,6 +31,7 @@ _MODELS = {
     5: ("OPENCV_FISHEYE", 8),
     6: ("FULL_OPENCV", 12),
 }
+ONE_FOCAL_LENGTH = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 _BY_NAME = {name: count for name, count in _MODELS.values()}
 MAX_REPROJECTION_PX = 4.0
 MIN_TRACK = 3
@@ -47,7 +49,7 @@ class _Lens:
     def split(self) -> tuple[tuple[float, float, float, float], Distortion | None]:
         """(fx, fy, cx, cy) and the distortion."""
         p = self.parameters
-        if self.model in ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"):
+        if self.model in ONE_FOCAL_LENGTH:
             intrinsics, rest = (p[0], p[0], p[1], p[2]), p[3:]
             rest = (*rest, *([0.0] * (2 - len(rest))))
             distortion = Distortion("OPENCV", (rest[0], rest[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -142,6 +144,14 @@ def _lens(path: Path, model: str, width: int, height: int, parameters: tuple[flo
         raise DriveError(f"camera model {model} is not known", path=path, mend="undistort the images with COLMAP first")
     if len(parameters) != _BY_NAME[model]:
         raise DriveError(f"camera model {model} has {len(parameters)} parameters", path=path)
+    focal = parameters[: 1 if model in ONE_FOCAL_LENGTH else 2]
+    if (
+        not np.isfinite(parameters).all()
+        or min(focal) <= 0
+        or not 1 <= min(width, height) <= max(width, height) < 1 << 20
+    ):
+        problem = f"has numbers that make no camera: {width}x{height} pixels, {' '.join(map(str, parameters))[:100]}"
+        raise DriveError(problem, path=path, mend=MEND)
     return _Lens(model, width, height, parameters)
 
 
@@ -184,7 +194,7 @@ def _read_images(folder: Path) -> list[tuple[str, int, NDArray[np.float64]]]:
                 found.append((" ".join(line.words[9:]), camera, pose_numbers))
     images = []
     for name, camera, numbers in found:
-        if not np.isfinite(numbers).all() or np.linalg.norm(numbers[:4]) < 1e-9:
+        if not np.isfinite(numbers).all() or not 1e-9 < np.linalg.norm(numbers[:4]) < 1e9:
             raise DriveError(
                 f"the pose of {name} is no rotation or holds NaN", path=folder, mend="drop the image or redo its pose"
             )
@@ -245,6 +255,7 @@ def read_colmap(path: Path) -> Drive:
             raise DriveError(f"image {name} names camera {camera_id}, which is not there", path=folder)
         lens = lenses[camera_id]
         (fx, fy, cx, cy), distortion = lens.split()
+        named_path(root / "masks", f"{name}.png", folder, "an image's name")  # is the longest that is looked for
         image = root / "images" / name
         masks = (root / "masks" / f"{name}.png", (root / "masks" / name).with_suffix(".png"))
         parent = Path(name).parent.as_posix()

@@ -47,6 +47,8 @@ CAMERAS = ("image_02", "image_03", "image_00", "image_01")
 """Colour first; the first that a drive has is read unless others are asked for."""
 EARTH_RADIUS_M = 6378137.0
 """Of the sphere that KITTI's devkit projects positions from, metres: the equator's of WGS 84."""
+MOST_OF_POSE = (90.0, 361.0, 1e5, 10.0, 10.0, 10.0)
+"""Of latitude and longitude, degrees, height, metres, and angles, radians; what is beyond, or NaN, is no pose."""
 MEND_CALIBRATION = "download the calibration of this day and unpack it beside its drives"
 MEND = "download the drive again (synced+rectified data)"
 
@@ -167,7 +169,7 @@ def _vehicle_poses(folder: Path) -> tuple[dict[int, Float64], int, list[Path]]:
             values = [float(word) for word in path.read_text("utf-8").split()[:6]]
         except (OSError, ValueError):
             continue
-        if len(values) == 6 and all(math.isfinite(v) for v in values) and abs(values[0]) < 90:
+        if len(values) == 6 and all(abs(v) < most for v, most in zip(values, MOST_OF_POSE, strict=True)):
             packets[number] = values
     if not packets:
         raise DriveError("holds no pose of the vehicle", path=folder, mend=MEND)

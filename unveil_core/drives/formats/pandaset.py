@@ -141,7 +141,7 @@ def _list(path: Path) -> list[Any]:
 def _stamps(path: Path) -> list[float]:
     try:
         stamps = [float(t) for t in _list(path)]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"holds no time stamps: {error}", path=path, mend="download it again") from error
     if not np.isfinite(stamps).all():
         raise DriveError("holds a time stamp that is not finite", path=path, mend="download it again")
@@ -152,7 +152,7 @@ def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> li
     intrinsics = read_json(folder / "intrinsics.json")
     try:
         fx, fy, cx, cy = (float(intrinsics[n]) for n in ("fx", "fy", "cx", "cy"))  # type: ignore[index]
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         path = folder / "intrinsics.json"
         raise DriveError(f"holds no calibration: {error}", path=path, mend="download it again") from error
     poses, stamps = _list(folder / "poses.json"), _stamps(folder / "timestamps.json")
@@ -166,7 +166,7 @@ def _camera_frames(folder: Path, boxes: dict[int, tuple[TrackedBox, ...]]) -> li
         try:
             heading = [float(poses[number]["heading"][n]) for n in "wxyz"]
             position = [float(poses[number]["position"][n]) for n in "xyz"]
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise DriveError(
                 f"frame {name} lacks {error}", path=folder / "poses.json", mend="download it again"
             ) from error

@@ -31,6 +31,7 @@ __all__ = ["ARRAYS", "StandIn", "read_admitted", "read_archived_object", "read_a
 
 MOST_BYTES = 1 << 30
 """Of one unpacked file: hundred times a sweep's. A few bytes of gzip can stand for more than fits into memory."""
+PIECE_BYTES = 1 << 20
 KINDS = re.compile(r"b1|[iu][1248]|f2|f4|f8|f16|c8|c16|O8?|[SU][0-9]{1,5}")
 """Names of types of numbers, texts and objects, as NumPy pickles them."""
 
@@ -210,7 +211,7 @@ def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
         with path.open("rb") as stream:
             packed = stream.read(2) == b"\x1f\x8b"
         with gzip.open(path) if packed else path.open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
+            content = _all_of(stream)
     except FileNotFoundError as error:
         raise DriveError("there is no such file", path=path, mend="download it again") from error
     except (OSError, EOFError, zlib.error) as error:
@@ -218,6 +219,16 @@ def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
     if len(content) > MOST_BYTES:
         raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
     return _unpickled(io.BytesIO(content), admitted, path)
+
+
+def _all_of(stream: Any) -> bytes:
+    """What a stream holds, or just more than :data:`MOST_BYTES` of it. Piece by piece: for one read of so many bytes, room for
+    all of them is taken first."""
+    pieces, size = list[bytes](), 0
+    while size <= MOST_BYTES and (piece := stream.read(min(PIECE_BYTES, MOST_BYTES + 1 - size))):
+        pieces.append(piece)
+        size += len(piece)
+    return b"".join(pieces)
 
 
 def _unpickled(stream: io.BytesIO, admitted: Mapping[tuple[str, str], Any], path: Path) -> Any:

@@ -123,6 +123,7 @@ def array_of(value: Any, path: Path, name: str) -> NDArray[Any] | None:
         DriveError: no list of numbers.
     """
     inner = getattr(value, "values", None) if value is not None and value.is_valid else None
+    inner = None if callable(inner) else inner  # of a struct it is a method
     if inner is None and (value is None or not value.is_valid):
         return None
     found = None if inner is None else inner.to_numpy(zero_copy_only=False)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
 from unveil_core.base.types import Float64
@@ -38,7 +39,7 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     """
     try:
         pose = np.asarray(matrix, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pose = np.zeros(0)
     if pose.shape == (3, 4):
         pose = np.vstack([pose, [0, 0, 0, 1]])
@@ -60,9 +61,11 @@ def pose_from_matrix(matrix: object, path: Path, frame: str) -> NDArray[np.float
     return pose
 
 
-def _image_path(root: Path, name: str) -> Path:
-    """The file that ``file_path`` means; Instant-NGP leaves the suffix out, and Windows writes backslashes."""
-    path = root / name.replace("\\", "/")
+def _image_path(source: Path, name: object) -> Path:
+    """The file that ``file_path`` of a transforms.json means; Instant-NGP leaves the suffix out."""
+    path = named_path(source.parent, name, source, "file_path")
+    if not path.name:
+        raise DriveError(f"file_path names no file: {str(name)[:40]!r}", path=source, mend="correct it")
     if not path.suffix or not path.exists():
         for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
             if (candidate := path.with_name(path.name + suffix)).exists():
@@ -93,7 +96,7 @@ def _up_told(keys: Keys) -> Float64 | None:
         return None
     try:
         up = np.asarray(keys.get("up"), dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
         raise DriveError("up is no direction", path=keys.path, mend="three numbers, as [0, 0, 1]")
@@ -106,7 +109,7 @@ def _frames(top: dict[str, Any], path: Path) -> list[Frame]:
     for i, entry in enumerate(entries):
         if not isinstance(entry, dict) or not entry.get("file_path"):
             raise DriveError(f"frame {i} has no file_path", path=path)
-    images = [_image_path(path.parent, str(entry["file_path"])) for entry in entries]
+    images = [_image_path(path, entry["file_path"]) for entry in entries]
     cameras = camera_names(entries)
     names = frame_names(entries, cameras, [image.stem for image in images])
     frames = []

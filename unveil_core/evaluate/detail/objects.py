@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from unveil_core.base.errors import WorkspaceError
+from unveil_core.base.files import parsed_json
 
 __all__ = ["ObjectNames", "read_object_names"]
 
@@ -34,9 +34,9 @@ def read_object_names(workspace_root: Path) -> ObjectNames:
     if not path.is_file():
         return ObjectNames({}, frozenset())
     try:
-        entries = json.loads(path.read_text("utf-8"))
+        entries = parsed_json(path.read_text("utf-8"))
         classes = {int(e["id"]): str(e.get("class", "object")) for e in entries}
         kept = frozenset(int(e["id"]) for e in entries if not e.get("removed"))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend="run `unveil instances` again") from error
     return ObjectNames(classes, kept)

@@ -12,10 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.array_headers import check_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 
 __all__ = ["ChartSources", "read_chart_sources", "save_chart"]
+
+
+LARGEST_BYTES = 1 << 32
+"""Of all arrays together: a hundred kilometres of street."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +54,11 @@ def read_chart_sources(path: Path) -> ChartSources | None:
         WorkspaceError: it cannot be read.
     """
     try:
+        check_npz(path, ("source", "label", "place"), LARGEST_BYTES)
         with np.load(path, allow_pickle=False) as data:
             source, label, place = data["source"], data["label"], data["place"]
+        if (source.dtype, label.dtype) != (np.uint8, np.int16) or place.dtype != np.float64:
+            raise ValueError("arrays of other types")
         if source.shape != label.shape or source.ndim != 2 or place.shape != (3,) or not np.isfinite(place).all():
             raise ValueError("arrays of other shapes")
     except NO_ARCHIVE as error:

@@ -74,7 +74,7 @@ def read_settings(network: Path) -> NetworkSettings:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return NetworkSettings(path)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SettingsError(f"is not readable TOML: {error}", path=path) from error
     given: dict[str, Any] = {}
     for key, value in content.items():
@@ -83,7 +83,7 @@ def read_settings(network: Path) -> NetworkSettings:
         check, wanted = CHECKS[key]
         try:
             given["class_map" if key == "map" else key] = check(value)
-        except (TypeError, ValueError, AttributeError) as error:
+        except (TypeError, ValueError, AttributeError, OverflowError) as error:
             raise SettingsError(f"{key} = {value!r} is not understood", path=path, mend=f"give {wanted}") from error
     if max(given.get("mean", (0.0,))) > 1 and given.get("white") is None:
         raise SettingsError("mean is above 1, where white is", path=path, mend="add white = 255.0")

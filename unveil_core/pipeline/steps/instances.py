@@ -5,13 +5,12 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.files import write_json_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
@@ -27,7 +26,7 @@ from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
 from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_array, load_selection, save_array
+from unveil_core.workspace.files import listed_objects, load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["STAGE"]
@@ -60,12 +59,12 @@ def run(context: StageContext) -> None:
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
     axes = up_frame(UP)
-    listed: Any = read_json(workspace.objects_json)
+    listed = listed_objects(workspace)
     entries: list[dict[str, object]] = []
     members = Members(of_surfel)
-    for done, known in enumerate(listed["objects"]):
+    for done, known in enumerate(listed):
         number, own = int(known["id"]), members[int(known["id"])]
-        context.progress(done + 1, len(listed["objects"]), "naming objects")
+        context.progress(done + 1, len(listed), "naming objects")
         if not len(own):
             continue
         box = known["box"] if known["source"] in ("box", "boxes") else fit_box(positions[own], axes, gap=1.0).to_json()

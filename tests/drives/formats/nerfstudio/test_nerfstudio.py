@@ -361,7 +361,7 @@ def test_bad_keys_are_one_line(line: str, tmp_path: Path) -> None:
 BAD_DEPTH: dict[str, tuple[str, Callable[[Path], object]]] = {
     "is not a readable .npy file": ("npy", lambda p: p.write_bytes(b"no array")),
     "is not an array .H, W. of depths": ("npy", lambda p: np.save(p, np.zeros((3, 4, 5)))),
-    "is not a readable .npy file: Array can": ("npy", lambda p: np.save(p, np.array([{}], dtype=object), allow_pickle=True)),
+    "is not a readable .npy file: it says": ("npy", lambda p: np.save(p, np.array([{}], dtype=object), allow_pickle=True)),
     "is a depth image of 8 bits": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32), np.uint8))),
     "is a depth image of 3 channels": ("png", lambda p: cv2.imwrite(str(p), np.zeros((24, 32, 3), np.uint16))),
     "is not a readable depth image": ("png", lambda p: p.write_bytes(b"no image")),

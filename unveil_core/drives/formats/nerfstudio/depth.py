@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.checks.array_headers import check_npy
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import NO_ARCHIVE, read_unchanged
 from unveil_core.base.types import Float32, Float64
 from unveil_core.drives.drive import Distortion, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.geometry.camera import Camera
@@ -134,8 +136,10 @@ def _away_from_edges(depth: Float32) -> NDArray[np.bool_]:
 def _load_npy(path: Path) -> NDArray[np.generic]:
     """An array of one channel, read from disk as far as it is used."""
     try:
+        with path.open("rb") as stream:
+            check_npy(stream, path.stat().st_size)
         values: NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except NO_ARCHIVE as error:
         raise DriveError(f"is not a readable .npy file: {error}", path=path, mend="save it as a plain array") from error
     values = values[..., 0] if getattr(values, "ndim", 0) == 3 and values.shape[2] == 1 else values
     if getattr(values, "ndim", 0) != 2 or values.dtype.kind not in "fiu" or not values.size:
@@ -148,12 +152,10 @@ def _read_depth(path: Path) -> Float32:
     if path.suffix.lower() == ".npy":
         return np.array(_load_npy(path), dtype=np.float32)
     try:
-        content = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise DriveError(f"cannot be read: {error.strerror}", path=path, mend="restore it") from error
-    image = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if content.size else None
-    if image is None:
-        raise DriveError("is not a readable depth image", path=path, mend="export it again as 16-bit PNG or .npy")
+        image = read_unchanged(path)
+    except DriveError as error:
+        problem = error.problem.replace("readable image", "readable depth image")
+        raise DriveError(problem, path=path, mend="export it again as 16-bit PNG or .npy") from error
     if image.ndim != 2 or image.dtype == np.uint8:
         shape = f"{image.shape[2]} channels" if image.ndim == 3 else "8 bits"
         raise DriveError(

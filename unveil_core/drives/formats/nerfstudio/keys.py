@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 
 __all__ = ["Keys"]
@@ -42,7 +43,7 @@ class Keys:
             return None
         try:
             found = math.nan if isinstance(value, bool) else float(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             found = math.nan
         if not math.isfinite(found):
             where = f" of frame {self.name}" if self.name and self.frame.get(key) is not None else ""
@@ -50,6 +51,10 @@ class Keys:
         return found
 
     def file(self, key: str) -> Path | None:
-        """A path that the frame names, relative to the folder of the file, or None."""
+        """A path that the frame names, relative to the folder of the file, or None.
+
+        Raises:
+            DriveError: it is no name of a file.
+        """
         value = self.frame.get(key)
-        return self.path.parent / str(value).replace("\\", "/") if value else None
+        return named_path(self.path.parent, value, self.path, key) if value else None

@@ -44,6 +44,8 @@ NO_PINHOLE = (
     "FISHEYE624",
 )
 """Models of nerfstudio that no pinhole picture of the same size can be made of."""
+MOST_PIXELS = 1 << 20
+"""Of a side of a picture."""
 PLAIN = (".png", ".jpg", ".jpeg")
 
 
@@ -77,13 +79,16 @@ def _focal(side: int, angle: float | None) -> float | None:
     """Pixels, of a field of view in radians."""
     if angle is None or not 0 < angle < math.pi:
         return None
-    return side / (2 * math.tan(angle / 2))
+    half = math.tan(angle / 2)
+    return side / (2 * half) if half > 0 else None  # of an angle that is all but 0, nothing is left
 
 
 def _size(keys: Keys, image: Path) -> tuple[int, int]:
     """Width and height: as the file says, else of the picture, from its header where that is known."""
     width, height = keys.number("w"), keys.number("h")
     if width is not None and height is not None:
+        if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
+            raise DriveError(f"w and h are {width:g} and {height:g}", path=keys.path, mend="correct them")
         return int(width), int(height)
     if image.suffix.lower() in PLAIN:
         return picture_size(image)

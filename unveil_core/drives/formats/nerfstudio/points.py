@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import PointCloud
@@ -52,7 +53,7 @@ def read_named_points(keys: Keys, cameras: Sequence[Camera]) -> NamedPoints | No
     applied = _applied(keys)
     root = keys.path.parent
     if keys.get("ply_file_path"):
-        path = root / str(keys.get("ply_file_path")).replace("\\", "/")
+        path = named_path(root, keys.get("ply_file_path"), keys.path, "ply_file_path")
         found = read_points(path)
         if applied is None and find_model(root / "colmap") is not None:
             applied = COLMAP_TO_SAVED
@@ -73,7 +74,7 @@ def _applied(keys: Keys) -> Float64 | None:
         return None
     try:
         matrix = np.eye(4)[:3] if given is None else np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
         raise DriveError("applied_transform is no 3x4 matrix", path=keys.path, mend="leave it out or correct it")

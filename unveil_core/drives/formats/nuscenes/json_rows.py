@@ -6,13 +6,13 @@ pattern, rows that lack what is looked for are passed over as bytes, and the oth
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import parsed_json
 
 __all__ = ["json_rows"]
 
@@ -46,8 +46,8 @@ def json_rows(path: Path, field: str | None = None, wanted: Collection[str] = ()
             bodies = [b for b in bodies if (m := look(b)) is not None and m[1] in values]
         for body in bodies:
             try:
-                row = json.loads(b"{" + body + b"}")
-            except (ValueError, RecursionError) as error:
+                row = parsed_json(b"{" + body + b"}")
+            except ValueError as error:
                 raise DriveError(f"holds a row that is not valid JSON: {error}", path=path, mend=MEND) from error
             if field is None or row.get(field) in wanted:
                 yield row

@@ -154,7 +154,7 @@ def _pose(rows: SceneRows, name: str, row: Row | None, token: str) -> Float64:
         raise DriveError(f"has no row {token}", path=rows.table(name), mend=MEND)
     try:
         return pose_of(row["rotation"], row["translation"], rows.table(name), f"row {token}")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"row {token} is no pose: {error}", path=rows.table(name), mend=MEND) from error
 
 
@@ -173,7 +173,7 @@ def _frame(rows: SceneRows, file: SensorFile, root: Path, boxes: tuple[TrackedBo
         k = np.asarray(rows.calibrated[file.calibrated]["camera_intrinsic"], dtype=np.float64)
         if k.shape != (3, 3):
             raise ValueError(f"it has {k.size} numbers")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         problem = f"the camera_intrinsic of {file.channel} is none: {error}"
         raise DriveError(problem, path=calibration, mend=MEND) from error
     size = file.size if min(file.size) > 0 else picture_size(path)
@@ -201,7 +201,7 @@ def _boxes(rows: SceneRows) -> tuple[list[float], list[tuple[TrackedBox, ...]]]:
             x, y, z = (float(v) for v in row["translation"])
             width, length, height = (float(v) for v in row["size"])
             qw, qx, qy, qz = (float(v) for v in row["rotation"])
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise DriveError(f"a row is no box: {error}", path=rows.table("sample_annotation"), mend=MEND) from error
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         if np.isfinite([x, y, z, yaw]).all() and min(width, length, height) > 0:

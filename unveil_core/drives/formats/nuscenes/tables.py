@@ -126,7 +126,7 @@ def read_scene(folder: Path, scene: str) -> SceneRows:
     stats = [(folder / f"{name}.json").stat() for name in TABLES]
     try:
         return _read_scene(folder, scene, tuple((s.st_size, s.st_mtime_ns) for s in stats))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         problem = f"a row lacks {error}" if isinstance(error, KeyError) else f"a row is no such: {error}"
         raise DriveError(f"is damaged: {problem}", path=folder, mend=MEND) from error
 

@@ -205,7 +205,7 @@ def _boxes(path: Path, poses: _Poses) -> Boxes:
             for number, box in zip(numbers, boxes_of_track(ids.of(str(key)), class_name, placed, sizes), strict=True):
                 if box is not None:
                     found.setdefault(number, []).append(box)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         problem = f"lacks {error}" if isinstance(error, KeyError) else f"holds no instances: {error}"
         raise DriveError(problem, path=path, mend=MEND) from error
     return {number: tuple(b) for number, b in found.items()}

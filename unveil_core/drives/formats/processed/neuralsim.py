@@ -119,7 +119,7 @@ class _Observer:
 def _required(observer: _Observer, key: str, shape: tuple[int, ...]) -> Float64:
     try:
         return observer.column(key, shape)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         problem = f"{observer.name} lacks a good {key}: {error}"
         raise DriveError(problem, path=observer.path, mend=MEND) from error
 

@@ -108,7 +108,7 @@ def _stamps(path: Path) -> dict[str, dict[int, float]]:
     content: Any = read_json(path)
     try:
         return {str(name): {int(k): float(v) for k, v in times.items()} for name, times in content.items()}
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"holds no time stamps: {error}", path=path, mend=MEND) from error
 
 
@@ -176,7 +176,7 @@ def _boxes(path: Path, matrices: Matrices) -> Boxes:
             sizes = np.array([[length, width, height]])
             (box,) = boxes_of_track(ids.of(words[1]), class_name, (vehicle @ pose)[None], sizes)
             found[number] = (*found.get(number, ()), *(() if box is None else (box,)))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, OverflowError) as error:
         raise DriveError(f"is no table of tracks: {error}", path=path, mend=MEND) from error
     return found
 
@@ -187,7 +187,7 @@ def _cloud(path: Path, stamp: tuple[int, int]) -> dict[int, Any]:
     held = read_archived_object(path, "pointcloud")
     try:
         return {int(number): points for number, points in held.items()}
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"holds no points by frame: {error}", path=path, mend=MEND) from error
 
 
