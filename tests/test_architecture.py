@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from importlib.util import find_spec
 
 import pytest
@@ -107,3 +108,12 @@ def test_kernels_share_threads_in_one_way() -> None:
     """``base/parallel`` says why: numba's own parallel loops keep a count of threads of their own."""
     sources = {str(p.relative_to(ROOT)): p.read_text(encoding="utf-8") for p in sorted((ROOT / PACKAGE).rglob("*.py"))}
     assert [name for name, text in sources.items() if "prange" in text or "parallel=True" in text] == []
+
+
+def test_kernels_are_compiled_in_one_way() -> None:
+    """``base/kernels/compiled`` says why: numba's own files of two processes mix."""
+    sources = {str(p.relative_to(ROOT)): p.read_text(encoding="utf-8") for p in sorted((ROOT / PACKAGE).rglob("*.py"))}
+    own = [
+        name for name, text in sources.items() if re.search(r"from numba import .*\bjit|from numba import .*njit", text)
+    ]
+    assert own == []

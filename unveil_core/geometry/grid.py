@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from unveil_core.base.hashing import slot_of
+from unveil_core.base.kernels.compiled import njit
+from unveil_core.base.kernels.hashing import slot_of
 from unveil_core.base.types import Float64
 
 __all__ = ["PointGrid", "rising"]
