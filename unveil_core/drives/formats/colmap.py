@@ -256,6 +256,8 @@ def read_colmap(path: Path) -> Drive:
         lens = lenses[camera_id]
         (fx, fy, cx, cy), distortion = lens.split()
         named_path(root / "masks", f"{name}.png", folder, "an image's name")  # is the longest that is looked for
+        if not Path(name).name:
+            raise DriveError(f"an image's name is none of a file: {name[:40]!r}", path=folder, mend="correct it")
         image = root / "images" / name
         masks = (root / "masks" / f"{name}.png", (root / "masks" / name).with_suffix(".png"))
         parent = Path(name).parent.as_posix()

@@ -100,6 +100,7 @@ def _up_told(keys: Keys) -> Float64 | None:
         up = np.zeros(0)
     if up.shape != (3,) or not np.isfinite(up).all() or not up.any():
         raise DriveError("up is no direction", path=keys.path, mend="three numbers, as [0, 0, 1]")
+    up = up / np.abs(up).max()  # squares of the largest and smallest numbers are none
     return np.asarray(up / np.linalg.norm(up))
 
 
