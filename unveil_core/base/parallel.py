@@ -19,9 +19,10 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from types import TracebackType
 from typing import Any
 
-__all__ = ["EXACT", "FAST", "in_parallel", "thread_count", "threads"]
+__all__ = ["EXACT", "FAST", "ThreadErrors", "in_parallel", "thread_count", "threads"]
 
 FAST: dict[str, Any] = {"fastmath": True, "cache": True, "nogil": True, "boundscheck": False, "error_model": "numpy"}
 """How numba compiles a kernel for :func:`in_parallel` whose sums may be taken in any order."""
@@ -102,3 +103,35 @@ def in_parallel(kernel: Callable[..., Any], size: int, chunk: int, *arguments: A
     for failure in failures:
         if failure is not None:
             raise failure
+
+
+class ThreadErrors:
+    """A context in which errors that end threads of libraries are kept rather than printed.
+
+    Such an error ends the thread and nothing else, and what it was to compute is missing from a result: scipy's search for
+    neighbours, where a thread of it finds no memory, hands arrays back with whatever was in them.
+
+    Attributes:
+        found: the errors, in their order.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[BaseException] = []
+
+    def __enter__(self) -> ThreadErrors:
+        self._before = threading.excepthook
+        threading.excepthook = self._take
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        threading.excepthook = self._before
+
+    def check(self) -> None:
+        """Raise the first error, if there is one."""
+        if self.found:
+            raise self.found[0]
+
+    def _take(self, arguments: threading.ExceptHookArgs) -> None:
+        self.found.append(arguments.exc_value or arguments.exc_type())

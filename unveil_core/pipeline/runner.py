@@ -31,9 +31,9 @@ from unveil_core.base.errors import (
 )
 from unveil_core.base.files import full_disk, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.parallel import ThreadErrors
 from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
 from unveil_core.base.resume.parts import Parts
-from unveil_core.base.thread_errors import ThreadErrors
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.pipeline.forecasting import Expected
