@@ -262,7 +262,7 @@ def _unveil(wanted: str, locked: Path | None, temporary: Path) -> list[str]:
     noted = re.search(r"sha256:[0-9a-f]{64}", (locked / HASH).read_text())
     if noted is None:
         raise RuntimeError(f"{locked / HASH} has no hash (install the extension again)")
-    file = temporary / "unveil.txt"
+    file = temporary / "unveil-core.txt"
     file.write_text(f"unveil-core @ {Path(wanted).as_uri()} --hash={noted.group()}\n", encoding="utf-8")
     return [*STRICT, "-r", str(file)]
 

@@ -46,7 +46,7 @@ def test_every_frame_has_one_block_of_about_the_length(count: int, step: float) 
 
 
 def test_frames_before_a_block_that_look_into_it_join_it() -> None:
-    drive = straight(300, 1.0)
+    drive = straight(290, 1.0)  # no node of the way lies on a border, where rounding would decide
     first, second, third = cut_into_blocks(drive).blocks
     assert min(first.frames) == 0 and max(first.frames) == max(first.own)
     for block in (second, third):
