@@ -24,7 +24,7 @@ PARENT = """
 import subprocess, sys, time
 worker = subprocess.Popen([sys.executable, *sys.argv[1:]], stdin=subprocess.PIPE)
 print(worker.pid, flush=True)
-time.sleep(60)
+time.sleep(300)
 """
 
 
@@ -58,7 +58,7 @@ def test_a_run_ends_with_the_program_that_started_it_even_killed(tmp_path: Path)
     assert parent.stdout is not None
     worker = int(parent.stdout.readline())
     try:
-        assert until(lambda: started(root, "reconstruct"), 60)
+        assert until(lambda: started(root, "reconstruct"), 240)
         assert alive(worker)
         parent.send_signal(signal.SIGKILL)
         parent.wait()
