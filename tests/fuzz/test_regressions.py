@@ -84,6 +84,8 @@ VALUES: tuple[tuple[str, str, tuple[str | int, ...], object], ...] = (
     ("batch and tasks of a farm", "batch.json", ("tasks", 0, "arguments"), []),
     ("batch and tasks of a farm", "batch.json", ("tasks", 0, "arguments", 0), 5),
     ("batch and tasks of a farm", "batch.json", ("tasks", 0, "id"), ESCAPE),
+    ("batch and tasks of a farm", "batch.json", ("tasks", 0, "id"), "\u00e9" * 150),
+    ("batch and tasks of a farm", "batch.json", ("tasks", 0, "arguments"), ["run", "--until"]),
     ("batch and tasks of a farm", "one.prepare.json", ("tries",), "many"),
     ("batch and tasks of a farm", "one.inpaint.0000.json", ("process",), 2**70),
     ("timings of the machine", "timings.json", ("another",), float("nan")),

@@ -34,6 +34,9 @@ __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
 
 VERSION = 1
 
+LONGEST_ID_BYTES = 200
+"""Of a task: a drive's name, a step and a number; a file is named after it, and names have 255 bytes at most."""
+
 
 @dataclass(frozen=True)
 class BatchDrive:
@@ -117,8 +120,9 @@ def read_batch(root: Path) -> Batch:
             raise ValueError("two drives of one name, or a name that is no file's")
         known: set[str] = set()
         for task in tasks:
-            sound = re.fullmatch(r"[\w.-]{1,200}", task.id) and task.drive in names and task.arguments
-            if not sound or not set(task.after) <= known or task.id in known:
+            named = re.fullmatch(r"[\w.-]+", task.id) and len(task.id.encode()) <= LONGEST_ID_BYTES
+            ends = task.arguments and task.arguments[-1] != "--until"  # which names a stage
+            if not named or not ends or task.drive not in names or not set(task.after) <= known or task.id in known:
                 raise ValueError(f"task {task.id!r}")
             known.add(task.id)
     except (OSError, KeyError, TypeError, ValueError) as error:

@@ -14,6 +14,7 @@ from tests.drives.formats.processed.test_neuralsim import Hostile
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
+from unveil_core.drives.formats.processed.street_gaussians import _stamps
 
 WIDTH, HEIGHT, FRAMES = 48, 32, 3
 FOCAL, CENTRE = (40.0, 41.0), (23.7, 16.2)
@@ -152,3 +153,10 @@ def test_gaps_are_borne_and_told(tmp_path: Path) -> None:
     assert [f.name for f in drive.frames] == ["000000", "000002"]
     assert len(drive.sweeps) == 2
     assert any("1 of 6 photographs have no pose" in n for n in drive.notices)
+
+
+def test_a_time_stamp_that_is_no_number_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "timestamps.json"
+    file.write_text('{"FRAME": {"0": 1e999}}')
+    with pytest.raises(DriveError, match="no finite number"):
+        _stamps(file)

@@ -204,7 +204,7 @@ def _boxes(rows: SceneRows) -> tuple[list[float], list[tuple[TrackedBox, ...]]]:
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise DriveError(f"a row is no box: {error}", path=rows.table("sample_annotation"), mend=MEND) from error
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
-        if np.isfinite([x, y, z, yaw]).all() and min(width, length, height) > 0:
+        if np.isfinite([x, y, z, yaw, width, length, height]).all() and min(width, length, height) > 0:
             number = ids.of(str(row["instance_token"]))
             found[row["sample_token"]].append(TrackedBox(number, class_name, (x, y, z), (length, width, height), yaw))
     return list(rows.samples.values()), [tuple(boxes) for boxes in found.values()]

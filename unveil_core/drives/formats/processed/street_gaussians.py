@@ -10,6 +10,7 @@ segment, which goes through the restricted unpickler. Facts: zju3dv/street_gauss
 
 from __future__ import annotations
 
+import math
 import re
 from functools import lru_cache, partial
 from pathlib import Path
@@ -107,7 +108,10 @@ def _stamps(path: Path) -> dict[str, dict[int, float]]:
         return {}
     content: Any = read_json(path)
     try:
-        return {str(name): {int(k): float(v) for k, v in times.items()} for name, times in content.items()}
+        stamps = {str(name): {int(k): float(v) for k, v in times.items()} for name, times in content.items()}
+        if not all(math.isfinite(v) for times in stamps.values() for v in times.values()):
+            raise ValueError("one is no finite number")
+        return stamps
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise DriveError(f"holds no time stamps: {error}", path=path, mend=MEND) from error
 
