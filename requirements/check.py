@@ -10,6 +10,7 @@ online).
 from __future__ import annotations
 
 import base64
+import csv
 import hashlib
 import re
 import sys
@@ -52,12 +53,13 @@ def problems(installed: Iterable[Distribution], locked: dict[str, set[str]]) -> 
 def changed(package: Distribution) -> list[str]:
     """The files of a package that are missing or other than its RECORD says."""
     found = []
-    for file in package.files or ():
-        if file.hash is None or file.suffix == ".pyc":  # RECORD itself; bytecode, which Python makes anew
+    # Read here, for ``package.files`` leaves missing files out in some versions of importlib.
+    for name, noted, *_ in csv.reader((package.read_text("RECORD") or "").splitlines()):
+        if not noted or name.endswith(".pyc"):  # RECORD itself; bytecode, which Python makes anew
             continue
-        path = Path(str(package.locate_file(file)))
-        if not path.is_file() or _digest(path, file.hash.mode) != file.hash.value:
-            found.append(str(file))
+        path, (kind, _, digest) = Path(str(package.locate_file(name))), noted.partition("=")
+        if not path.is_file() or _digest(path, kind) != digest:
+            found.append(name)
     return found
 
 
