@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from importlib.util import find_spec
 
 import pytest
@@ -25,8 +27,9 @@ BLENDER = {
     "bl_ext",
     "blender_addon",
 }
-BY_NAME = {"unveil_core", "unveil_core.raster.autograd", "unveil_core.bench.rivals"}
-"""Modules that import others by a computed name: the public face, the rasterizer its backends, a benchmark its rivals."""
+BY_NAME = {"unveil_core", "unveil_core.pipeline.graph", "unveil_core.raster.autograd", "unveil_core.bench.rivals"}
+"""Modules that import others by a computed name: the public face, the stages their work, the rasterizer its backends, a benchmark
+its rivals."""
 INSIDE = [i for i in imports() if i.target == PACKAGE or i.target.startswith(f"{PACKAGE}.")]
 
 
@@ -117,3 +120,13 @@ def test_kernels_are_compiled_in_one_way() -> None:
         name for name, text in sources.items() if re.search(r"from numba import .*\bjit|from numba import .*njit", text)
     ]
     assert own == []
+
+
+def test_nobody_waits_for_pytorch_before_the_reconstruction() -> None:
+    """Two seconds of each process, which the status of a workspace, an import and a choice do not need."""
+    early = ["run", "status", *(f"steps.{name}" for name in ("import_", "objects", "segment", "choose"))]
+    lines = "; ".join(f"import {PACKAGE}.pipeline.{name}" for name in early)
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; {lines}; print('torch' in sys.modules)"], capture_output=True
+    )
+    assert done.stdout.decode().strip() == "False", done.stderr.decode()

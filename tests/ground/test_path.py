@@ -11,8 +11,8 @@ import pytest
 from tests.ground.test_street import look
 from unveil_core.drives.drive import Drive, Frame, PointCloud
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.fit import longest_track
 from unveil_core.ground.path import fit_path, way_of
+from unveil_core.ground.track import longest_track
 
 DRIVE = np.c_[np.arange(30.0), np.zeros(30), np.full(30, 1.6)]
 """30 m straight ahead."""

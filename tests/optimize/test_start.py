@@ -15,11 +15,11 @@ from unveil_core.base.frame_cache import Frames
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.cloud import thin_points
 from unveil_core.optimize import start as module
 from unveil_core.optimize.start import StartSettings, start_scene
 from unveil_core.semantics.labels import choose_labels, frame_labels
 from unveil_core.semantics.visibility import points_in_view
-from unveil_core.surfels.initialize import thin_points
 from unveil_core.surfels.sky import Sky
 
 

@@ -19,10 +19,10 @@ import pytest
 from tests.drives.tiny_drive import make_tiny_drive
 from tests.inpaint.networks import blur, from_reference, mean_fill
 from unveil_core.base.errors import Cancelled, SettingsError, UnveilError, WorkspaceError
+from unveil_core.pipeline.outside import check_networks, files_of_networks
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, Stage, StageContext
-from unveil_core.pipeline.steps.inpaint import check_networks, files_of_networks
 from unveil_core.workspace.journal import recover
 from unveil_core.workspace.workspace import Workspace
 

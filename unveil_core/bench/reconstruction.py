@@ -26,6 +26,7 @@ from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.evaluate.geometry import depth_points, surface_distances
 from unveil_core.evaluate.held_out import evaluate_views, split_drive
+from unveil_core.geometry.cloud import thin_points
 from unveil_core.geometry.images import grow
 from unveil_core.mesh.tsdf import fuse
 from unveil_core.mesh.views import depth_views
@@ -37,7 +38,6 @@ from unveil_core.raster import render
 from unveil_core.remove.regions import unobserved_mask
 from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.labels import SceneLabels, choose_labels, frame_labels
-from unveil_core.surfels.initialize import thin_points
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["LOSSES", "VARIANTS", "bench_reconstruction"]

@@ -1,7 +1,8 @@
-"""Which part of a drive is read: cameras, frames, sweeps; and its frames in the order of time."""
+"""Which part of a drive is read: cameras, frames, sweeps; its frames in the order of time, and by name."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions,
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.drive import Drive, Frame, Sweep
 
-__all__ = ["in_order_of_time", "select_part"]
+__all__ = ["in_order_of_time", "named_frames", "select_part"]
 
 
 def in_order_of_time(drive: Drive) -> Drive:
@@ -94,3 +95,32 @@ def _thinned(sweeps: Sequence[Sweep], which: str) -> tuple[Sweep, ...]:
             return annotated
         return tuple(s for s in sweeps if s.boxes) or tuple(sweeps)
     return tuple(sweeps[:: int(which)])
+
+
+def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
+    """Indices of the frames that the user names: by stem (``0007``), by camera and stem (``front/0007``), or by number (``7``).
+
+    A number is the one in the stem where all stems are numbers, else the place in the camera's track, counted from 0. What
+    several cameras have is a keyframe in all of them.
+
+    Raises:
+        SettingsError: there is no such frame.
+    """
+    numbers = [int(f.name) if re.fullmatch(r"\d{1,18}", f.name) else None for f in frames]
+    if None in numbers:
+        places: dict[str, int] = {}
+        for i, f in enumerate(frames):
+            numbers[i] = places[f.camera_name] = places.get(f.camera_name, -1) + 1
+    found: list[int] = []
+    for name in names:
+        matches = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
+        if not matches and re.fullmatch(r"\d{1,18}", name):
+            matches = [i for i, number in enumerate(numbers) if number == int(name)]
+        if not matches:
+            known = sorted(number for number in numbers if number is not None)
+            raise SettingsError(
+                f"there is no frame {name!r} to be a keyframe",
+                mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
+            )
+        found += matches
+    return tuple(dict.fromkeys(found))

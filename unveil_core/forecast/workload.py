@@ -9,8 +9,8 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.frames import working_camera
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.blocks import cut_into_blocks
-from unveil_core.ground.fit import longest_track
 from unveil_core.ground.path import way_of
+from unveil_core.ground.track import longest_track
 
 __all__ = ["Workload"]
 

@@ -15,8 +15,8 @@ from unveil_core.base.types import Float64, Labels
 from unveil_core.drives.drive import Drive, instants
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.reach import centres_of
-from unveil_core.ground.fit import longest_track
 from unveil_core.ground.path import first_of_places, travelled
+from unveil_core.ground.track import longest_track
 
 __all__ = ["BLOCK_M", "Block", "Blocks", "block_name", "cut_into_blocks"]
 

@@ -9,17 +9,17 @@ import numpy as np
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.cityscapes import CITYSCAPES
-from unveil_core.drives.drive import Drive, PointCloud, tracks
+from unveil_core.drives.drive import Drive, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
-from unveil_core.ground.path import StreetPath, way_of
+from unveil_core.ground.path import StreetPath
 from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "longest_track"]
+__all__ = ["DriveGround", "fit_drive_terrain", "fit_street"]
 
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
@@ -27,12 +27,6 @@ MOST_MEASURED = 200_000
 """Labelled points of a drive that the ground is fitted to at most: a point for each cell of a street of a kilometre."""
 FEWEST = 50
 """So many surfels make a street's ground."""
-ALIKE_WAYS, ASIDE_OF_RIG_M = 0.05, 4.0
-"""Tracks whose ways differ by a smaller share, or by fewer metres, are of one rig: in a bend its outer camera goes farther, by a
-metre and a half in a quarter turn for each metre that it lies aside."""
-AHEAD = 0.1
-"""Of a rig's cameras those look ahead whose cosine of the angle between view and way is less than this below the greatest: of these
-the first is the path's. A camera amid the car keeps to the middle of its way, one at its side or rear swings."""
 LEVEL = 0.8
 """Cosine of the slope up to which a surfel is level."""
 UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
@@ -58,33 +52,6 @@ class DriveGround:
     path: StreetPath
     street: Ground | None
     terrain: HeightField | None
-
-
-def longest_track(drive: Drive) -> list[int]:
-    """Frame indices, in order of travel, of the camera that went the longest way; of a rig, of its first that looks ahead.
-
-    Of a car that stands the camera that the dataset calls its front camera, else the first.
-    """
-    found = tracks(drive)
-    centres = [np.stack([drive.frames[i].camera.centre for i in track]) for track in found]
-    ways = np.array([way_of(c) for c in centres])
-    if not ways.any():
-        named = [track for track in found if drive.frames[track[0]].camera_name in drive.front_cameras]
-        return (named or found)[0]
-    least = min((1 - ALIKE_WAYS) * ways.max(), ways.max() - min(ASIDE_OF_RIG_M, 0.2 * ways.max()))
-    ahead = np.full(len(found), -np.inf)
-    for k in np.flatnonzero(ways >= least):
-        views = np.stack([drive.frames[i].camera.forward for i in found[k]])
-        ahead[k] = _looks_ahead(centres[k], views)
-    return found[int(np.argmax(ahead > ahead.max() - AHEAD))]
-
-
-def _looks_ahead(centres: Float64, views: Float64) -> float:
-    """Mean cosine between the views (F, 3) of a moving camera and its way through ``centres`` (F, 3), by metres of way."""
-    legs = np.diff(centres, axis=0)
-    # A frame looks along the way to it as along the way from it; where the car stands there are no metres.
-    along = ((views[:-1] + views[1:]) / 2 * legs).sum()
-    return float(along / max(float(np.linalg.norm(legs, axis=1).sum()), 1e-9))
 
 
 def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:

@@ -13,9 +13,9 @@ from unveil_core.base.types import Float64
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
+from unveil_core.geometry.cloud import thin_points
 from unveil_core.geometry.grid import PointGrid
 from unveil_core.ground.height_field import HeightField
-from unveil_core.surfels.initialize import thin_points
 
 __all__ = ["find_ground"]
 

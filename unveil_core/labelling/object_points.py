@@ -18,8 +18,8 @@ from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox, has_moved
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive, Sweep, SweepPoints
+from unveil_core.geometry.cloud import thin_points
 from unveil_core.semantics.classes import REMOVABLE
-from unveil_core.surfels.initialize import thin_points
 
 __all__ = ["REMOVABLE_IDS", "ObjectPoints", "Stray", "from_own_axes", "gather_objects", "in_boxes", "own_axes"]
 

@@ -13,12 +13,12 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.boxes import TrackedBox
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive
+from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.geometry.images import disc
 from unveil_core.ground.from_points import find_ground
 from unveil_core.ground.height_field import HeightField
 from unveil_core.labelling.object_points import REMOVABLE_IDS, in_boxes
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE
-from unveil_core.surfels.initialize import estimate_normals, thin_points
 
 __all__ = ["GROUND_IDS", "GroundClasses", "StreetPoints", "nearest_known", "street_points"]
 

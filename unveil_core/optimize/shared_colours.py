@@ -14,8 +14,8 @@ from unveil_core.base.progress import Progress
 from unveil_core.base.types import Float64
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive, tracks
+from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.semantics.visibility import points_in_view
-from unveil_core.surfels.initialize import estimate_normals, thin_points
 
 __all__ = ["BRIGHTEST", "DARKEST", "Samples", "camera_numbers", "sample_colours", "seen_by_several"]
 

@@ -24,6 +24,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
@@ -31,7 +32,7 @@ from unveil_core.raster import render
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.semantics.votes import sample_colors, vote_labels
-from unveil_core.surfels.initialize import estimate_normals, surfels_from_points, thin_points
+from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.outliers import lonely_points
 from unveil_core.surfels.sky import Sky, fit_sky
 from unveil_core.surfels.surfels import Surfels

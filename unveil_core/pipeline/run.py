@@ -13,7 +13,7 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.marked import marked_objects
 from unveil_core.drives.scale_and_up import place_drive
-from unveil_core.inpaint.frames.keyframe_plan import named_frames
+from unveil_core.drives.selecting import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES

@@ -64,7 +64,7 @@ class RunSettings:
         reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames in which holes are filled, "reverse", "forward" or "independent".
         keyframes: frames in which unobserved content is invented for all others, by stem or number (see
-            ``inpaint.frames.keyframe_plan.named_frames``); none = chosen by how much each newly shows.
+            ``drives.selecting.named_frames``); none = chosen by how much each newly shows.
     """
 
     remove: tuple[str, ...] = ()

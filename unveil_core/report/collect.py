@@ -20,7 +20,7 @@ from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.detail.overlay import draw_lines
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
-from unveil_core.ground.fit import longest_track
+from unveil_core.ground.track import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
 from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
 from unveil_core.report.provenance import draw_provenance

@@ -20,13 +20,13 @@ from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
+from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.semantics.members import Members
 from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.semantics.votes import vote_labels
-from unveil_core.surfels.initialize import estimate_normals, thin_points
 
 __all__ = ["ABOVE_GROUND_M", "FoundObjects", "SceneObject", "find_objects", "marked_box", "vote_mattes"]
 

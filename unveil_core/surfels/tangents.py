@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.parallel import thread_count
-from unveil_core.surfels.initialize import quats_from_normals
+from unveil_core.geometry.cloud import quats_from_normals
 
 __all__ = ["ASPECT", "tangent_frames"]
 

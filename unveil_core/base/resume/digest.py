@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
-import torch
+
+if TYPE_CHECKING:
+    import torch
 
 __all__ = ["digest_of"]
 
@@ -34,7 +37,7 @@ def _add(digest: Any, value: object) -> None:
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str | bytes):
         _mark(digest, type(value).__name__, repr(value))
-    elif isinstance(value, torch.Tensor):
+    elif _is_tensor(value):
         _add(digest, value.detach().cpu().numpy())
     elif isinstance(value, np.ndarray):
         _mark(digest, "array", value.dtype.str, str(value.shape))
@@ -57,6 +60,11 @@ def _add(digest: Any, value: object) -> None:
             _add(digest, value[k])
     else:
         raise TypeError(f"no digest of a {type(value).__name__}")
+
+
+def _is_tensor(value: object) -> TypeGuard[torch.Tensor]:
+    """Whether a value is one of PyTorch's, which is not imported for the question."""
+    return "torch" in sys.modules and isinstance(value, sys.modules["torch"].Tensor)
 
 
 def _mark(digest: Any, *words: str) -> None:

@@ -1,8 +1,7 @@
-"""The keyframes of a drive: the keyframes that the user names, and the record of the plan."""
+"""The keyframes of a drive: those that the user names, and the record of the plan."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.errors import SettingsError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept, facts_array, facts_of
@@ -22,36 +20,7 @@ from unveil_core.inpaint.frames.holes import FrameTask, Hole, open_hole
 from unveil_core.inpaint.frames.keyframes import Keyframe, Plan, plan_keyframes
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["named_frames", "plan_drive", "plan_json", "plans_json"]
-
-
-def named_frames(frames: Sequence[Frame], names: Sequence[str]) -> tuple[int, ...]:
-    """Indices of the frames that the user names: by stem (``0007``), by camera and stem (``front/0007``), or by number (``7``).
-
-    A number is the one in the stem where all stems are numbers, else the place in the camera's track, counted from 0. What
-    several cameras have is a keyframe in all of them.
-
-    Raises:
-        SettingsError: there is no such frame.
-    """
-    numbers = [int(f.name) if re.fullmatch(r"\d{1,18}", f.name) else None for f in frames]
-    if None in numbers:
-        places: dict[str, int] = {}
-        for i, f in enumerate(frames):
-            numbers[i] = places[f.camera_name] = places.get(f.camera_name, -1) + 1
-    found: list[int] = []
-    for name in names:
-        matches = [i for i, f in enumerate(frames) if name in (f.name, f"{f.camera_name}/{f.name}")]
-        if not matches and re.fullmatch(r"\d{1,18}", name):
-            matches = [i for i, number in enumerate(numbers) if number == int(name)]
-        if not matches:
-            known = sorted(number for number in numbers if number is not None)
-            raise SettingsError(
-                f"there is no frame {name!r} to be a keyframe",
-                mend=f"use numbers from {known[0]} to {known[-1]}, or stems such as {frames[0].name}",
-            )
-        found += matches
-    return tuple(dict.fromkeys(found))
+__all__ = ["plan_drive", "plan_json", "plans_json"]
 
 
 def plan_drive(

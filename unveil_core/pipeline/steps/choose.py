@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.labels import choose_labels
 from unveil_core.workspace.files import known_objects
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 
 def run(context: StageContext) -> None:
@@ -17,6 +17,3 @@ def run(context: StageContext) -> None:
     settings = context.settings
     scene = choose_labels(drive, settings.remove, settings.instances, known=known_objects(context.workspace))
     write_json_atomic(context.output("selection.json"), scene.selection_json())
-
-
-STAGE = Stage("choose", run, ("drive", "objects.json"), ("selection.json",), ("remove", "instances"))

@@ -24,7 +24,7 @@ from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, RELIT
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
@@ -32,7 +32,7 @@ from unveil_core.workspace.files import frame_file, load_mask
 from unveil_core.workspace.movers import ego_pixels
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 SOLID = 0.5
 """Alpha of the empty scene above which a pixel shows a surface."""
@@ -119,20 +119,3 @@ def _shifts(workspace: Workspace) -> GroundShifts | None:
     made = (chart.source == INVENTED) | (chart.source == RELIT)
     observed = chart.source == OBSERVED
     return find_shifts(observed, made, chart.label, s_start=chart.s_start, t_start=chart.t_start, texel=chart.texel)
-
-
-STAGE = Stage(
-    "deliver",
-    run,
-    inputs=(
-        "drive",
-        "clean",
-        "surfels/empty.ply",
-        "surfels/exposure.json",
-        "ground",
-        "inpaint/chart.npz",
-        "masks/removed",
-        "masks/shadows",
-    ),
-    outputs=("frames", "st_maps"),
-)

@@ -16,13 +16,14 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
-from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, longest_track
+from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.street import Ground
+from unveil_core.ground.track import longest_track
 from unveil_core.inpaint.chart.rectify import rectified_path
 from unveil_core.inpaint.chart.street_chart import usable_pixels
-from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
@@ -32,7 +33,7 @@ from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.movers import read_moving
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 PLAIN = "frames are filled one by one, without charts"
 
@@ -159,11 +160,3 @@ def _street_from(scene: SceneLabels, street: Ground | None) -> str | None:
     if street is None:
         return None
     return "labels" if scene.labels.indices(GROUND_CLASSES) else "level surfels"
-
-
-STAGE = Stage(
-    "ground",
-    run,
-    inputs=("drive", "labels.json", "movers", "surfels/full.ply", "surfels/exposure.json"),
-    outputs=("ground",),
-)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress
@@ -14,10 +13,9 @@ from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Facts, Stage, StageContext
-from unveil_core.workspace.workspace import Workspace
+from unveil_core.pipeline.stage import Facts, StageContext
 
-__all__ = ["STAGE", "labels_come_from"]
+__all__ = ["labels_come_from", "run", "work_side_of"]
 
 WORKING_SIZE_PX = {"draft": 512, "standard": 768, "high": 1600}
 """Longer image side that larger images are reduced to, pixels."""
@@ -95,36 +93,3 @@ def _of_dataset(drive: Drive, imported: Drive) -> Sequence[FrameLabels]:
         return labels_at_work_size(frame, frame.labels(), imported.frames[i].camera)
 
     return Frames(len(drive.frames), of_frame)
-
-
-def files_of_drive(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
-    """Everything that a drive consists of. Where it lies counts too: the workspace refers to its ground truth."""
-    opened = open_drive(drive, settings.drive_options)
-    files = [*opened.sources, *(s.path for s in opened.sweeps)]
-    for f in opened.frames:
-        files += [p for p in (f.semantic_path, f.instance_path, f.mask_path) if p is not None]
-        files += [f.image_path] if f.image_bytes is None else []
-    if "segmenter" in settings.networks:
-        from unveil_core.labelling.segmenter import segmenter_files
-
-        files += segmenter_files(settings.networks["segmenter"])
-    return [(str(path), path) for path in dict.fromkeys(files)]  # a table holds many sweeps
-
-
-def check_segmenter(settings: RunSettings) -> None:
-    """Raise a SettingsError unless the named network is there and labels images."""
-    if "segmenter" in settings.networks:
-        from unveil_core.labelling.segmenter import load_segmenter
-
-        load_segmenter(settings.networks["segmenter"])
-
-
-STAGE = Stage(
-    "import",
-    run,
-    (),
-    ("drive",),
-    ("work_side", "quality", "scale", "up", "scene", "cameras", "frames", "sweeps", "segmenter"),
-    outside=files_of_drive,
-    check=check_segmenter,
-)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import Frames
-from unveil_core.base.onnx_files import files_of
 from unveil_core.base.progress import Progress, part_of
 from unveil_core.base.types import Mask
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.selecting import named_frames
 from unveil_core.ground.blocks import Block, Blocks, cut_into_blocks
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.by_stretch import Completed, StreetFill, sky_behind
@@ -27,7 +27,7 @@ from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
-from unveil_core.inpaint.frames.keyframe_plan import named_frames, plan_drive, plan_json, plans_json
+from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json, plans_json
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
@@ -38,8 +38,7 @@ from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import Removal, Views, drive_views
 from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
-from unveil_core.pipeline.settings import RunSettings
-from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_cameras
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels
@@ -49,9 +48,8 @@ from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import frame_file, load_array, load_mask, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import read_moving
-from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["STAGE"]
+__all__ = ["inpaint_with", "run"]
 
 
 def run(context: StageContext) -> Facts:
@@ -304,52 +302,3 @@ class _Cleaning:
             return None
         every = named_frames(self.given.drive.frames, names)
         return tuple(block.own.index(i) for i in every if i in block.own)
-
-
-def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
-    """The networks that the settings name, with the weights that lie beside them."""
-    found = []
-    for name, path in settings.networks.items():
-        found += [(name + file.name.removeprefix(path.name), file) for file in files_of(path)]
-    return found
-
-
-def check_networks(settings: RunSettings) -> None:
-    """Raise a SettingsError unless the named networks are there and are such networks."""
-    inpainter(settings.inpainter)
-    if "reference_inpainter" in settings.networks:
-        load_reference(settings.networks["reference_inpainter"])
-
-
-STAGE = Stage(
-    "inpaint",
-    run,
-    inputs=(
-        "drive",
-        "labels.json",
-        "selection.json",
-        "movers",
-        "surfels/full.ply",
-        "surfels/sky.npz",
-        "surfels/exposure.json",
-        "surfels/removed.npy",
-        "surfels/instances.npy",
-        "ground",
-        "masks/removed",
-        "masks/unobserved",
-    ),
-    outputs=(
-        "inpainted",
-        "inpaint/keyframes.json",
-        "inpaint/chart.npz",
-        "inpaint/origins",
-        "masks/shadows",
-        "surfels/seeds.ply",
-        "surfels/seed_origins.npy",
-        "surfels/displaced.npy",
-        "surfels/relit.npy",
-    ),
-    outside=files_of_networks,
-    check=check_networks,
-    settings=("quality", "shadows", "inpainter", "reference_inpainter", "order", "keyframes"),
-)

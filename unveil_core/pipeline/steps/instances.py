@@ -17,8 +17,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.pipeline.stage import Stage, StageContext
-from unveil_core.pipeline.steps.marked import files_of_marked
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.instances import fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances
@@ -29,7 +28,7 @@ from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import listed_objects, load_array, load_selection, save_array
 from unveil_core.workspace.movers import read_moving
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 
 def run(context: StageContext) -> None:
@@ -129,13 +128,3 @@ def _give_to_marked(
 
 def _mattes(folder: Path, drive: Drive) -> Sequence[NDArray[np.bool_] | None]:
     return Frames(len(drive.frames), lambda v: matte(folder, drive, drive.frames[v]))
-
-
-STAGE = Stage(
-    "instances",
-    run,
-    inputs=("drive", "labels.json", "movers", "selection.json", "objects.json", "objects", "surfels/full.ply"),
-    outputs=("instances.json", "instances", "surfels/instances.npy"),
-    settings=("marked",),
-    outside=files_of_marked,
-)

@@ -9,10 +9,10 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.mesh import fuse, write_glb, write_ply
 from unveil_core.mesh.views import depth_views
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.surfels.ply import read_surfels
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
 """Edge of a voxel of the fused meshes, metres."""
@@ -42,12 +42,3 @@ def run(context: StageContext) -> None:
         if state == "empty":
             write_glb(mesh, last, drive.to_world)
         shutil.rmtree(context.scratch(state), ignore_errors=True)
-
-
-STAGE = Stage(
-    "mesh",
-    run,
-    inputs=("drive", "surfels/full.ply", "surfels/empty.ply"),
-    outputs=("meshes/full.ply", "meshes/empty.ply", "meshes/empty.glb"),
-    settings=("quality",),
-)

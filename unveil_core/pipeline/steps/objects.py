@@ -9,8 +9,7 @@ from unveil_core.drives.drive import Drive, instants
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.pipeline.stage import Stage, StageContext
-from unveil_core.pipeline.steps.marked import files_of_marked
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.catalogue import best_sighting, thumbnail
 from unveil_core.semantics.labels import SceneLabels, find_labels
 from unveil_core.semantics.objects import (
@@ -20,7 +19,7 @@ from unveil_core.semantics.objects import (
 )
 from unveil_core.workspace.files import save_array
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 
 def run(context: StageContext) -> None:
@@ -85,6 +84,3 @@ def _classes(scene: SceneLabels, found: FoundObjects) -> list[dict[str, object]]
         }
         for k, name in enumerate(scene.labels.names)
     ]
-
-
-STAGE = Stage("objects", run, ("drive",), ("objects.json", "objects"), ("marked",), outside=files_of_marked)

@@ -17,13 +17,13 @@ from unveil_core.optimize.in_blocks import BlockwiseReconstruction
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
-from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.sky import save_sky
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.movers import read_moving
 
-__all__ = ["STAGE"]
+__all__ = ["asked_for", "reconstruct_with", "run", "run_block"]
 
 
 def asked_for(settings: RunSettings) -> ReconstructSettings:
@@ -89,13 +89,3 @@ def run_block(context: StageContext, number: int) -> None:
     work = _work(context, asked_for(context.settings))
     if len(work.blocks.blocks) > 1:
         work.block(work.blocks.blocks[number])
-
-
-STAGE = Stage(
-    "reconstruct",
-    run,
-    inputs=("drive", "labels.json", "movers"),
-    outputs=("surfels/full.ply", "surfels/sky.npz", "surfels/exposure.json"),
-    settings=("quality", "seed", "iterations", "sh_degree", "splats", "adapt"),
-    run_block=run_block,
-)

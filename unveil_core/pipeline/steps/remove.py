@@ -21,8 +21,7 @@ from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
-from unveil_core.pipeline.stage import Stage, StageContext
-from unveil_core.pipeline.steps.marked import files_of_marked
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.remove.behind import empty_street
@@ -40,7 +39,7 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
 from unveil_core.workspace.movers import ego_pixels, read_moving
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 LOOSE_M = 0.5
 """How far from an object its loose ends may lie, metres."""
@@ -149,23 +148,3 @@ def run(context: StageContext) -> None:
             save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
             write_image_atomic(last, region_map(mask, hidden, unseen))
         context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
-
-
-STAGE = Stage(
-    "remove",
-    run,
-    inputs=(
-        "drive",
-        "labels.json",
-        "movers",
-        "selection.json",
-        "objects.json",
-        "surfels/full.ply",
-        "surfels/exposure.json",
-        "surfels/instances.npy",
-        "ground",
-    ),
-    outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
-    settings=("marked",),
-    outside=files_of_marked,
-)

@@ -20,7 +20,7 @@ from unveil_core.inpaint.origin import ORIGINAL
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.source_digest import code_digest
-from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.raster.picture import picture_of
@@ -31,7 +31,7 @@ from unveil_core.surfels.surfels import concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
 from unveil_core.workspace.movers import read_moving
 
-__all__ = ["STAGE"]
+__all__ = ["run", "run_block"]
 
 
 def run(context: StageContext) -> None:
@@ -114,36 +114,3 @@ def run_block(context: StageContext, number: int) -> None:
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
     work = _work(context, drive, _inpainted(context, drive), sky)
     work.block(work.blocks.blocks[number])
-
-
-STAGE = Stage(
-    "reoptimize",
-    run,
-    inputs=(
-        "drive",
-        "labels.json",
-        "movers",
-        "surfels/full.ply",
-        "surfels/sky.npz",
-        "surfels/exposure.json",
-        "surfels/removed.npy",
-        "surfels/seeds.ply",
-        "surfels/displaced.npy",
-        "surfels/relit.npy",
-        "surfels/seed_origins.npy",
-        "inpainted",
-        "inpaint/origins",
-        "masks/removed",
-        "masks/shadows",
-        "masks/unobserved",
-    ),
-    outputs=(
-        "surfels/empty.ply",
-        "renders",
-        "clean",
-        "provenance",
-        "certainty",
-    ),
-    settings=("quality", "seed"),
-    run_block=run_block,
-)

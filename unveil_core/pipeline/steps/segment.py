@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.drives.imported import read_imported
-from unveil_core.pipeline.stage import Facts, Stage, StageContext
+from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.semantics.labels import find_labels
 from unveil_core.workspace.movers import write_moving
 
-__all__ = ["STAGE"]
+__all__ = ["run"]
 
 
 def run(context: StageContext) -> Facts:
@@ -19,6 +19,3 @@ def run(context: StageContext) -> Facts:
     mode, folder = context.settings.movers, context.output("movers")
     count = write_moving(drive, scene, folder, mode, context.progress, context.cache, context.kept)
     return {"movers": count}
-
-
-STAGE = Stage("segment", run, ("drive",), ("labels.json", "movers"), ("movers",))

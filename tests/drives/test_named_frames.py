@@ -10,7 +10,7 @@ import pytest
 from tests.inpaint.walls import before_wall
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.drive import Frame, instants
-from unveil_core.inpaint.frames.keyframe_plan import named_frames
+from unveil_core.drives.selecting import named_frames
 
 
 def frame(name: str, camera: str = "front", timestamp: float | None = None) -> Frame:
