@@ -7,7 +7,6 @@ attempts: a cancelled or failed attempt leaves the finished result valid.
 
 from __future__ import annotations
 
-import gc
 import platform
 import shutil
 import signal
@@ -32,7 +31,12 @@ from unveil_core.base.errors import (
 from unveil_core.base.files import full_disk, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.parallel import ThreadErrors
-from unveil_core.base.process_memory import peak_memory_mb, return_free_memory
+from unveil_core.base.process_memory import (
+    free_cycles,
+    old_objects_set_aside,
+    peak_memory_mb,
+    return_free_memory,
+)
 from unveil_core.base.resume.parts import Parts
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
@@ -132,7 +136,7 @@ def run_stages(
         if stage.check is not None:
             stage.check(settings)
     stop = threading.Event()
-    with _room_on(workspace.root), workspace.lock(), _signals(stop):
+    with _room_on(workspace.root), workspace.lock(), _signals(stop), old_objects_set_aside():
         recover(workspace)
         killed = [
             name for name, entry in workspace.state().get("stages", {}).items() if entry.get("status") == "running"
@@ -300,7 +304,7 @@ class _Attempt:
                 raise
             raise said from error
         # Sequences of frames and what they are made of refer to each other: without this they stay for the whole run.
-        gc.collect()
+        free_cycles()
         return_free_memory()
         seconds = round(time.monotonic() - started, 2)
         record = {
