@@ -47,12 +47,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run
-    from unveil_core.report.summary import print_summary
 
     with reporting(arguments.json) as reporter:
         until = getattr(arguments, "until", None)
         workspace = run(drive, arguments.output, settings_of(arguments), until=until, reporter=reporter)
     if until in (None, "report"):
+        from unveil_core.report.summary import print_summary
+
         print_summary(workspace.root, sys.stderr if arguments.json else sys.stdout)
     return 0
 

@@ -11,7 +11,7 @@ import hashlib
 import re
 import sys
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +51,13 @@ def modules_behind(module: str) -> tuple[str, ...]:
         found.add(name)
         ahead.extend(name.rsplit(".", k)[0] for k in range(1, name.count(".") + 1))  # the packages it lies in
         if name != PACKAGE:  # its public names are imported when somebody asks for them, not by who lies in it
-            ahead.extend(_imports(_path(name).read_text(encoding="utf-8")))
+            ahead.extend(_imports(name))
     return tuple(sorted(found))
 
 
-def _imports(source: str) -> set[str]:
+@cache
+def _imports(module: str) -> set[str]:
+    source = _source(_path(module)).decode("utf-8")
     wanted = set(_IMPORT.findall(source))
     for package, names in _FROM.findall(source):
         wanted.add(package)
@@ -71,12 +73,20 @@ def _below(package: str) -> set[str]:
     return {".".join(p.relative_to(ROOT.parent).with_suffix("").parts) for p in folder.rglob("*.py")}
 
 
+@cache
 def _path(module: str) -> Path:
     """The module's source file; the ``__init__.py`` of a package."""
     at = ROOT.parent / module.replace(".", "/")
     return at / "__init__.py" if at.is_dir() else at.with_suffix(".py")
 
 
+@cache
+def _source(path: Path) -> bytes:
+    """A file as it was when it was first asked for: stages share most of their modules."""
+    return path.read_bytes().replace(b"\r\n", b"\n")
+
+
+@cache
 def _exists(module: str) -> bool:
     return _path(module).is_file()
 
@@ -92,5 +102,5 @@ def _digest(paths: tuple[Path, ...]) -> str:
             else []
         )
         for file in (path, *beside):
-            digest.update(file.name.encode() + b"\0" + file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+            digest.update(file.name.encode() + b"\0" + _source(file) + b"\0")
     return digest.hexdigest()
