@@ -28,7 +28,7 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import load_array
 from unveil_core.workspace.workspace import Workspace
 
-FRAMES, SIZE = 20, (120, 80)
+FRAMES, SIZE = 20, (96, 64)
 BORDER_M = 9.5
 """Where the two blocks of ten frames meet, metres along x."""
 STREET = long_street(FRAMES, seed=0)
@@ -41,12 +41,12 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     way = long_way(FRAMES, size=SIZE)
     lens = Lens(size=SIZE, focal=0.65 * SIZE[0])
     folder = tmp_path_factory.mktemp("blocks") / "street"
-    return make_box_world(folder, STREET, Way(way.places, way.headings, [lens]), rays=4000)
+    return make_box_world(folder, STREET, Way(way.places, way.headings, [lens]), rays=2500)
 
 
 def run_in_blocks(drive: Path, root: Path, length_m: float, monkeypatch: pytest.MonkeyPatch) -> Workspace:
     monkeypatch.setattr(blocks, "BLOCK_M", length_m)
-    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=120, memory="64M")
+    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=60, memory="64M")
     return run(drive, root, settings, until="deliver")
 
 
@@ -162,9 +162,10 @@ def rows_of(surfels: Surfels) -> np.ndarray:
     return np.ascontiguousarray(surfels.means.detach().numpy()).view("V12").ravel()
 
 
-def test_blocks_made_alone_make_the_stage(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(blocks, "BLOCK_M", 6.5)
-    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=30)
+def test_blocks_made_alone_make_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_M", 4.5)
+    settings = RunSettings(quality="draft", remove=("vehicle",), iterations=20)
+    drive = make_box_world(tmp_path / "short", long_street(13.0), long_way(13, size=(32, 24)), rays=300)
     whole = run(drive, tmp_path / "whole", settings, until="reconstruct")
     parts = run(drive, tmp_path / "parts", settings, until="choose")
     stage = stage_named("reconstruct")

@@ -144,6 +144,7 @@ class StreetFill:
                 return {"sun": np.array([] if sun is None else [sun.score, sun.azimuth, sun.elevation, *sun.towards])}
 
             numbers = self.kept.within(stretch.name).once("sun", look)["sun"]
+            self._told(stretch, "looking for the sun")
             if len(numbers):
                 found.append(numbers)
         if not found:
@@ -226,6 +227,10 @@ class StreetFill:
         start = self.ground.s_start + TEXEL_M * self.stretches[0].rows[0]
         return ChartSources(np.concatenate(sources), np.concatenate(labels), start, chart.t_start, chart.texel)
 
+    def _told(self, stretch: Stretch, message: str) -> None:
+        """Tell that a part of the work is done for a stretch."""
+        self.progress(self.stretches.index(stretch) + 1, len(self.stretches), message)
+
     def _progress(self, stretch: Stretch) -> Progress:
         if len(self.stretches) == 1:
             return self.progress
@@ -294,6 +299,7 @@ class StreetFill:
                 return self._completed(stretch, remaining.select(torch.from_numpy(stretch.near(s))))
 
             arrays = self.kept.within(stretch.name).once("completed", make)
+            self._told(stretch, "completing facades")
             sides |= arrays["sides"]
             mended |= arrays["mended"]
             for name, parts in found.items():

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -39,6 +40,7 @@ def remains(
     cameras: Sequence[Camera],
     objects: Sequence[NDArray[np.bool_]],
     checkpoint: Checkpoint | None = None,
+    progress: Progress = no_progress,
 ) -> Mask:
     """(N,) which surfels not yet ``gone`` are shown only by pixels of removed objects.
 
@@ -66,6 +68,7 @@ def remains(
             weight[near] += color.grad[:, 0]
         if checkpoint.due():
             checkpoint.save({"weight": weight.numpy()}, {"done": at})
+        progress(at, len(cameras), "looking for what remains of objects")
     on_objects, everywhere = (weight[:, :2].double().numpy() / SH_C0).T
     return np.asarray(~gone & (everywhere > LEAST_PX) & (on_objects >= SHARE * everywhere))
 

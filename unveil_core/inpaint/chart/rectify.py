@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import subset
+from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.camera import Camera
@@ -132,6 +133,7 @@ def rectified_path(
     labels: Sequence[NDArray[np.int64]],
     usable: Sequence[Mask],
     kept: Kept | None = None,
+    progress: Progress = no_progress,
 ) -> tuple[StreetPath, float]:
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
@@ -165,6 +167,7 @@ def rectified_path(
     for first in range(0, count, length):
         piece = partial(read, first, min(first + length, count))
         pieces.append(RowBins(**kept.once(f"lines-{first}", piece)))
+        progress(min(first + length, count), count, "following lines and kerbs")
     aside = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m) * TEXEL_M
     return shift_path(ground.path, arc_lengths(ground, (0, count)), aside), float(np.abs(aside).max(initial=0.0))
 

@@ -11,8 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.cheapest_path import cheapest_path
+from unveil_core.inpaint.facade.shift_kernels import compare_rows
 
 __all__ = ["fill_facade"]
 
@@ -105,34 +107,23 @@ def _shifts(color: Float32, walls: Mask, wanted: Mask, sky: Mask, per_m: float) 
     context = known * (cv2.dilate(asked, near) + (CLOSE_WEIGHT - 1) * cv2.dilate(asked, close)).astype(np.float32)
     along = 2 * int(TOGETHER_M * per_m) + 1
 
-    def summed(values: NDArray[np.float32]) -> Float32:
-        return cv2.blur(values[:, None], (1, along))[:, 0]
-
     wall = _plaster(color, walls, per_m)
     # Relative to the plaster: in the shade of the street all differences are small. The sky is like nothing but the sky.
     level = np.maximum(wall.mean(axis=1), 0.02)
     color, wall = np.where(sky[..., None], SKY, color / level[:, None, None]), wall / level[:, None]
-    needed = summed(context.sum(axis=1).astype(np.float32))
-    missing = wanted.sum(axis=1)
-    cost = np.empty((rows, len(shifts)), dtype=np.float32)
-    for k, d in enumerate(shifts):
-        target = np.s_[max(0, -d) : rows - max(0, d)]
-        source = np.s_[max(0, d) : rows + min(0, d)]
-        both = context[target] * known[source]
-        raw = color[target] - color[source]
-        other = wall[target] - wall[source]
-        # Alike are panes that have the same colour, and plaster that differs as plaster does between the two places.
-        adapted = ((raw - other[:, None]) ** 2).sum(axis=2)
-        gaps = np.minimum(np.minimum((raw**2).sum(axis=2), adapted), DIFFERENT)
-        total, count, lacks = (np.zeros(rows, np.float32) for _ in range(3))
-        total[target], count[target] = (gaps * both).sum(axis=1), both.sum(axis=1)
-        lacks[:] = missing
-        lacks[target] = (wanted[target] & ~known[source]).sum(axis=1)
-        total, count = summed(total), summed(count)
-        # What cannot be compared counts as rather different.
-        mean = (total + 0.5 * DIFFERENT * np.maximum(needed - count, 0)) / np.maximum(needed, 1e-6)
-        mean[target] += PLASTER_COST * np.minimum((other**2).sum(axis=1), DIFFERENT)
-        cost[:, k] = mean + MISSING_COST * lacks / np.maximum(missing, 1) + DISTANCE_COST * abs(d)
+    # Beside the gap, too, for some rows are compared together.
+    at = np.flatnonzero(cv2.dilate(gap.astype(np.uint8), np.ones((along, 1), np.uint8))[:, 0])
+    total, count, lacks, wall_gap = np.zeros((4, len(at), len(shifts)), dtype=np.float32)
+    given = (at, shifts, color, wall, context, known, wanted, DIFFERENT, total, count, lacks, wall_gap)
+    in_parallel(compare_rows, len(at), 8, *given)
+    needed = context.sum(axis=1)[at, None]
+    total, count, needed = (_together(values, rows, at, along) for values in (total, count, needed))
+    missing = np.maximum(wanted.sum(axis=1)[at], 1)[:, None]
+    # What cannot be compared counts as rather different.
+    mean = (total + 0.5 * DIFFERENT * np.maximum(needed - count, 0)) / np.maximum(needed, 1e-6)
+    mean += PLASTER_COST * wall_gap + MISSING_COST * lacks / missing + DISTANCE_COST * np.abs(shifts)
+    cost = np.zeros((rows, len(shifts)), dtype=np.float32)
+    cost[at] = mean
     shift = np.zeros(rows, dtype=np.int64)
     possible = np.zeros(rows, dtype=bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], gap.astype(np.int8), [0]])))
@@ -141,6 +132,13 @@ def _shifts(color: Float32, walls: Mask, wanted: Mask, sky: Mask, per_m: float) 
         shift[first:last] = shifts[way]
         possible[first:last] = True
     return shift, possible
+
+
+def _together(values: Float32, rows: int, at: NDArray[np.int64], along: int) -> Float32:
+    """(R, D) values of the rows ``at`` as means over ``along`` rows; those of other rows are 0."""
+    every = np.zeros((rows, values.shape[1]), dtype=np.float32)
+    every[at] = values
+    return np.asarray(cv2.blur(every, (1, along)))[at]
 
 
 def _steadiest(cost: Float32) -> NDArray[np.int64]:

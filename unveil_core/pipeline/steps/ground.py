@@ -87,10 +87,9 @@ def run(context: StageContext) -> Facts:
         hidden = read_moving(workspace.root).hidden(drive, context.cache)
         # The pieces of the street that are read share frames: both are cached.
         usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
-        context.progress(2, 4, "following lines and kerbs")
         images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
         cameras = [f.camera for f in frames]
-        rectified, moved = rectified_path(street, cameras, images, labels, usable, context.kept)
+        rectified, moved = rectified_path(street, cameras, images, labels, usable, context.kept, context.progress)
         street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")

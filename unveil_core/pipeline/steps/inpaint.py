@@ -130,7 +130,7 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
     label = given.scene.labels.index("road") or 0
     displaced, relit = np.zeros((2, len(surfels)), dtype=bool)
     new = []
-    for stretch in fill.stretches:
+    for count, stretch in enumerate(fill.stretches, start=1):
 
         def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
             chart, near = fill.own(stretch), fill.near(stretch)
@@ -145,6 +145,7 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
         displaced[made["displaced"]] = True
         relit[made["relit"]] = True
         new.append(Surfels.from_arrays(made))
+        context.progress(count, len(fill.stretches), "renewing the ground")
     return displaced & ~gone, relit, new
 
 

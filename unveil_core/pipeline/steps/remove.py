@@ -134,7 +134,8 @@ def run(context: StageContext) -> None:
     removed = Frames(len(frames), lambda i: grow(views.frames[i].hidden, border_px(frames[i].camera.width)))
 
     def find_remains() -> dict[str, NDArray[Any]]:
-        return {"found": remains(surfels, gone, views.cameras, removed, context.kept.checkpoint("remains_so_far"))}
+        so_far = context.kept.checkpoint("remains_so_far")
+        return {"found": remains(surfels, gone, views.cameras, removed, so_far, context.progress)}
 
     gone |= context.kept.once("remains", find_remains)["found"]
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
