@@ -19,7 +19,7 @@ from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.houses import as_high_as_beside, flush_with_facades, of_something_long, solid_columns
 from unveil_core.inpaint.light.scene_light import light_of_scene
 from unveil_core.inpaint.light.shade import Light, read_shade, shade_where_unseen
-from unveil_core.inpaint.light.shadow_map import in_shadow
+from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.inpaint.light.sun import Sun, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -69,7 +69,7 @@ def test_shadows_fall_where_rays_to_the_sun_are_blocked(sun: tuple[float, float]
     towards = sun_towards(*sun)
     x, y = np.meshgrid(np.arange(0, 25, 0.1), np.arange(-8, 8, 0.1), indexing="ij")
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    found = in_shadow(points, box_surfels(CROWN), towards, cell=0.06, bias=0.1).reshape(x.shape)
+    found = in_shadow(points, Discs.of(box_surfels(CROWN)), towards, cell=0.06, bias=0.1).reshape(x.shape)
     true = blocked(points, CROWN, towards).reshape(x.shape)
     # Discs reach a few centimetres over the box's edges.
     border = cv2.morphologyEx(true.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((5, 5), np.uint8)) > 0
@@ -81,12 +81,12 @@ def test_faint_surfels_and_none_cast_nothing() -> None:
     points = np.zeros((4, 3))
     towards = np.array([0.0, 0.0, 1.0])
     crown = box_surfels(np.array([[-1.0, -1.0, 2.0], [1.0, 1.0, 3.0]]))
-    assert in_shadow(points, crown, towards, cell=0.06, bias=0.1).all()
+    assert in_shadow(points, Discs.of(crown), towards, cell=0.06, bias=0.1).all()
     faint = type(crown)(
         crown.means, crown.quats, crown.log_scales, crown.opacity_logits * 0 - 5, crown.sh, crown.labels
     )
-    assert not in_shadow(points, faint, towards, cell=0.06, bias=0.1).any()
-    assert not in_shadow(points, crown.select(crown.labels > 5), towards, cell=0.06, bias=0.1).any()
+    assert not in_shadow(points, Discs.of(faint), towards, cell=0.06, bias=0.1).any()
+    assert not in_shadow(points, Discs.of(crown.select(crown.labels > 5)), towards, cell=0.06, bias=0.1).any()
 
 
 @pytest.mark.parametrize("sun", SUNS)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.crowns import complete_crowns
-from unveil_core.inpaint.light.shadow_map import in_shadow
+from unveil_core.inpaint.light.shadow_map import Discs, in_shadow
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["NO_KINDS", "Casters", "Kinds", "cast_on_chart", "in_shadow_of", "lit_at_sunny_walls"]
@@ -82,7 +82,7 @@ def _in_company(surfels: Surfels, solid: Sequence[int]) -> Surfels:
     return surfels.select(torch.from_numpy(~alone | np.isin(surfels.labels.numpy(), solid)))
 
 
-def in_shadow_of(points: NDArray[np.float64], casters: Surfels, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
+def in_shadow_of(points: NDArray[np.float64], casters: Discs, towards: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(P,) which world points (P, 3) the casters keep from the sun in a direction (3,)."""
     return in_shadow(points, casters, towards, cell=MAP_CELL_M, bias=MAP_BIAS_M)
 
@@ -94,7 +94,7 @@ def cast_on_chart(chart: StreetChart, casters: Surfels, towards: NDArray[np.floa
     inside = chart.ground.inside(np.repeat(s, shape[1]), np.tile(t, shape[0])).reshape(shape)
     rows, columns = np.nonzero(inside)
     plane = np.zeros(shape, dtype=bool)
-    plane[rows, columns] = in_shadow_of(chart.world(rows, columns), casters, towards)
+    plane[rows, columns] = in_shadow_of(chart.world(rows, columns), Discs.of(casters), towards)
     # No light comes through chinks, nor between a wall and the ground at its foot.
     chinks = disc(CHINK_M / chart.texel)
     plane = cv2.morphologyEx((plane | ~inside).astype(np.uint8), cv2.MORPH_CLOSE, chinks).astype(bool) & inside

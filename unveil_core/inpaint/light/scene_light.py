@@ -13,6 +13,7 @@ from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.light.casters import NO_KINDS, Casters, Kinds, cast_on_chart, in_shadow_of
 from unveil_core.inpaint.light.houses import flush_with_facades, solid_columns
 from unveil_core.inpaint.light.shade import CONTACT_M, Light
+from unveil_core.inpaint.light.shadow_map import Discs
 from unveil_core.inpaint.light.sun import Sun
 from unveil_core.inpaint.light.sun_by_shadows import Evidence, sun_by_shadows
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -83,10 +84,10 @@ def _with_solid_houses(
     """
     places, is_dark = ground
     kept = kept.select(torch.from_numpy(flush_with_facades(evidence.chart, kept, solid)))
-    shaded = in_shadow_of(places, concatenate([kept, gone]), sun.towards)
+    shaded = in_shadow_of(places, Discs.of(concatenate([kept, gone])), sun.towards)
 
     def judge(added: Surfels) -> float | None:
-        more = in_shadow_of(places, added, sun.towards) & ~shaded
+        more = in_shadow_of(places, Discs.of(added), sun.towards) & ~shaded
         # Of what only the added would darken, is more dark or light? Nothing added scores 0.
         return float(np.where(is_dark[more], 1.0, -1.0).sum()) if len(places) else None
 

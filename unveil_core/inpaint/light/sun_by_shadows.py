@@ -16,6 +16,7 @@ from unveil_core.inpaint.chart.street_chart import OBSERVED, StreetChart
 from unveil_core.inpaint.light.casters import Casters, in_shadow_of
 from unveil_core.inpaint.light.darkness import coarse, in_the_dark, level_by_label, level_by_offset
 from unveil_core.inpaint.light.shade import CONTACT_M, read_shade
+from unveil_core.inpaint.light.shadow_map import Discs
 from unveil_core.inpaint.light.sun import ELEVATION_LIMITS, Darkness, Sun, find_suns, sun_towards
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -128,7 +129,7 @@ def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
         return suns[0] if suns else None
     some = slice(None, None, -(-len(places) // MOST_PLACES))
     probes = _with_margins(places[some], evidence.chart.ground.path.axes)
-    return _refined_sun(probes, is_dark[some], everything, suns)
+    return _refined_sun(probes, is_dark[some], Discs.of(everything), suns)
 
 
 def _with_margins(places: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -157,7 +158,7 @@ def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfe
     return find_suns(measures, known, s, t, chart.ground, means)
 
 
-def _refined_sun(probes: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Surfels, suns: Sequence[Sun]) -> Sun:
+def _refined_sun(probes: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Discs, suns: Sequence[Sun]) -> Sun:
     """The sun to a degree or two: of the directions around the candidates the one whose shadows agree best with what is dark.
 
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
