@@ -15,8 +15,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..formats.boxes import EDGES, SIGNS, SceneBox, box_around
-from ..formats.drive_files import ImportedDrive, read_drive, read_json
+from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import write_whole
+from ..formats.object_files import read_marks
 from ..scene import blocks
 
 __all__ = ["FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
@@ -110,19 +111,16 @@ def _placed(workspace: Path) -> ImportedDrive:
 def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> list[dict[str, Any]]:
     """The marks that a workspace has, with their wire cubes in the scene: properties of the list's entries."""
     collection = blocks.drive_collection(scene, str(drive.workspace.resolve()))
-    entries = read_json(drive.workspace / "marked.json")
-    if collection is None or not isinstance(entries, list):
+    if collection is None:
         return []
     found: list[dict[str, Any]] = []
-    for entry in entries:
-        number, name = int(entry["id"]), str(entry.get("class", "object"))
-        common = {"number": number, "class_name": name}
-        if "mattes" in entry:
-            found.append({**common, "source": "mattes", "mattes": str(drive.workspace / entry["mattes"])})
+    for mark in read_marks(drive):
+        common = {"number": mark.number, "class_name": mark.class_name}
+        if mark.box is None:
+            found.append({**common, "source": "mattes", "mattes": mark.mattes})
             continue
-        size = np.asarray(entry["size"], np.float64) / drive.units_per_metre
-        box = SceneBox(
-            tuple(drive.from_drive(np.asarray(entry["centre"], np.float64))), tuple(size), float(entry.get("yaw", 0.0))
-        )
-        found.append({**common, "source": "box", "marker": new_marker(collection, number, name, box)})
+        size = np.asarray(mark.box.size) / drive.units_per_metre
+        box = SceneBox(tuple(drive.from_drive(np.asarray(mark.box.centre))), tuple(size), mark.box.yaw)
+        marker = new_marker(collection, mark.number, mark.class_name, box)
+        found.append({**common, "source": "box", "marker": marker})
     return found

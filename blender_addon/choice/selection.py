@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -21,7 +21,8 @@ from bpy.props import (
 )
 
 from ..formats.boxes import SceneBox
-from ..formats.drive_files import ImportedDrive, read_json
+from ..formats.drive_files import ImportedDrive
+from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving
 from . import marks
 
 __all__ = ["UnveilClass", "UnveilObject", "UnveilSelection", "arguments", "box_of", "fill", "is_marked", "problem"]
@@ -186,24 +187,24 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     """
     selection = scene.unveil_selection
     place = str(drive.workspace.resolve())
-    listed = read_json(drive.workspace / "objects.json") or {"classes": [], "objects": []}
+    classes, objects = read_listed(drive)
     same = selection.workspace == place
     chosen = {o.number for o in selection.objects if o.chosen} if same else set()
     alone = {c.name for c in selection.classes if c.alone} if same else set()
     if not same:
-        chosen, alone = _recorded(drive.workspace, listed)
+        chosen, alone = _recorded(drive.workspace, objects)
     kept = [_keep(o) for o in selection.objects if is_marked(o)] if same else []
-    known = {int(e["id"]): e for e in listed["objects"]}
+    known = {entry.number: entry for entry in objects}
     if not same:
         kept = marks.restore(scene, drive)
-    moving = {m.get("id") for m in read_json(drive.workspace / "movers" / "movers.json") or []}
+    moving = read_moving(drive)
     selection.workspace = place
     selection.objects.clear()
     for number, entry in known.items():
-        if entry["source"] in ("box", "mattes"):
+        if entry.source in ("box", "mattes"):
             continue
         thing = selection.objects.add()
-        thing.number, thing.source, thing.class_name = number, entry["source"], entry["class"]
+        thing.number, thing.source, thing.class_name = number, entry.source, entry.class_name
         thing.chosen, thing.moves = number in chosen, number in moving
         _describe(thing, entry, drive)
     for mark in kept:
@@ -217,23 +218,18 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     for thing in selection.objects:
         thing.name = f"{thing.class_name} {thing.number}"
     selection.classes.clear()
-    for entry in listed["classes"]:
+    for entry in classes:
         item = selection.classes.add()
-        item.name, item.removable, item.alone = entry["name"], bool(entry["removable"]), entry["name"] in alone
-        item.objects, item.points, item.pixels = (
-            int(entry["objects"]),
-            int(entry["points"]),
-            int(entry["pixels"] // 1000),
-        )
+        item.name, item.removable, item.alone = entry.name, entry.removable, entry.name in alone
+        item.objects, item.points, item.pixels = entry.objects, entry.points, entry.pixels // 1000
     selection.active = min(selection.active, max(len(selection.objects) - 1, 0))
 
 
-def _recorded(workspace: Path, listed: dict) -> tuple[set[int], set[str]]:
+def _recorded(workspace: Path, objects: Sequence[ListedObject]) -> tuple[set[int], set[str]]:
     """What the workspace itself says was chosen: ids and classes."""
-    recorded = read_json(workspace / "selection.json") or {}
-    classes = set(recorded.get("removed", ()))
-    own = {int(e["id"]) for e in listed["objects"] if e["class"] in classes and e["source"] not in ("box", "mattes")}
-    return own | {int(i) for i in recorded.get("instances", ())}, classes
+    recorded = read_choice(workspace)
+    own = {o.number for o in objects if o.class_name in recorded.classes and o.source not in ("box", "mattes")}
+    return own | recorded.instances, set(recorded.classes)
 
 
 def _keep(thing: UnveilObject) -> dict[str, Any]:
@@ -242,18 +238,16 @@ def _keep(thing: UnveilObject) -> dict[str, Any]:
     return {name: getattr(thing, name) for name in names}
 
 
-def _describe(thing: UnveilObject, entry: dict, drive: ImportedDrive) -> None:
-    thing.frames, thing.points = int(entry["frames"]), int(entry["points"])
-    thing.first_frame, thing.last_frame = entry["first_frame"] or "", entry["last_frame"] or ""
-    thing.best_track, thing.best_frame = _place(drive, entry.get("best_camera"), entry.get("best_frame"))
-    thing.distance = -1.0 if entry["distance_m"] is None else float(entry["distance_m"])
-    thing.thumbnail = str(drive.workspace / entry["thumbnail"]) if entry["thumbnail"] else ""
-    box = entry["box"]
-    thing.boxed = box is not None and thing.source != "box"
-    if thing.boxed:
-        thing.centre = np.asarray(box["centre"], np.float64)
-        thing.size = np.asarray(box["size"])
-        thing.yaw = float(box["yaw"]) - math.pi / 2  # the files count from east, the scene's x is north
+def _describe(thing: UnveilObject, entry: ListedObject, drive: ImportedDrive) -> None:
+    thing.frames, thing.points = entry.frames, entry.points
+    thing.first_frame, thing.last_frame = entry.first_frame, entry.last_frame
+    thing.best_track, thing.best_frame = _place(drive, entry.best_camera, entry.best_frame)
+    thing.distance = -1.0 if entry.distance_m is None else entry.distance_m
+    thing.thumbnail = "" if entry.thumbnail is None else str(entry.thumbnail)
+    thing.boxed = entry.box is not None and thing.source != "box"
+    if entry.box is not None and thing.boxed:
+        thing.centre, thing.size = entry.box.centre, entry.box.size
+        thing.yaw = entry.box.yaw - math.pi / 2  # the files count from east, the scene's x is north
 
 
 def _place(drive: ImportedDrive, track: str | None, name: str | None) -> tuple[str, int]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["DriveFrame", "ImportedDrive", "Lens", "read_drive", "read_json"]
+__all__ = ["FARTHEST", "DriveFrame", "ImportedDrive", "Lens", "file_below", "read_drive", "read_json"]
 
 FARTHEST, LONGEST_SIDE = 1e12, 1 << 20
 """Of coordinates, metres or units of the drive, and of a picture, pixels: what is larger is damaged."""
@@ -158,7 +158,12 @@ def _name(text: object) -> str:
     return name
 
 
-def _file(folder: Path, name: object) -> Path:
+def file_below(folder: Path, name: object) -> Path:
+    """A file in a folder or below, by its parts with slashes between.
+
+    Raises:
+        ValueError: it leads elsewhere.
+    """
     return folder.joinpath(*(_name(part) for part in str(name).split("/")))
 
 
@@ -177,11 +182,11 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
         raise ValueError(f"the camera of frame {entry['name']} has no size, focal length or pose")
     return DriveFrame(
         _name(entry["name"]),
-        _file(drive.workspace / "drive", shown["image"]),
+        file_below(drive.workspace / "drive", shown["image"]),
         width,
         height,
         *lens,
         placed @ FLIP,
-        _file(drive.workspace / "drive", footage["image"]),
+        file_below(drive.workspace / "drive", footage["image"]),
         in_lens,
     )

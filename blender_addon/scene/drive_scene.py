@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 
 from ..formats import classes, sequences, splats
-from ..formats.drive_files import ImportedDrive, read_json
+from ..formats.drive_files import ImportedDrive
+from ..formats.object_files import read_source
 from ..formats.ply_file import read_ply
 from . import blocks, cameras, meshes, plates
 
@@ -110,7 +111,7 @@ def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -
     colors = ply.colors
     plain = np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors[chosen]
     labels = _point_labels(drive.workspace, len(ply.vertices))[chosen]
-    source = str((read_json(drive.workspace / "objects.json") or {}).get("source", "semantics"))
+    source = read_source(drive)
     meshes.set_colors(mesh, "Colour", np.repeat(plain, 4, axis=0))
     meshes.set_colors(mesh, "Class", np.repeat(classes.color_table(source)[labels], 4, axis=0))
     meshes.set_face_values(mesh, "label", np.repeat(labels.astype(np.int32), 4))

@@ -9,8 +9,9 @@ import bpy
 import numpy as np
 
 from ..formats import sequences, splats
-from ..formats.drive_files import ImportedDrive, read_drive, read_json
+from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import own_folder, write_whole
+from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
 from . import blocks, drive_scene, meshes, plates, versions, view
 
@@ -146,13 +147,11 @@ def _free_channel(strips: object) -> int:
 
 def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
     """What the keyframes invented, as pictures of their own, and a marker in the timeline for each."""
-    recorded = read_json(drive.workspace / "inpaint" / "keyframes.json") or {}
     wanted = {}
-    for entry in recorded.get("keyframes", ()):
-        track, name = str(entry["camera"]), str(entry["frame"])
-        file = drive.workspace / "inpainted" / track / f"{name}.png"
+    for track, name in read_keyframes(drive.workspace):
         order = [f.name for f in drive.tracks.get(track, ())]
-        if file.is_file() and name in order:
+        file = drive.workspace / "inpainted" / track / f"{name}.png"
+        if name in order and file.is_file():
             wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, order.index(name))
     for image in [i for i in bpy.data.images if i.get(blocks.DRIVE) == mark]:
         if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..choice import selection
-from ..formats.drive_files import read_json
+from ..formats.object_files import recorded_drive
 from ..worker.job_state import JobState
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
 from .job_operator import JobOperator, UserError
@@ -130,7 +130,11 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         settings.workspace = str(_absolute(place)) if self.directory else place
         if not loaded(self, context, settings.workspace):
             return {"CANCELLED"}
-        drive = str((read_json(_absolute(place) / "workspace.json") or {}).get("drive", ""))
+        try:
+            drive = recorded_drive(_absolute(place))
+        except ValueError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         if Path(drive).is_absolute() and (Path(drive).exists() or not settings.drive):
             settings.drive = drive
         return {"FINISHED"}
