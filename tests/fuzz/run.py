@@ -103,11 +103,12 @@ def fuzz(
         originals = [file.read_bytes() for file in opened.files]
         shared = mmap.mmap(-1, ctypes.sizeof(State))
         state, log, first = State.from_buffer(shared), Path(folder) / "log.jsonl", 0
+        work = _Work(reader, opened, originals, state, seed, until, log)
         while first < inputs and (until is None or time.monotonic() < until):
             state.index, state.begun = first, time.monotonic()
             process = os.fork()
             if process == 0:
-                _child(reader, opened, originals, state, (first, inputs), seed, until, log)
+                _child(work, range(first, inputs))
             ended = _watched(process, state, HANG_S[reader.kind])
             if ended == "":
                 break
@@ -124,7 +125,7 @@ def fuzz(
             for file, original in zip(opened.files, originals, strict=True):
                 _put(file, original)
         tally.tried, tally.read = state.tried, state.read
-        del state
+        del state, work
         shared.close()
         for line in log.read_text().splitlines() if log.is_file() else ():
             entry = json.loads(line)
@@ -160,16 +161,27 @@ def _watched(process: int, state: State, limit_s: float) -> str:
         time.sleep(0.02)
 
 
-def _child(
-    reader: Reader,
-    opened: Opened,
-    originals: list[bytes],
-    state: State,
-    numbers: tuple[int, int],
-    seed: int,
-    until: float | None,
-    log: Path,
-) -> None:
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What the watched processes of one reader have in common.
+
+    Attributes:
+        originals: of ``opened.files``, in their order.
+        state: shared with the watcher.
+        until: time of the monotonic clock at which it ends in any case.
+        log: where findings are noted, a line each.
+    """
+
+    reader: Reader
+    opened: Opened
+    originals: list[bytes]
+    state: State
+    seed: int
+    until: float | None
+    log: Path
+
+
+def _child(work: _Work, numbers: range) -> None:
     """The watched process; it never returns."""
     try:
         nothing = os.open(os.devnull, os.O_WRONLY)
@@ -180,33 +192,25 @@ def _child(
         held = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
         resource.setrlimit(resource.RLIMIT_AS, (held + ADDRESS_SPACE, held + ADDRESS_SPACE))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        _tried(reader, opened, originals, state, numbers, seed, until, log)
+        _tried(work, numbers)
     except BaseException as error:
-        with log.with_suffix(".error").open("a") as stream:
+        with work.log.with_suffix(".error").open("a") as stream:
             stream.write(repr(error))
         os._exit(OWN_FAULT)
     os._exit(0)
 
 
-def _tried(
-    reader: Reader,
-    opened: Opened,
-    originals: list[bytes],
-    state: State,
-    numbers: tuple[int, int],
-    seed: int,
-    until: float | None,
-    log: Path,
-) -> None:
+def _tried(work: _Work, numbers: range) -> None:
+    reader, opened, originals, state = work.reader, work.opened, work.originals, work.state
     mutators = [mutator_of(content) for content in originals]
     seen: dict[str, int] = {}
     allowed = MEMORY_MB[reader.kind] << 10
     judged(reader, opened, opened.files[0])  # what is loaded or compiled at the first call is no input's
     changed: int | None = None
-    for index in range(*numbers):
-        if until is not None and time.monotonic() > until:
+    for index in numbers:
+        if work.until is not None and time.monotonic() > work.until:
             return
-        k, content = input_of(reader, mutators, seed, index)
+        k, content = input_of(reader, mutators, work.seed, index)
         if changed not in (None, k):
             _put(opened.files[changed], originals[changed])
         file, changed = opened.files[k], k
@@ -226,7 +230,7 @@ def _tried(
                 content = _small(reader, opened, file, content, verdict, state)
             kept = content.hex() if known <= KEPT_OF_ONE_KIND and len(content) < 1 << 22 else None
             entry = {**asdict(verdict), "index": index, "file": file.name, "content": kept}
-            with log.open("a") as stream:
+            with work.log.open("a") as stream:
                 stream.write(json.dumps(entry) + "\n")
         else:
             state.read += verdict

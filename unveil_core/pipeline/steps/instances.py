@@ -67,8 +67,7 @@ def run(context: StageContext) -> None:
         if not len(own):
             continue
         box = known["box"] if known["source"] in ("box", "boxes") else fit_box(positions[own], axes, gap=1.0).to_json()
-        # The one that the stage before made, whatever path a stranger's objects.json names.
-        made, picture = workspace.root / "objects" / Path(str(known["thumbnail"])).name, None
+        made, picture = workspace.root / str(known["thumbnail"]), None
         if known["thumbnail"] is not None and made.is_file():
             picture = f"instances/{number:04d}.png"
             shutil.copyfile(made, context.output(picture))
