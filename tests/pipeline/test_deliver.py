@@ -18,7 +18,7 @@ from unveil_core.pipeline.run import run, run_verb
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
-SETTINGS = RunSettings(quality="draft", iterations=150, splats=12_000, work_side=96)
+SETTINGS = RunSettings(quality="draft", iterations=60, splats=6_000, work_side=96)
 K = {"k1": -0.06, "k2": 0.01, "p1": 0.001, "p2": -0.001}
 FOCAL, WIDTH, HEIGHT = 85.0, 128, 80
 

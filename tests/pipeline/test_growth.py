@@ -36,7 +36,7 @@ from unveil_core.remove.remains import remains
 from unveil_core.surfels.initialize import surfels_from_points
 
 SIZE = (48, 32)
-FRAMES, BLOCK_M = 5, 2.5
+FRAMES, BLOCK_M = 6, 3.0
 ROOM = 1 << 17
 """Bytes that the pictures of frames may take, far less than those of a drive: what is wanted again is loaded again."""
 

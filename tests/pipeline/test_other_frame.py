@@ -23,7 +23,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.semantics.objects import marked_box
 from unveil_core.workspace.workspace import Workspace
 
-SETTINGS = RunSettings(quality="draft", iterations=150, splats=12_000)
+SETTINGS = RunSettings(quality="draft", iterations=80, splats=6_000)
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
 PLACES = np.arange(0.0, 13.0, 1.5)
-SETTINGS = RunSettings(quality="draft", iterations=150, splats=8000, remove=("car",))
+SETTINGS = RunSettings(quality="draft", iterations=60, splats=6000, remove=("car",))
 DARK = 0.8
 CAMERAS = [replace(LEFT, gain=(DARK,) * 3), replace(RIGHT, every=2, late=0.03), FRONT]
 

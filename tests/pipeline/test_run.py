@@ -31,7 +31,7 @@ from unveil_core.pipeline.up_to_date import depends_on
 from unveil_core.workspace.workspace import Workspace
 
 # Few steps: what they lead to is for the tests of the reconstruction, which choose for themselves how many they take.
-STEPS, SPLATS = 150, 12_000
+STEPS, SPLATS = 100, 8_000
 DRAFT = RunSettings(quality="draft", iterations=STEPS, splats=SPLATS)
 
 

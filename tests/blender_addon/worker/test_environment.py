@@ -39,22 +39,6 @@ def any_of_group(group: int) -> bool:
     return True
 
 
-def test_an_environment_that_works_with_progress(tmp_path: Path) -> None:
-    folder = tmp_path / "environment"
-    state = job(folder, str(tiny_wheel(tmp_path))).wait(90)
-    assert state.status == "done", list(state.log)
-    assert state.ended == {"environment": "done"} and environment.is_ready(folder)
-    python = venv_python(folder)
-    said = subprocess.run(
-        [python, "-c", "import unveil_core as u; print(u.__version__)"], capture_output=True, text=True
-    )
-    assert said.stdout == "0.1.0\n"
-    assert any("installing unveil" in line for line in state.log)
-    assert any(line.endswith("Processing unveil_core 0.1.0") for line in state.log)
-    assert not (folder / "temporary").exists()
-    assert not environment.remove_unfinished(folder) and python.exists()
-
-
 @pytest.mark.parametrize(
     ("wanted", "line"),
     [
@@ -80,9 +64,19 @@ def test_a_finished_environment_outlives_a_failed_one(tmp_path: Path) -> None:
     assert running.end().status == "cancelled"
     environment.remove_unfinished(folder)
     assert environment.is_ready(folder) and (folder / "mine").read_text() == "made before"
-    assert job(folder, str(tiny_wheel(tmp_path))).wait(90).status == "done"
-    assert environment.is_ready(folder) and not (folder / "mine").exists()
+    state = job(folder, str(tiny_wheel(tmp_path))).wait(90)
+    assert state.status == "done", list(state.log)
+    assert state.ended == {"environment": "done"} and environment.is_ready(folder)
+    assert not (folder / "mine").exists() and not (folder / "temporary").exists()
     assert [p.name for p in tmp_path.iterdir() if p.is_dir()] == ["environment"]
+    assert any("installing unveil" in line for line in state.log)
+    assert any(line.endswith("Processing unveil_core 0.1.0") for line in state.log)
+    python = venv_python(folder)
+    said = subprocess.run(
+        [python, "-c", "import unveil_core as u; print(u.__version__)"], capture_output=True, text=True
+    )
+    assert said.stdout == "0.1.0\n"
+    assert not environment.remove_unfinished(folder) and python.exists()
 
 
 def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
