@@ -74,8 +74,9 @@ class StreetPath:
         return np.stack([np.cos(self.heading), np.sin(self.heading)], axis=1)
 
     @cached_property
-    def _lookup(self) -> tuple[Float64, float, NDArray[np.int64]]:
-        """First cell's centre (2,), side of a cell, and index (P, Q) of the node nearest to each cell's centre."""
+    def lookup(self) -> tuple[Float64, float, NDArray[np.int64]]:
+        """A grid that tells where the search for a foot begins: first cell's centre (2,), side of a cell, and index (P, Q) of the
+        node nearest to each cell's centre."""
         corner = self.nodes.min(axis=0) - LOOKUP_MARGIN_M
         sides = self.nodes.max(axis=0) + LOOKUP_MARGIN_M - corner
         cell = max(LOOKUP_CELL_M, float(np.sqrt(np.prod(sides) / LOOKUP_CELLS)))
@@ -99,7 +100,7 @@ class StreetPath:
 
         From the node nearest to the point's cell by Newton's method: beside a bend a metre along the path is less or more than one.
         """
-        corner, cell, nearest = self._lookup
+        corner, cell, nearest = self.lookup
         grid = np.round((horizontal - corner) / cell).astype(np.int64)
         index = nearest[np.clip(grid[:, 0], 0, nearest.shape[0] - 1), np.clip(grid[:, 1], 0, nearest.shape[1] - 1)]
         return feet_on_path(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
+from unveil_core.inpaint.light.sun_kernels import draw_fallen
 
 __all__ = ["ELEVATION_LIMITS", "Darkness", "Sun", "find_suns", "given_sun", "sun_towards"]
 
@@ -101,7 +102,7 @@ def find_suns(
     height = foot[:, 2] - ground.height_at(foot[:, 0], foot[:, 1])
     high = (height > STANDS_M) & (height < HIGHEST_M)
     casters = casters[high]
-    casters = casters[:: max(1, len(casters) // MOST_CASTERS)]
+    casters = np.ascontiguousarray(casters[:: max(1, len(casters) // MOST_CASTERS)] @ ground.path.axes.T)
     groups = [np.unique(m.alike[known], return_inverse=True)[1] for m in measures]
     wanted = [_centred(m.fall[known], group) for m, group in zip(measures, groups, strict=True)]
     scales = [_spread(w) for w in wanted]
@@ -142,20 +143,12 @@ def find_suns(
 
 
 def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, ground: Ground) -> NDArray[np.float32]:
-    """(A, B) 0 to 1, where the rays through the casters meet the ground."""
-    up = ground.path.axes[2]
-    fallen = casters
-    for _ in range(2):
-        street = ground.path.to_street(fallen)
-        rest = ground.over(street)
-        fallen = fallen - (rest / (towards_sun @ up))[:, None] * towards_sun
-    street = ground.path.to_street(fallen)
-    cell = s[1] - s[0]
-    row = np.round((street[:, 0] - s[0]) / cell).astype(int)
-    column = np.round((street[:, 1] - t[0]) / cell).astype(int)
-    on = (row >= 0) & (row < len(s)) & (column >= 0) & (column < len(t))
+    """(A, B) 0 to 1, where the rays through the casters (N, 3), east, north and up, meet the ground."""
+    path = ground.path
+    way = (*path.lookup, path.nodes, path.heading, path.start, path.step)
+    heights = (ground.s_start, ground.t_start, ground.s_cell, ground.t_cell, ground.height)
     plane = np.zeros((len(s), len(t)), dtype=np.float32)
-    plane[row[on], column[on]] = 1
+    draw_fallen(casters, path.axes @ towards_sun, way, heights, (s[0], t[0], s[1] - s[0]), plane)
     closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     blurred: NDArray[np.float32] = cv2.GaussianBlur(closed, (0, 0), 1.0)
     return blurred
