@@ -19,6 +19,7 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.street_chart import INVENTED, PLANES
 from unveil_core.inpaint.frames.propagate import RemainingScene
 from unveil_core.inpaint.stretches import Stretch
+from unveil_core.pipeline import runner
 from unveil_core.pipeline.run import run, stage_named
 from unveil_core.pipeline.runner import run_block, run_stages
 from unveil_core.pipeline.settings import RunSettings
@@ -57,12 +58,14 @@ class Cut:
     Attributes:
         stretches: of the street, by block.
         known: what was known of the scene before a block was cleaned; invented: its new surfels.
+        told: stage and message of each call of the stages' progress.
     """
 
     workspace: Workspace
     stretches: list[Stretch] = field(default_factory=list)
     known: list[RemainingScene] = field(default_factory=list)
     invented: list[Surfels | None] = field(default_factory=list)
+    told: list[tuple[str, str]] = field(default_factory=list)
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +83,14 @@ def cut(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cut]:
         found.stretches = divide(*arguments)
         return found.stretches
 
+    progress = runner._Attempt.progress
+
+    def heard(self, done, total, message="", **metrics):  # type: ignore[no-untyped-def]
+        found.told.append((self.stage.name, message))
+        progress(self, done, total, message, **metrics)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner._Attempt, "progress", heard)
         patch.setattr(inpaint, "propagate_inpainting", watched)
         patch.setattr(inpaint, "cut_street", noted)
         run_in_blocks(drive, root, 10.0, patch)
@@ -110,6 +120,14 @@ def test_frames_beside_a_border_show_none(drive: Path, cut: Cut) -> None:
     beside, around = error[8:12].mean(), np.concatenate([error[4:8], error[12:16]]).mean()
     assert 10 * np.log10(beside / around) < 1
     assert not list(cut.workspace.root.glob(".partial-*"))
+
+
+def test_what_is_done_stretch_by_stretch_is_told_so(cut: Cut) -> None:
+    """Work that tells nothing for minutes cannot be cancelled either."""
+    for message in ("looking for the sun", "renewing the ground", "completing facades"):
+        assert cut.told.count(("inpaint", message)) == len(cut.stretches) == 2, message
+    assert ("remove", "looking for what remains of objects") in cut.told
+    assert ("ground", "following lines and kerbs") in cut.told
 
 
 def test_an_object_across_two_blocks_goes_whole_and_one_of_them_owns_its_place(cut: Cut) -> None:
