@@ -1,7 +1,8 @@
 """The removed objects as a list, and the splats of each in a PLY of its own: one can be put back, or put elsewhere.
 
-``objects.json`` has for each object its id, class, box (centre, size, yaw; the drive's own coordinates and units), first and last
-frame, and the name and number of its splats, which are those of :mod:`unveil_core.exports.splats.ply`.
+``objects.json`` has for each object its id, class, box (centre, size, yaw; the drive's own coordinates and units, as a drive's boxes and
+``--marked`` have them), first and last frame, and the name and number of its splats, which are those of
+:mod:`unveil_core.exports.splats.ply`.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def write_objects(job: Job, folder: Path) -> None:
         box = entry.get("box")
         if isinstance(box, dict):
             size = [place.scale * float(v) for v in box["size"]]
-            told["box"] = {"centre": place.to_world(box["centre"]).tolist(), "size": size, "yaw": box["yaw"]}
+            # A workspace counts from the first axis of ``up_frame``, a drive's boxes from x: a quarter turn on.
+            yaw = float(box["yaw"]) % np.pi - np.pi / 2
+            told["box"] = {"centre": place.to_world(box["centre"]).tolist(), "size": size, "yaw": yaw}
         entries.append({**told, "splats": name, "splat_count": len(own)})
         job.progress(done + 1, len(removed), "writing objects")
     write_json_atomic(folder / "objects.json", {"objects": entries})

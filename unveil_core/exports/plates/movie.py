@@ -76,6 +76,8 @@ def _write(job: Job, folder: Path, codec: _Codec, name: str) -> None:
                 kind = "rgb48le" if picture.dtype == np.uint16 else "rgb24"
                 whole = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=kind)
                 converted = whole.reformat(format=codec.pixels, dst_colorspace="ITU709", dst_color_range="MPEG")
+                # The encoder of ProRes writes what each frame says, not what the stream does.
+                converted.color_primaries = converted.color_trc = BT709
                 container.mux(stream.encode(converted))
                 done += 1
                 job.progress(done, len(job.drive.frames), "encoding")
