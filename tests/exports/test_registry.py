@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
 from docs.generate import ROOT
 from tests.exports.conftest import Street
@@ -16,6 +19,8 @@ from unveil_core.base.errors import Cancelled
 from unveil_core.exports.job import Job
 from unveil_core.exports.registry import EXTRA, FORMATS, export, place_of
 from unveil_core.exports.whole import TOLD
+from unveil_core.surfels.ply import write_surfels
+from unveil_core.workspace.files import save_array
 from unveil_core.workspace.workspace import Workspace
 
 
@@ -93,8 +98,6 @@ def test_the_full_street_has_its_cars(street: Street, tmp_path: Path) -> None:
 def test_a_scene_that_is_not_there_is_told_before_anything_is_written(
     tmp_path: Path, street: Street, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import shutil
-
     shutil.copytree(street.root, tmp_path / "workspace", ignore=shutil.ignore_patterns("surfels"))
     out = tmp_path / "out"
     assert main(["export", str(tmp_path / "workspace"), "--to", "png,spz", "-o", str(out)]) == 2
@@ -105,3 +108,34 @@ def test_a_scene_that_is_not_there_is_told_before_anything_is_written(
 def test_each_folder_tells_what_it_is(street: Street) -> None:
     for name in ("chan", "png", "objects-json", "nerfstudio"):
         assert json.loads((street.exported(name) / TOLD).read_text())["format"] == name
+
+
+@pytest.mark.parametrize("box", [{"centre": [0, 0], "size": [1, 1, 1], "yaw": 0}, {"centre": 3}, "a box", [1]])
+def test_a_damaged_list_of_objects_is_one_line(
+    box: object, street: Street, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    workspace = tmp_path / "workspace"
+    shutil.copytree(street.root, workspace)
+    entries = json.loads((workspace / "instances.json").read_text())
+    entries[0]["box"] = box
+    (workspace / "instances.json").write_text(json.dumps(entries))
+    assert main(["export", str(workspace), "--to", "objects-json", "-o", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert "instances.json: is no list of objects" in error and "run `unveil instances` again" in error
+    assert error.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points"])
+def test_a_scene_of_nothing_is_a_file_of_nothing(name: str, street: Street, tmp_path: Path) -> None:
+    module = FORMATS[name].module
+    if module:
+        pytest.importorskip(module)
+    workspace = tmp_path / "workspace"
+    shutil.copytree(street.root, workspace)
+    none = np.zeros(0, dtype=np.int64)
+    write_surfels(street.job.scene.select(torch.from_numpy(none)), workspace / "surfels/full.ply")
+    write_surfels(street.job.scene.select(torch.from_numpy(none)), workspace / "surfels/empty.ply")
+    for array in ("instances", "removed", "displaced"):
+        save_array(none, workspace / f"surfels/{array}.npy")
+    assert main(["export", str(workspace), "--to", name, "-o", str(tmp_path)]) == 0
+    assert place_of(FORMATS[name], street.job, tmp_path).stat().st_size > 0

@@ -60,7 +60,12 @@ class Job:
         Raises:
             WorkspaceError: they are not there yet.
         """
-        return self.surfels(self.state)
+        return self.full if self.state == "full" else self.surfels(self.state)
+
+    @cached_property
+    def full(self) -> Surfels:
+        """The surfels with everything in them."""
+        return self.surfels("full")
 
     def surfels(self, state: str) -> Surfels:
         """The surfels of a state, see :attr:`scene`."""
@@ -103,7 +108,8 @@ class Job:
 
     @cached_property
     def objects(self) -> list[dict[str, Any]]:
-        """Entries of instances.json: objects that have surfels. Empty where the workspace has none.
+        """Entries of instances.json: objects that have surfels. Each has an ``id``, a ``class``, and a ``box`` or None. Empty where
+        the workspace has none.
 
         Raises:
             WorkspaceError: it is damaged.
@@ -116,6 +122,7 @@ class Job:
             for entry in entries:
                 if type(entry["id"]) is not int or not 0 < entry["id"] < 65536 or type(entry["class"]) is not str:
                     raise ValueError("an object without id or class")
+                entry["box"] = _checked_box(entry.get("box"))
         except (OSError, ValueError, KeyError, TypeError) as error:
             mend = "run `unveil instances` again"
             raise WorkspaceError(f"is no list of objects: {error}", path=path, mend=mend) from error
@@ -124,7 +131,7 @@ class Job:
     @cached_property
     def full_instances(self) -> Labels:
         """(N,) object of each surfel of the full scene, 0 none."""
-        return self._array("surfels/instances.npy", len(self.surfels("full"))).astype(np.int64)
+        return self._array("surfels/instances.npy", len(self.full)).astype(np.int64)
 
     def scene_instances(self) -> Labels:
         """(N,) object of each surfel of :attr:`scene`, 0 none: what stays in the empty scene keeps its object."""
@@ -137,8 +144,11 @@ class Job:
         gone = self._array("surfels/removed.npy", len(known)) != 0
         gone |= self._array("surfels/displaced.npy", len(known)) != 0
         stays = known[~gone]
+        if count < len(stays):
+            mend = "run `unveil reoptimize` again"
+            raise WorkspaceError("is not made of the full scene", path=self.workspace.surfels_empty, mend=mend)
         # The empty scene is what stays, then what was added (pipeline.steps.reoptimize).
-        return np.concatenate([stays, np.zeros(max(count - len(stays), 0), dtype=np.int64)])[:count]
+        return np.concatenate([stays, np.zeros(count - len(stays), dtype=np.int64)])
 
     def _array(self, name: str, count: int) -> Labels:
         path = self.workspace.root / name
@@ -158,3 +168,18 @@ class Job:
         if not path.is_file():
             raise WorkspaceError("there is no clean frame yet", path=path, mend="run `unveil deliver`")
         return path
+
+
+def _checked_box(box: Any) -> dict[str, Any] | None:
+    """A box of a list of objects: centre and size of three finite numbers each, and a yaw.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    if box is None:
+        return None
+    centre, size = (np.array(box[key], dtype=np.float64) for key in ("centre", "size"))
+    yaw = float(box["yaw"])
+    if not centre.shape == size.shape == (3,) or not np.isfinite([*centre, *size, yaw]).all():
+        raise ValueError("a box that is none")
+    return {"centre": centre.tolist(), "size": size.tolist(), "yaw": yaw}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import pytest
 
 from tests.exports.conftest import Street
 from tests.exports.street import HEIGHT, LARGER, LENS, WIDTH, WORLD
+from unveil_core.app.cli import main
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.exports.mapping.cloud import street_points
@@ -51,10 +53,6 @@ def test_imported_again_it_has_the_scale_and_up_of_before(street: Street, tmp_pa
 
 
 def test_a_failed_export_leaves_the_one_before(street: Street, tmp_path: Path) -> None:
-    import shutil
-
-    from unveil_core.app.cli import main
-
     workspace = tmp_path / "workspace"
     shutil.copytree(street.root, workspace)
     command = ["export", str(workspace), "--to", "nerfstudio", "-o", str(tmp_path / "out")]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from pathlib import Path
+
 import cv2
 import numpy as np
 import OpenEXR
@@ -10,6 +14,7 @@ from scipy.ndimage import map_coordinates
 
 from tests.exports.conftest import Street
 from tests.exports.street import HEIGHT, LARGER, WIDTH, WORLD
+from unveil_core.app.cli import main
 from unveil_core.base.files import read_instance_image
 from unveil_core.delivery.lens import work_positions
 from unveil_core.exports.color import linear_of_srgb
@@ -78,3 +83,21 @@ def test_depth_and_normal_are_those_of_the_empty_street(
     assert not length[depth == 0].any() and (depth == 0).any()
     below = normal[-12:, 40:80][near > 0]
     assert np.median(below[:, 1]) > 0.7  # a road's normal is up
+
+
+def test_without_instance_images_mattes_come_from_the_scene(street: Street, tmp_path: Path) -> None:
+    root = tmp_path / "workspace"
+    shutil.copytree(street.root, root)
+    path = root / "drive/cameras.json"
+    data = json.loads(path.read_text())
+    for entry in data["frames"]:
+        del entry["instances"]
+    path.write_text(json.dumps(data))
+    assert main(["export", str(root), "--to", "exr", "-o", str(tmp_path)]) == 0
+    with OpenEXR.File(str(tmp_path / "exr/front/front.1001.exr"), separate_channels=True) as file:
+        found = {name: file.channels()[name].pixels.astype(np.float32) for name in MATTES}
+    with OpenEXR.File(str(street.exported("exr") / "front/front.1001.exr"), separate_channels=True) as file:
+        for name in MATTES:
+            of_images = file.channels()[name].pixels.astype(np.float32)
+            shared = np.minimum(found[name], of_images).sum()
+            assert shared > 0.5 * of_images.sum() and shared > 0.5 * found[name].sum(), name

@@ -82,9 +82,9 @@ def _in_boxes(job: Job, positions: NDArray[np.float64]) -> Mask:
     """(P,) points in the boxes of removed objects, but for the ground under them."""
     inside = np.zeros(len(positions), dtype=bool)
     for entry in job.objects:
-        if not entry.get("removed") or not isinstance(entry.get("box"), dict):
-            continue
         given = entry["box"]
+        if not entry.get("removed") or given is None:
+            continue
         box = Box(tuple(given["centre"]), tuple(given["size"]), float(given["yaw"]))
         inside |= box.contains(positions, up_frame(UP), margin=MARGIN_M, above=ABOVE_GROUND_M)
     return inside

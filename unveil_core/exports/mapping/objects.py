@@ -1,8 +1,8 @@
 """The removed objects as a list, and the splats of each in a PLY of its own: one can be put back, or put elsewhere.
 
-``objects.json`` has for each object its id, class, box (centre, size, yaw; the drive's own coordinates and units, as a drive's boxes and
-``--marked`` have them), first and last frame, and the name and number of its splats, which are those of
-:mod:`unveil_core.exports.splats.ply`.
+``objects.json`` has for each object its id, class, box, first and last frame, and the name and number of its splats, which are as
+:mod:`unveil_core.exports.splats.ply` writes them. A box is {centre, size, yaw} in the drive's own coordinates and units, as a
+drive's boxes and ``--marked`` have it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ KEPT = ("id", "class", "source", "points", "frames", "first_frame", "last_frame"
 def write_objects(job: Job, folder: Path) -> None:
     """``objects.json`` and ``<class>_<id>.ply`` for each removed object."""
     place = job.drive.to_world
-    full, instances = job.surfels("full"), job.full_instances
+    full, instances = job.full, job.full_instances
     removed = [entry for entry in job.objects if entry.get("removed")]
     entries = []
     for done, entry in enumerate(removed):
@@ -37,8 +37,8 @@ def write_objects(job: Job, folder: Path) -> None:
         name = f"{object_name(entry)}.ply"
         write_splats(job, full.select(torch.from_numpy(own)), instances[own], folder / name)
         told: dict[str, Any] = {key: entry[key] for key in KEPT if key in entry}
-        box = entry.get("box")
-        if isinstance(box, dict):
+        box = entry["box"]
+        if box is not None:
             size = [place.scale * float(v) for v in box["size"]]
             # A workspace counts from the first axis of ``up_frame``, a drive's boxes from x: a quarter turn on.
             yaw = float(box["yaw"]) % np.pi - np.pi / 2

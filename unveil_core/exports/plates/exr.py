@@ -138,7 +138,7 @@ class _Mattes:
             return {name: (ids == e["id"]).astype(np.float32) for name, e in zip(names, self.removed, strict=True)}
         found: Layers = {}
         instances = self.job.full_instances
-        full = self.job.surfels("full")
+        full = self.job.full
         # Label 0 is all else.
         for first in range(0, len(names), MAX_LABELS - 1):
             some = self.removed[first : first + MAX_LABELS - 1]
