@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,24 @@ def test_positions_colours_and_classes_are_those_of_the_street(name: str, street
     np.testing.assert_array_equal(las.classification, expected)
     np.testing.assert_array_equal(las.object_id, points.objects)
     assert las.header.are_points_compressed == (name == "laz")
+
+
+def test_the_bytes_are_those_of_the_standard(street: Street) -> None:
+    """Read by the tables of LAS 1.4 R15, not by the library that wrote them."""
+    content = street.exported("las").read_bytes()
+    assert content[:4] == b"LASF" and content[24:26] == bytes((1, 4)) and content[104] == 7
+    (first,), (width,), (count,) = (
+        struct.unpack_from(kind, content, at) for kind, at in (("<I", 96), ("<H", 105), ("<Q", 247))
+    )
+    scales, offsets = (np.array(struct.unpack_from("<3d", content, at)) for at in (131, 155))
+    points = street_points(street.job)
+    assert count == len(points.cloud.positions) and first + count * width == len(content)
+    rows = np.frombuffer(content, np.uint8, count * width, first).reshape(count, width)
+    steps = rows[:, :12].copy().view("<i4")
+    world = WORLD.to_world(points.cloud.positions)
+    np.testing.assert_allclose(steps * scales + offsets, world, atol=0.5e-3 * WORLD.scale + 1e-8)
+    np.testing.assert_array_equal(rows[:, 16] == 11, points.cloud.classes == ROAD)
+    np.testing.assert_array_equal(rows[:, 30:36].copy().view("<u2") // 257, points.cloud.colors)
 
 
 def test_removed_objects_are_gone_with_what_lies_in_their_boxes(street: Street) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -31,6 +32,9 @@ def test_movies_have_all_frames_at_the_drives_rate(
         assert (frames[0].width, frames[0].height) == (128, 96)
         tags = stream.codec_context
         assert (int(tags.color_primaries), int(tags.color_trc), int(tags.colorspace)) == (1, 1, 1)
+    video = cv2.VideoCapture(str(street.exported(name) / f"front.{suffix}"))  # by a build of FFmpeg of its own
+    assert video.get(cv2.CAP_PROP_FPS) == 10
+    assert [video.read()[0] for _ in range(4)] == [True, True, True, False]
 
 
 @pytest.mark.parametrize(("write", "suffix"), [(write_mp4, "mp4"), (write_prores, "mov")])
