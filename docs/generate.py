@@ -29,6 +29,7 @@ ORDER = {
     "pipeline": "stages, runner, settings",
     "forecast": "time, memory, disk to come",
     "report": "the page, videos",
+    "exports": "files of other programs",
     "evaluate": "metrics, baselines",
     "provenance": "origins, certainty",
     "workspace": "files, lock, journal",
@@ -157,6 +158,19 @@ def stage_table() -> str:
     return "\n".join(lines)
 
 
+def export_table() -> str:
+    """Each format of ``unveil export``: what it holds, by which library, what reads it back, and what is lost."""
+    from unveil_core.exports.registry import EXTRA, FORMATS
+
+    lines = ["| format | holds | written as | library | read back by | lost |", "|---|---|---|---|---|---|"]
+    for f in FORMATS.values():
+        library = f.library or "own code"
+        extra = f" (`{EXTRA}`)" if f.module else ""
+        result = f"`{f.result.replace('{state}', 'STATE')}{'' if f.suffix else '/'}`"
+        lines.append(f"| `{f.name}` | {f.what} | {result} | {library}{extra} | {f.read_back} | {f.lost} |")
+    return "\n".join(lines)
+
+
 def fuzz_table() -> str:
     """What fuzzing tried and found, a row for each reader of ``benchmarks/results/fuzz.json``."""
     rows = json.loads((ROOT / "benchmarks/results/fuzz.json").read_text(encoding="utf-8"))["readers"]
@@ -164,13 +178,16 @@ def fuzz_table() -> str:
     lines += ["|---|---|---|---|---|---|---|"]
     for name, row in rows.items():
         found = " | ".join(str(row[kind]) for kind in ("crash", "hang", "memory", "wrong"))
-        lines.append(f"| {name} | {row['inputs']:,} | {row['read'] / max(row['inputs'], 1):.0%} | {found} |".replace("%", " %"))
+        lines.append(
+            f"| {name} | {row['inputs']:,} | {row['read'] / max(row['inputs'], 1):.0%} | {found} |".replace("%", " %")
+        )
     return "\n".join(lines)
 
 
 PARTS = {
     "benchmarks.md": {"fuzzing": fuzz_table},
     "development.md": {"packages": drawing, "package table": package_table},
+    "exports.md": {"formats": export_table},
     "workspace.md": {"stages": stage_table},
 }
 """The generated parts by page and name."""

@@ -7,8 +7,10 @@ import sys
 from dataclasses import fields
 
 from unveil_core.app.given_settings import settings_of
-from unveil_core.app.parser import BLOCK_STAGES, STAGE_VERBS, command_parser
+from unveil_core.app.parser import BLOCK_STAGES, EXPORTS, STAGE_VERBS, command_parser
 from unveil_core.app.verbs import VERBS
+from unveil_core.exports.job import START_FRAME
+from unveil_core.exports.registry import FORMATS
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
 
@@ -16,6 +18,11 @@ from unveil_core.pipeline.settings import RunSettings
 def test_each_stage_has_a_verb_in_the_order_of_the_graph() -> None:
     assert ["import", *STAGE_VERBS] == [stage.name for stage in STAGES]
     assert list(BLOCK_STAGES) == [stage.name for stage in STAGES if stage.run_block is not None]
+
+
+def test_each_format_of_export_is_named() -> None:
+    assert list(EXPORTS) == list(FORMATS)
+    assert command_parser().parse_args(["export", "ws"]).start_frame == START_FRAME
 
 
 def test_each_verb_that_is_parsed_does_something() -> None:

@@ -15,7 +15,7 @@ from plyfile import PlyData
 
 from tests.hard_drives import SHRINK, make_tiny_street, move, replace_images, replace_points, salted, with_blob
 from tests.small_street import CAR, picture, pose_at
-from unveil_core.app.export_mesh import export_mesh
+from unveil_core.app.export import export_results
 from unveil_core.base.errors import DriveError
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -98,7 +98,7 @@ def test_utm_coordinates_cost_nothing(tmp_path: Path, plain: Outcome) -> None:
     assert float(distance.quantile(0.9)) < 0.01
     workspace = run(path, tmp_path / "ws", DRAFT, until="mesh")
     check_frames(workspace, path, 30)
-    vertex = PlyData.read(str(export_mesh(workspace, to="ply")))["vertex"]
+    vertex = PlyData.read(str(export_results(workspace, to=["ply"])[0]))["vertex"]
     middle = [float(np.median(np.asarray(vertex[n], dtype=np.float64))) for n in "xyz"]
     assert np.abs(np.array(middle) - UTM - (12, 0, 1)).max() < 12
 

@@ -10,7 +10,7 @@ from typing import Any
 from unveil_core import __version__
 from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
 
-__all__ = ["BLOCK_STAGES", "STAGE_VERBS", "command_parser"]
+__all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
 
 STAGE_VERBS = {
     "objects": "list the classes and single objects that can be removed",
@@ -32,6 +32,12 @@ named here again because importing the stages loads torch; a test compares the t
 
 BLOCK_STAGES = ("reconstruct", "reoptimize")
 """The stages that are made in blocks, see ``pipeline.stage.Stage.run_block``; a test compares."""
+
+EXPORTS = (
+    "splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points", "ply", "obj", "glb", "usd", "nerfstudio", "colmap", "chan",
+    "las", "laz", "objects-json", "png", "exr", "mp4", "prores",
+)  # fmt: skip
+"""The formats of ``exports.registry.FORMATS``; likewise."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -164,12 +170,26 @@ def _add_render(verbs: _Verbs) -> None:
 
 
 def _add_export(verbs: _Verbs) -> None:
-    p = verbs.add_parser("export", help="write a mesh for another program: another format, fewer triangles")
+    p = verbs.add_parser("export", help="write results for other programs: splats, meshes, cameras, points, plates")
     p.add_argument("workspace", type=Path)
-    p.add_argument("--to", default=None, choices=("ply", "obj", "glb"), help="by default what FILE's suffix says")
+    p.add_argument(
+        "--to",
+        type=_names,
+        default=(),
+        metavar="NAMES",
+        help=f"{','.join(EXPORTS)}; by default the mesh that FILE's suffix says",
+    )
     p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
-    p.add_argument("--triangles", type=int, default=None, metavar="N", help="at most N; all by default")
-    p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="beside the meshes by default")
+    p.add_argument("--triangles", type=int, default=None, metavar="N", help="of a mesh at most; all by default")
+    p.add_argument("--start-frame", type=int, default=1001, metavar="N", help="number of a camera's first plate (1001)")
+    p.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=None,
+        metavar="DIR|FILE",
+        help="a folder, or the file of a single format; a mesh goes beside the meshes by default",
+    )
     _add_common(p)
 
 

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from unveil_core.app.batch import run_batch_part
 from unveil_core.app.console import reporting
@@ -18,6 +19,10 @@ from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.pipeline.settings import RunSettings
+
+if TYPE_CHECKING:  # the stages' module loads NumPy
+    from unveil_core.base.progress import Progress
+    from unveil_core.pipeline.stage import Reporter
 
 __all__ = ["VERBS"]
 
@@ -150,20 +155,6 @@ def _render(arguments: argparse.Namespace) -> int:
     from unveil_core.workspace.workspace import Workspace
 
     with reporting(arguments.json) as reporter:
-
-        def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
-            reporter(
-                {
-                    "t": round(time.time(), 3),
-                    "stage": "render",
-                    "done": done,
-                    "total": total,
-                    "message": message,
-                    "level": "info",
-                    **metrics,
-                }
-            )
-
         views = render_views(
             Workspace.open(arguments.workspace),
             arguments.output,
@@ -172,25 +163,40 @@ def _render(arguments: argparse.Namespace) -> int:
             beside=arguments.beside,
             above=arguments.above,
             planes=arguments.planes,
-            progress=progress,
+            progress=_progress_of("render", reporter),
         )
     print(json.dumps({"folder": str(arguments.output), "views": views}) if arguments.json else arguments.output)
     return 0
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from unveil_core.app.export_mesh import export_mesh
+    from unveil_core.app.export import export_results
     from unveil_core.workspace.workspace import Workspace
 
-    path = export_mesh(
-        Workspace.open(arguments.workspace),
-        to=arguments.to,
-        state=arguments.state,
-        triangles=arguments.triangles,
-        output=arguments.output,
-    )
-    print(json.dumps({"file": str(path)}) if arguments.json else path)
+    with reporting(arguments.json) as reporter:
+        written = export_results(
+            Workspace.open(arguments.workspace),
+            to=arguments.to,
+            state=arguments.state,
+            triangles=arguments.triangles,
+            start_frame=arguments.start_frame,
+            output=arguments.output,
+            progress=_progress_of("export", reporter),
+        )
+    names = [str(path) for path in written]
+    # "file" is what programs of before read, which ask for one.
+    print(json.dumps({"file": names[0], "files": names}) if arguments.json else "\n".join(names))
     return 0
+
+
+def _progress_of(verb: str, reporter: Reporter) -> Progress:
+    """Progress of a verb that is no stage, as its events."""
+
+    def progress(done: int, total: int, message: str = "", **metrics: float) -> None:
+        event = {"t": round(time.time(), 3), "stage": verb, "done": done, "total": total, "message": message}
+        reporter({**event, "level": "info", **metrics})
+
+    return progress
 
 
 def _bench(arguments: argparse.Namespace) -> int:

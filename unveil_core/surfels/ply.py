@@ -7,10 +7,13 @@ red coefficients, then green, then blue.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
@@ -53,7 +56,13 @@ ELLIPSOIDS = "splats ellipsoids"
 
 
 def write_surfels(
-    surfels: Surfels, path: Path, *, to_world: Similarity | None = None, comments: tuple[str, ...] = ()
+    surfels: Surfels,
+    path: Path,
+    *,
+    to_world: Similarity | None = None,
+    comments: tuple[str, ...] = (),
+    more: Mapping[str, NDArray[np.integer]] | None = None,
+    thin: float = 1.0,
 ) -> None:
     """Write surfels to a binary PLY, atomically.
 
@@ -62,11 +71,14 @@ def write_surfels(
         path: the file.
         to_world: of the drive, noted in comments; the coordinates stay local, as float32 needs.
         comments: lines for the header, such as the label names.
+        more: integers (N,) by the name of their attribute, to follow the label.
+        thin: times the thin third scale, for coordinates that are not metres.
     """
     s = surfels.detach()
     count, coefficients = len(s), s.sh.shape[1]
     rest = 3 * (coefficients - 1)
-    table = np.empty(count, dtype=[*((name, "<f4") for name in _names(rest)), ("label", "<i4")])
+    whole_numbers = ("label", *(more or {}))
+    table = np.empty(count, dtype=[*((n, "<f4") for n in _names(rest)), *((n, "<i4") for n in whole_numbers)])
     columns = {
         ("x", "y", "z"): s.means,
         ("nx", "ny", "nz"): s.normals(),
@@ -75,13 +87,15 @@ def write_surfels(
         ("scale_0", "scale_1", "scale_2")[: s.log_scales.shape[1]]: s.log_scales,
         ("rot_0", "rot_1", "rot_2", "rot_3"): s.quats,
     }
-    table["scale_2"] = THIN_LOG_SCALE
+    table["scale_2"] = THIN_LOG_SCALE + math.log(thin)
     for names, values in columns.items():
         array = values.cpu().numpy()
         for i, name in enumerate(names):
             table[name] = array[:, i]
     table["opacity"] = s.opacity_logits.cpu().numpy()
     table["label"] = s.labels.cpu().numpy()
+    for name, numbers in (more or {}).items():
+        table[name] = numbers
     lines = [*comments, ELLIPSOIDS] if s.ellipsoids else list(comments)
     if to_world is not None:
         lines += to_world.comments()

@@ -63,7 +63,7 @@ def test_fewer_triangles_and_a_place_of_ones_own(
 ) -> None:
     path = tmp_path / "deep/er/street.obj"
     assert main(["export", str(workspace), "--triangles", "500", "-o", str(path), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"file": str(path)}
+    assert json.loads(capsys.readouterr().out) == {"file": str(path), "files": [str(path)]}
     assert 400 < len(opened(path).faces) <= 500
     assert [p.name for p in path.parent.iterdir()] == ["street.obj"]
     assert main(["export", str(workspace), "--triangles", "500", "--to", "ply"]) == 0
@@ -73,8 +73,12 @@ def test_fewer_triangles_and_a_place_of_ones_own(
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ([], "no format is named (give one with --to"),
-        (["--to", "stl"], "invalid choice"),
+        ([], "no format is named (give one or more with --to"),
+        (["--to", "stl"], "no format is called 'stl' (give one or more with --to: splat-ply, spz"),
+        (["--to", "splat-ply"], "no folder is named (give one with -o)"),
+        (["--to", "ply,obj", "-o", "workspace/frames/x"], "frames/x: is the workspace's own folder"),
+        (["--to", "nerfstudio", "--state", "full", "-o", "x"], "nerfstudio is of the empty street only"),
+        (["--to", "obj", "--start-frame", "-1"], "--start-frame -1 is no number of a frame"),
         (["-o", "x/street.stl"], "street.stl: is no mesh file (use ply, obj, glb)"),
         (["-o", "x/street"], "street: is no mesh file"),
         (["--to", "obj", "-o", "x/street.glb"], "street.glb: is no obj file (name it .obj)"),

@@ -1,0 +1,104 @@
+"""``unveil export``: results in the formats that other programs want."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.exports.job import START_FRAME, STATES, Job
+from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
+from unveil_core.pipeline.graph import STAGES
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["MESHES", "export_results"]
+
+MESHES = ("ply", "obj", "glb")
+"""Formats that the suffix of a file may choose, and that go beside the workspace's meshes where no place is named."""
+MOST_FRAME = 9_999_999
+"""Number of a first frame at most: more digits are none that compositors count in."""
+
+
+def export_results(
+    workspace: Workspace,
+    *,
+    to: Sequence[str] = (),
+    state: str = "empty",
+    triangles: int | None = None,
+    start_frame: int = START_FRAME,
+    output: Path | None = None,
+    progress: Progress = no_progress,
+) -> list[Path]:
+    """Write results of a workspace in one or more formats, in the drive's coordinates (see ``exports.coordinates``).
+
+    Args:
+        workspace: a finished one.
+        to: names of ``exports.registry.FORMATS``; without any, the mesh format that the suffix of ``output`` names.
+        state: one of ``exports.job.STATES``.
+        triangles: the most that a mesh may have; None for all.
+        start_frame: number of the first plate of each track.
+        output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
+            ``meshes/<state>_<triangles or all>.<format>`` by default.
+        progress: called by long formats.
+    Returns:
+        the files and folders written.
+    Raises:
+        SettingsError: an unknown format or state, a library that is missing, too few triangles, or a place that holds other things.
+        WorkspaceError: a stage that a format needs has not run.
+        UnveilError: it cannot be written.
+    """
+    if state not in STATES:
+        raise SettingsError(f"no state is called {state!r}", mend=f"use {', '.join(STATES)}")
+    if not 0 <= start_frame <= MOST_FRAME:
+        raise SettingsError(f"--start-frame {start_frame} is no number of a frame", mend=f"use 0 to {MOST_FRAME}")
+    formats = formats_named(to or _of_suffix(output))
+    job = Job(workspace, state, triangles, start_frame, progress)
+    return export(job, _places(job, formats, output))
+
+
+def _of_suffix(output: Path | None) -> list[str]:
+    """The mesh format that a file's name tells; none where no file is named."""
+    if output is None:
+        return []
+    kind = output.suffix.lower().removeprefix(".")
+    if kind not in MESHES:
+        raise SettingsError("is no mesh file", path=output, mend=f"use {', '.join(MESHES)}")
+    return [kind]
+
+
+def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> list[tuple[ExportFormat, Path]]:
+    """Where each format goes."""
+    folder = job.workspace.root / "meshes"
+    single = formats[0] if len(formats) == 1 else None
+    path = None
+    if output is None:
+        if single is None or single.name not in MESHES:
+            raise SettingsError("no folder is named", mend="give one with -o")
+        path = folder / f"{job.state}_{job.triangles or 'all'}.{single.name}"
+    elif single is not None and single.suffix and output.suffix and not output.is_dir():
+        if output.suffix.lower() != single.suffix:
+            raise SettingsError(f"is no {single.name} file", path=output, mend=f"name it {single.suffix}")
+        path = output
+    if path is None:
+        assert output is not None
+        _check_folder(job.workspace, output)
+        return [(one, place_of(one, job, output)) for one in formats]
+    assert single is not None
+    if path.resolve() in {(folder / name).resolve() for name in ("full.ply", "empty.ply", "empty.glb")}:
+        raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
+    if path.parent.resolve() != folder.resolve():
+        _check_folder(job.workspace, path.parent, may_be_root=True)
+    return [(single, path)]
+
+
+def _check_folder(workspace: Workspace, output: Path, *, may_be_root: bool = False) -> None:
+    """Refuse what stages write: running them again would take an export away."""
+    if output.exists() and not output.is_dir():
+        if may_be_root:
+            return  # writing tells it, with the name of the file
+        raise SettingsError("is a file", path=output, mend="name a folder")
+    root, target = workspace.root.resolve(), output.resolve()
+    taken = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
+    if (target == root and not may_be_root) or any(target.is_relative_to(root / name) for name in taken):
+        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")

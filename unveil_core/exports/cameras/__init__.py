@@ -1,0 +1,1 @@
+"""The cameras for other programs: nerfstudio, COLMAP, Nuke."""

@@ -1,0 +1,185 @@
+"""What an export works on: a workspace, its settings, and the parts that several formats read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from unveil_core.base.errors import SettingsError, WorkspaceError
+from unveil_core.base.files import parsed_json
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Labels
+from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.imported import read_imported
+from unveil_core.mesh import Mesh, decimate, read_ply
+from unveil_core.semantics.classes import VOID
+from unveil_core.semantics.labels import SceneLabels
+from unveil_core.surfels.ply import read_surfels
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import frame_file, load_array, load_labels
+from unveil_core.workspace.workspace import Workspace
+
+__all__ = ["START_FRAME", "STATES", "Job"]
+
+STATES = ("empty", "full")
+START_FRAME = 1001
+"""Number of the first frame of a track: film and television begin their shots there, so that handles before it have numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One export of one or more formats. Its parts are read when they are first asked for.
+
+    Attributes:
+        workspace: a finished one.
+        state: of :data:`STATES`, for formats that hold the scene.
+        triangles: of a mesh at most, None for all.
+        start_frame: number of the first frame of each track.
+        progress: called by long formats.
+    """
+
+    workspace: Workspace
+    state: str = "empty"
+    triangles: int | None = None
+    start_frame: int = START_FRAME
+    progress: Progress = field(default=no_progress)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The imported drive, without its points."""
+        return read_imported(self.workspace.drive_dir, points=False)
+
+    @cached_property
+    def scene(self) -> Surfels:
+        """The surfels of the state, in local coordinates.
+
+        Raises:
+            WorkspaceError: they are not there yet.
+        """
+        return self.full if self.state == "full" else self.surfels(self.state)
+
+    @cached_property
+    def full(self) -> Surfels:
+        """The surfels with everything in them."""
+        return self.surfels("full")
+
+    def surfels(self, state: str) -> Surfels:
+        """The surfels of a state, see :attr:`scene`."""
+        path = self.workspace.surfels_full if state == "full" else self.workspace.surfels_empty
+        if not path.is_file():
+            verb = "reconstruct" if state == "full" else "reoptimize"
+            raise WorkspaceError(f"there is no {state} scene yet", path=path, mend=f"run `unveil {verb}`")
+        return read_surfels(path)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh of the state, in local coordinates, with at most as many triangles as asked.
+
+        Raises:
+            WorkspaceError: no mesh there yet, or nothing in it.
+            SettingsError: too few triangles.
+        """
+        source = self.workspace.root / "meshes" / f"{self.state}.ply"
+        mesh = read_ply(source, self.drive.to_world)
+        if not len(mesh.faces):
+            raise WorkspaceError("has no triangles", path=source, mend="run `unveil mesh` on a scene that has surfaces")
+        if self.triangles is None:
+            return mesh
+        try:
+            return decimate(mesh, self.triangles)
+        except SettingsError as error:
+            raise SettingsError(error.problem, path=source, mend=error.mend) from error
+
+    @cached_property
+    def labels(self) -> SceneLabels:
+        """The labels that occur."""
+        return load_labels(self.workspace)
+
+    def train_ids(self, surfels: Surfels) -> Labels:
+        """(N,) what stands for the labels of surfels in files: Cityscapes trainIds, 255 none; of a scene of masks only 0 and 1."""
+        ids = np.append(np.array(self.labels.labels.disk_ids, dtype=np.int64), VOID)
+        known = surfels.labels.numpy()
+        found: Labels = ids[np.where((known < 0) | (known >= len(ids) - 1), len(ids) - 1, known)]
+        return found
+
+    @cached_property
+    def objects(self) -> list[dict[str, Any]]:
+        """Entries of instances.json: objects that have surfels. Each has an ``id``, a ``class``, and a ``box`` or None. Empty where
+        the workspace has none.
+
+        Raises:
+            WorkspaceError: it is damaged.
+        """
+        path = self.workspace.root / "instances.json"
+        if not path.is_file():
+            return []
+        try:
+            entries = parsed_json(path.read_text("utf-8"))
+            for entry in entries:
+                if type(entry["id"]) is not int or not 0 < entry["id"] < 65536 or type(entry["class"]) is not str:
+                    raise ValueError("an object without id or class")
+                entry["box"] = _checked_box(entry.get("box"))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            mend = "run `unveil instances` again"
+            raise WorkspaceError(f"is no list of objects: {error}", path=path, mend=mend) from error
+        return list(entries)
+
+    @cached_property
+    def full_instances(self) -> Labels:
+        """(N,) object of each surfel of the full scene, 0 none."""
+        return self._array("surfels/instances.npy", len(self.full)).astype(np.int64)
+
+    def scene_instances(self) -> Labels:
+        """(N,) object of each surfel of :attr:`scene`, 0 none: what stays in the empty scene keeps its object."""
+        count = len(self.scene)
+        if not (self.workspace.root / "surfels/instances.npy").is_file():
+            return np.zeros(count, dtype=np.int64)
+        if self.state == "full":
+            return self.full_instances
+        known = self.full_instances
+        gone = self._array("surfels/removed.npy", len(known)) != 0
+        gone |= self._array("surfels/displaced.npy", len(known)) != 0
+        stays = known[~gone]
+        if count < len(stays):
+            mend = "run `unveil reoptimize` again"
+            raise WorkspaceError("is not made of the full scene", path=self.workspace.surfels_empty, mend=mend)
+        # The empty scene is what stays, then what was added (pipeline.steps.reoptimize).
+        return np.concatenate([stays, np.zeros(count - len(stays), dtype=np.int64)])
+
+    def _array(self, name: str, count: int) -> Labels:
+        path = self.workspace.root / name
+        found = load_array(path)
+        if found.shape != (count,):
+            problem = f"is of {found.shape[0] if found.ndim else 0} surfels, the scene has {count}"
+            raise WorkspaceError(problem, path=path, mend="run `unveil run` again")
+        return found
+
+    def delivered(self, frame: Frame) -> Path:
+        """The clean frame's file.
+
+        Raises:
+            WorkspaceError: it is not there yet.
+        """
+        path = frame_file(self.workspace.root / "frames", frame)
+        if not path.is_file():
+            raise WorkspaceError("there is no clean frame yet", path=path, mend="run `unveil deliver`")
+        return path
+
+
+def _checked_box(box: Any) -> dict[str, Any] | None:
+    """A box of a list of objects: centre and size of three finite numbers each, and a yaw.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
+    if box is None:
+        return None
+    centre, size = (np.array(box[key], dtype=np.float64) for key in ("centre", "size"))
+    yaw = float(box["yaw"])
+    if not centre.shape == size.shape == (3,) or not np.isfinite([*centre, *size, yaw]).all():
+        raise ValueError("a box that is none")
+    return {"centre": centre.tolist(), "size": size.tolist(), "yaw": yaw}

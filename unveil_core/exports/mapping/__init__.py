@@ -1,0 +1,1 @@
+"""The street for mapping and simulation: its points, and the objects that were taken out."""

@@ -1,0 +1,1 @@
+"""Clean plates for compositing and editing: PNG, OpenEXR, movies."""

@@ -1,0 +1,170 @@
+"""The clean frames as OpenEXR, a file a frame, with what a compositor needs as layers of named channels.
+
+=========================== ========================================================================= ==================
+channels                    what                                                                      values
+=========================== ========================================================================= ==================
+R G B                       the clean frame, linear Rec. 709                                          half
+removed.A                   what was removed, with its antialiased border                             half, 0 to 1
+<class>_<id>.A              matte of a removed object, as ``car_0005.A``                              half, 0 to 1
+provenance.Y                0 original, 1 relit, 2 seen elsewhere, 3 continued, 4 invented            half, whole numbers
+certainty.Y                 how sure the pixel is, 1 where it is the footage's own                    half, 0 to 1
+depth.Z                     of the empty street along the optical axis, the drive's units, 0 none     32-bit float
+normal.X Y Z                of the empty street in the camera's axes: x right, y up, z to the viewer  half, 0 none
+=========================== ========================================================================= ==================
+
+All are of the size and lens of the footage. 8-bit sRGB comes back exactly from half precision; of 16 bits the lowest are rounded.
+The header names the colour space (``colorInteropID``) and has the chromaticities of Rec. 709.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.files import read_image_as_it_is, read_label_image
+from unveil_core.base.types import Float32, Labels
+from unveil_core.delivery.lens import work_positions
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.drive import Frame
+from unveil_core.exports.color import LINEAR, linear_of_srgb
+from unveil_core.exports.job import Job
+from unveil_core.exports.mapping.objects import object_name
+from unveil_core.exports.plates.png import numbered, told_frames
+from unveil_core.exports.whole import tell
+from unveil_core.raster import render
+from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.spec import MAX_LABELS
+from unveil_core.semantics.labels import frame_instances
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.files import frame_file, load_mask
+
+__all__ = ["REC709", "write_exr"]
+
+REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+"""Chromaticities: x and y of red, green, blue and white."""
+SOLID = 0.5
+"""Where less light is stopped, the sky is seen: no depth, no normal."""
+
+Layers = dict[str, NDArray[np.generic]]
+
+
+def write_exr(job: Job, folder: Path) -> None:
+    """``<camera>/<camera>.1001.exr`` for each frame, and ``export.json`` that tells which frame each is."""
+    import OpenEXR
+
+    frames = job.drive.frames
+    removed = [entry for entry in job.objects if entry.get("removed")]
+    mattes = _Mattes(job, removed)
+    empty = job.surfels("empty")
+    for done, (frame, name) in enumerate(zip(frames, numbered(job, "exr"), strict=True)):
+        channels = _color(job, frame)
+        shown = {**_told_pixels(job, frame), **mattes.of(frame), **_surfaces(job, empty, frame)}
+        channels |= {key: _in_footage(values, frame, key) for key, values in shown.items()}
+        header: dict[str, Any] = {
+            "compression": OpenEXR.ZIP_COMPRESSION,
+            "type": OpenEXR.scanlineimage,
+            "chromaticities": REC709,
+            "colorInteropID": LINEAR,
+            "unveil:source": f"{frame.camera_name}/{frame.name}",
+        }
+        if frame.timestamp is not None:
+            header["unveil:timestamp"] = repr(float(frame.timestamp))
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with OpenEXR.File(header, {key: np.ascontiguousarray(values) for key, values in channels.items()}) as file:
+            file.write(str(path))
+        job.progress(done + 1, len(frames), "writing plates")
+    layers = [object_name(entry) for entry in removed]
+    tell(folder, "exr", {"colorspace": LINEAR, "mattes": layers, "cameras": told_frames(job)})
+
+
+def _color(job: Job, frame: Frame) -> Layers:
+    """R G B, and A where the footage has an alpha channel, of the clean frame."""
+    picture = read_image_as_it_is(job.delivered(frame))
+    picture = picture[..., None].repeat(3, axis=2) if picture.ndim == 2 else picture
+    share = picture.astype(np.float64) / np.iinfo(picture.dtype).max
+    linear = linear_of_srgb(share[..., :3]).astype(np.float16)
+    found: Layers = {name: linear[..., k] for k, name in enumerate("RGB")}
+    if picture.shape[2] == 4:
+        found["A"] = share[..., 3].astype(np.float16)
+    return found
+
+
+def _told_pixels(job: Job, frame: Frame) -> Layers:
+    """What stages told of the pixels, at working size; only what the workspace has."""
+    found: Layers = {}
+    root = job.workspace.root
+    if (path := frame_file(root / "masks/removed", frame)).is_file():
+        found["removed.A"] = load_mask(path).astype(np.float32)
+    if (path := frame_file(root / "provenance", frame)).is_file():
+        found["provenance.Y"] = read_label_image(path).astype(np.float32)
+    if (path := frame_file(root / "certainty", frame)).is_file():
+        found["certainty.Y"] = read_label_image(path).astype(np.float32) / 255
+    return found
+
+
+def _surfaces(job: Job, empty: Surfels, frame: Frame) -> Layers:
+    """Depth and normal of the empty scene, at working size."""
+    with torch.no_grad():
+        near = near_camera(empty, frame.camera)
+        out = render(near, frame.camera, ("alpha", "median_depth", "normal"), near=NEAR_M, far=FAR_M)
+    assert out.alpha is not None and out.median_depth is not None and out.normal is not None
+    solid = out.alpha.numpy() > SOLID
+    depth = np.where(solid, out.median_depth.numpy() * job.drive.to_world.scale, 0).astype(np.float32)
+    normal = out.normal.numpy() * np.array([1, -1, -1], np.float32)  # from OpenCV's axes to those of normal maps
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-6)
+    normal = np.where(solid[..., None], normal, 0).astype(np.float32)
+    return {"depth.Z": depth, **{f"normal.{axis}": normal[..., k] for k, axis in enumerate("XYZ")}}
+
+
+@dataclass
+class _Mattes:
+    """Mattes of the removed objects: of the drive's instance images where a frame has one, else of the scene's surfels."""
+
+    job: Job
+    removed: list[dict[str, Any]]
+
+    def of(self, frame: Frame) -> Layers:
+        """(H, W) float32 by channel, at working size."""
+        ids = frame_instances(frame)
+        names = [f"{object_name(entry)}.A" for entry in self.removed]
+        if ids is not None:
+            return {name: (ids == e["id"]).astype(np.float32) for name, e in zip(names, self.removed, strict=True)}
+        found: Layers = {}
+        instances = self.job.full_instances
+        full = self.job.full
+        # Label 0 is all else.
+        for first in range(0, len(names), MAX_LABELS - 1):
+            some = self.removed[first : first + MAX_LABELS - 1]
+            weights = _weights(full, instances, [e["id"] for e in some], frame)
+            found |= {names[first + k]: weights[..., k + 1] for k in range(len(some))}
+        return found
+
+
+def _weights(full: Surfels, instances: Labels, ids: list[int], frame: Frame) -> Float32:
+    """(H, W, 1 + len(ids)) the share of light that each object stops; first all else."""
+    labels = np.zeros(len(full), dtype=np.int64)
+    for k, number in enumerate(ids):
+        labels[instances == number] = k + 1
+    marked = Surfels(full.means, full.quats, full.log_scales, full.opacity_logits, full.sh, torch.from_numpy(labels))
+    with torch.no_grad():
+        near = near_camera(marked, frame.camera)
+        out = render(near, frame.camera, ("semantics",), label_count=len(ids) + 1, near=NEAR_M, far=FAR_M)
+    assert out.semantics is not None
+    return out.semantics.numpy()
+
+
+def _in_footage(values: NDArray[np.generic], frame: Frame, name: str) -> NDArray[np.generic]:
+    """A plane of working size in the size and lens of the footage: mattes are interpolated, all else is of the nearest pixel."""
+    plane = np.asarray(values, dtype=np.float32)
+    if frame.footage is not None:
+        at = work_positions(frame.footage, frame.camera) - np.float32(0.5)
+        mode = cv2.INTER_LINEAR if name.endswith(".A") else cv2.INTER_NEAREST
+        plane = cv2.remap(plane, at, None, mode, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+    return plane if name.startswith("depth") else plane.astype(np.float16)
