@@ -30,7 +30,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 
-EXTRAS = ("dev", "gpu", "datasets", "farm")
+EXTRAS = ("dev", "gpu", "datasets", "farm", "exports")
 """Optional parts of pyproject.toml that ``make test`` installs, but for bpy."""
 BLENDERS = {"4.2": ["bpy==4.2.23", "pytest"], "4.5": ["bpy==4.5.15", "pytest"], "5.0": ["bpy==5.0.1"]}
 """Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the numpy of its Blender."""
