@@ -392,3 +392,23 @@ def test_what_a_stage_leaves_in_cycles_is_gone_before_the_next(tmp_path: Path) -
         assert run_stages(Workspace.create(tmp_path / "w"), stages, RunSettings(), Path(".")) == ["leaves", "looks"]
     finally:
         gc.enable()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_does_not_wait_for_what_is_imported(tmp_path: Path) -> None:
+    """PyTorch takes seconds, in which no progress is told."""
+
+    def work(context: StageContext) -> None:
+        raise AssertionError("it is not begun")
+
+    def load() -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(30)
+
+    work.load = load  # type: ignore[attr-defined]
+    workspace = Workspace.create(tmp_path / "w")
+    begun = time.monotonic()
+    with pytest.raises(Cancelled):
+        run_stages(workspace, (Stage("slow", work, (), ("slow",)),), RunSettings(), Path("."))
+    assert time.monotonic() - begun < 10
+    assert workspace.state()["stages"]["slow"]["status"] == "cancelled"

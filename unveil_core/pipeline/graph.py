@@ -7,6 +7,7 @@ or to choose what is removed nobody waits for PyTorch.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -24,7 +25,7 @@ __all__ = ["STAGES"]
 
 
 def later(step: str, name: str = "run") -> Callable[..., Any]:
-    """A function of a module of ``steps``, which is imported when it is called."""
+    """A function of a module of ``steps``, which is imported when it is called, or before by its ``load()``."""
     module = f"{__package__}.steps.{step}"
 
     def call(*given: Any) -> Any:
@@ -32,6 +33,7 @@ def later(step: str, name: str = "run") -> Callable[..., Any]:
 
     # By its module a function's code is known, see ``source_digest``.
     call.__module__, call.__name__ = module, name
+    call.load = partial(import_module, module)  # type: ignore[attr-defined]
     return call
 
 

@@ -66,14 +66,30 @@ KILLED = "the last run was ended here from outside: killed, or out of memory or 
 """Such a run could not say it itself."""
 
 
+class _Stop(threading.Event):
+    """Whether the run is to end.
+
+    Attributes:
+        at_once: while no progress is told, as while PyTorch is loaded, a signal does not wait for it.
+    """
+
+    at_once = False
+
+    def heed(self, *_: object) -> None:
+        """What a signal does."""
+        self.set()
+        if self.at_once:
+            raise KeyboardInterrupt
+
+
 @contextmanager
-def _signals(flag: threading.Event) -> Iterator[None]:
+def _signals(flag: _Stop) -> Iterator[None]:
     """SIGINT and SIGTERM (and Ctrl+Break on Windows) raise the flag; the next progress call ends the work."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     heeded = [getattr(signal, n) for n in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, n)]
-    previous = {s: signal.signal(s, lambda *_: flag.set()) for s in heeded}
+    previous = {s: signal.signal(s, flag.heed) for s in heeded}
     try:
         yield
     finally:
@@ -135,7 +151,7 @@ def run_stages(
     for stage in stages:
         if stage.check is not None:
             stage.check(settings)
-    stop = threading.Event()
+    stop = _Stop()
     with _room_on(workspace.root), workspace.lock(), _signals(stop), old_objects_set_aside():
         recover(workspace)
         killed = [
@@ -191,7 +207,7 @@ def run_block(
     """
     if stage.run_block is None:
         raise SettingsError(f"{stage.name} is not made in blocks", mend=f"run `unveil {stage.name}`")
-    stop = threading.Event()
+    stop = _Stop()
     with _room_on(workspace.root), _signals(stop):
         with workspace.lock():
             recover(workspace)
@@ -270,7 +286,7 @@ class _Attempt:
     stage: Stage
     settings: RunSettings
     drive: Path
-    stop: threading.Event
+    stop: _Stop
     reporter: Reporter
     expected: Expected | None = None
     last_logged: float = 0.0
@@ -290,6 +306,7 @@ class _Attempt:
         self.reporter(workspace.log(stage.name, "started"))
         threads = ThreadErrors()
         try:
+            self._load()
             with threads:
                 facts = stage.run(self.context(partial))
             threads.check()
@@ -326,6 +343,16 @@ class _Attempt:
         self.reporter(workspace.log(stage.name, "done", done=1, total=1, seconds=seconds, **self._left(1, 1)))
         if self.expected is not None and not begun_before:
             self.expected.ended(stage.name, seconds)
+
+    def _load(self) -> None:
+        """Import what the stage's function is made of."""
+        load = getattr(self.stage.run, "load", None)
+        if load is not None and not self.stop.is_set():
+            self.stop.at_once = True
+            try:
+                load()
+            finally:
+                self.stop.at_once = False
 
     def _ended(self, error: BaseException, partial: Path, digests: Digests) -> BaseException:
         """Record that an attempt ended early, and return what is to be said of it."""
