@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.exports.job import START_FRAME, STATES, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
-from unveil_core.pipeline.graph import STAGES
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["MESHES", "export_results"]
@@ -82,23 +82,11 @@ def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> l
         path = output
     if path is None:
         assert output is not None
-        _check_folder(job.workspace, output)
+        check_output_folder(job.workspace, output)
         return [(one, place_of(one, job, output)) for one in formats]
     assert single is not None
     if path.resolve() in {(folder / name).resolve() for name in ("full.ply", "empty.ply", "empty.glb")}:
         raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
     if path.parent.resolve() != folder.resolve():
-        _check_folder(job.workspace, path.parent, may_be_root=True)
+        check_output_folder(job.workspace, path.parent, may_be_root=True)
     return [(single, path)]
-
-
-def _check_folder(workspace: Workspace, output: Path, *, may_be_root: bool = False) -> None:
-    """Refuse what stages write: running them again would take an export away."""
-    if output.exists() and not output.is_dir():
-        if may_be_root:
-            return  # writing tells it, with the name of the file
-        raise SettingsError("is a file", path=output, mend="name a folder")
-    root, target = workspace.root.resolve(), output.resolve()
-    taken = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
-    if (target == root and not may_be_root) or any(target.is_relative_to(root / name) for name in taken):
-        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")

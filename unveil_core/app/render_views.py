@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.progress import Progress, no_progress
@@ -19,7 +20,6 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
-from unveil_core.pipeline.graph import STAGES
 from unveil_core.raster import render
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -88,7 +88,7 @@ def render_views(
         UnveilError: the workspace has no such scene yet, or the folder cannot be written.
     """
     _check_settings(state, planes, beside, above)
-    _check_output(workspace, output)
+    check_output_folder(workspace, output)
     drive = read_imported(workspace.drive_dir, points=False)
     views = _views(workspace, drive, path, beside, above)
     surfels, sky = _scene(workspace, state)
@@ -128,16 +128,6 @@ def _check_settings(state: str, planes: Sequence[str], beside: float, above: flo
     for name, shift in (("beside", beside), ("above", above)):
         if not math.isfinite(shift) or abs(shift) > FARTHEST_SHIFT_M:
             raise SettingsError(f"{shift:g} m {name} the path", mend=f"at most {FARTHEST_SHIFT_M:g} m either way")
-
-
-def _check_output(workspace: Workspace, output: Path) -> None:
-    """A folder of the user's own: what stages write is theirs, and running them again would take it away."""
-    if output.exists() and not output.is_dir():
-        raise SettingsError("is a file", path=output, mend="name a folder")
-    root, target = workspace.root.resolve(), output.resolve()
-    taken = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
-    if target == root or any(target.is_relative_to(root / name) for name in taken):
-        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
 
 
 def _scene(workspace: Workspace, state: str) -> tuple[Surfels, Sky]:

@@ -1,19 +1,9 @@
-"""Between the encoding of pictures on disk (sRGB) and linear light (IEC 61966-2-1), both with the primaries of Rec. 709."""
+"""Names of the colours that exported files have."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from unveil_core.base.types import Float64
-
-__all__ = ["LINEAR", "SRGB", "linear_of_srgb"]
+__all__ = ["LINEAR", "SRGB"]
 
 LINEAR, SRGB = "lin_rec709_scene", "srgb_rec709_display"
-"""Names of the Color Interop Forum, which OpenEXR, OpenColorIO and glTF use."""
-
-
-def linear_of_srgb(color: NDArray[np.floating]) -> Float64:
-    """Linear light of sRGB, both 0 to 1, of any shape."""
-    color = np.asarray(color, dtype=np.float64)
-    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+"""Names of the Color Interop Forum, which OpenEXR, OpenColorIO and glTF use: linear light with the primaries of Rec. 709, and the
+encoding of pictures on disk."""

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.base.types import Float32, Float64
-from unveil_core.exports.color import linear_of_srgb
 from unveil_core.exports.coordinates import z_up
 from unveil_core.exports.job import Job
 from unveil_core.exports.splats.placed import opacities, three_log_scales

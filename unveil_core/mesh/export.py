@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_atomic, write_bytes_atomic
+from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.mesh.mesh import Mesh
 
@@ -149,7 +150,7 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
     """
     to_world = to_world or Similarity()
     count = len(mesh.vertices)
-    linear = np.round(_srgb_to_linear(np.arange(256) / 255.0) * 65535).astype(np.uint16)
+    linear = np.round(linear_of_srgb(np.arange(256) / 255.0) * 65535).astype(np.uint16)
 
     def turned() -> Iterator[NDArray[np.float32]]:
         return (some @ Z_TO_Y.T.astype(np.float32) for some in _pieces(mesh.vertices))
@@ -232,8 +233,3 @@ def write_glb(mesh: Mesh, path: Path, to_world: Similarity | None = None, name: 
 def _pieces(rows: NDArray[T]) -> Iterator[NDArray[T]]:
     """The rows of a table, some at a time: what is made of all of them at once would take several times the mesh."""
     return (rows[first : first + AT_ONCE] for first in range(0, len(rows), AT_ONCE))
-
-
-def _srgb_to_linear(value: NDArray[np.float64]) -> NDArray[np.float64]:
-    """IEC 61966-2-1."""
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)

@@ -16,8 +16,8 @@ from tests.exports.conftest import Street
 from tests.exports.street import HEIGHT, LARGER, WIDTH, WORLD
 from unveil_core.app.cli import main
 from unveil_core.base.files import read_instance_image
+from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.delivery.lens import work_positions
-from unveil_core.exports.color import linear_of_srgb
 from unveil_core.workspace.files import load_mask
 
 MATTES = ["car_0001.A", "car_0002.A"]

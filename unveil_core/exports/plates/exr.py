@@ -28,11 +28,12 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image_as_it_is, read_label_image
+from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.base.types import Float32, Labels
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame
-from unveil_core.exports.color import LINEAR, linear_of_srgb
+from unveil_core.exports.color import LINEAR
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_bytes_atomic
-from unveil_core.exports.color import SRGB, linear_of_srgb
+from unveil_core.base.srgb import linear_of_srgb
+from unveil_core.exports.color import SRGB
 from unveil_core.exports.coordinates import y_up
 from unveil_core.exports.job import Job
 from unveil_core.exports.splats.placed import opacities, placed, three_log_scales

@@ -1,0 +1,16 @@
+"""The encoding of pictures on disk, sRGB (IEC 61966-2-1)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.types import Float64
+
+__all__ = ["linear_of_srgb"]
+
+
+def linear_of_srgb(color: NDArray[np.floating]) -> Float64:
+    """Linear light of sRGB, both 0 to 1, of any shape."""
+    color = np.asarray(color, dtype=np.float64)
+    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
