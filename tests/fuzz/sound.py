@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.fuzz.reader import Wrong
-from unveil_core.base.names import is_file_name
+from unveil_core.base.checks.names import is_file_name
 from unveil_core.drives.drive import Drive, Frame, PointCloud, SweepPoints
 from unveil_core.geometry.camera import Camera
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.checks.names import file_name
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_json
-from unveil_core.base.names import file_name
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.formats.transforms_json import pose_from_matrix

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from unveil_core.base.names import distinct_file_names
+from unveil_core.base.checks.names import distinct_file_names
 from unveil_core.drives.drive import Drive
 
 __all__ = ["with_file_names"]

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import parsed_json
-from unveil_core.base.names import is_file_name
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.checks.fields import checked
+from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
-from unveil_core.base.names import is_file_name
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import place_drive

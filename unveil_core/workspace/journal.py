@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from unveil_core.base.checks.names import file_name, is_file_name
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import full_disk, move, patiently, read_json, write_atomic, write_json_atomic
-from unveil_core.base.names import file_name, is_file_name
 from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 

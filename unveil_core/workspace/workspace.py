@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import platform
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
+from unveil_core.base.file_locks import TAKEN, lock_file
 from unveil_core.base.files import full_disk, parsed_json, write_json_atomic
 
 __all__ = ["Workspace"]
@@ -23,8 +23,6 @@ LOCK = ".lock"
 WRITABLE = "make it writable, or name another folder"
 NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
 """Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
-TAKEN = (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK)
-"""What the system says of a lock that somebody else has; of Windows the last two. All else means that it has none to give."""
 SIGNED_AT = 1
 """Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
 BEGUN = (LOCK, ".workspace.json.")
@@ -251,7 +249,7 @@ class Lock:
             raise WorkspaceError(problem, path=self.path.parent, mend=WRITABLE) from error
         for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
             try:
-                self._take(self._handle, self.shared)
+                lock_file(self._handle, self.shared)
                 break
             except OSError as error:
                 if error.errno not in TAKEN and os.environ.get(NO_LOCKS_VARIABLE) == "1":
@@ -295,15 +293,3 @@ class Lock:
         except OSError:
             return ""
         return f", {signed}" if re.fullmatch(r"\d+ on [\w.-]+", signed) else ""
-
-    @staticmethod
-    def _take(handle: int, shared: bool) -> None:
-        if platform.system() == "Windows":
-            import msvcrt
-
-            # There is no shared lock of this kind: blocks run one after the other.
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        else:
-            import fcntl
-
-            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
-from unveil_core.base.names import file_name
+from unveil_core.base.checks.names import file_name
 
 __all__ = ["camera_names", "frame_names"]
 

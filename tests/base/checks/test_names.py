@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from unveil_core.base.names import LONGEST_BYTES, distinct_file_names, file_name, is_file_name
+from unveil_core.base.checks.names import LONGEST_BYTES, distinct_file_names, file_name, is_file_name
 
 
 @given(st.text())
