@@ -21,7 +21,7 @@ from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
-QUICK = RunSettings(quality="draft", iterations=100, splats=8000, adapt=False)
+QUICK = RunSettings(quality="draft", iterations=50, splats=5000, adapt=False)
 
 
 @pytest.fixture(scope="module")

@@ -89,7 +89,9 @@ def test_blocks_that_workers_and_another_farm_made_are_merged_into_what_one_run_
 
     assert batch_status(batch)["tasks"]["to do"] == 7
     another_farm(prepare)
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=":0") as cluster:
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as cluster:
         worker(reconstruct[1])
         assert seen_state(batch, reconstruct[0]).status == "to do"
         another_farm(reconstruct[0])

@@ -88,7 +88,8 @@ def _number_cells(points, cell, of_point, slots):  # type: ignore[no-untyped-def
             if count == len(cells):  # half full: a table twice as large
                 table, smaller = np.full(2 * table.size, -1, dtype=np.int64), cells
                 cells = np.empty((2 * count, 2), dtype=np.int64)
-                for k in range(count):  # one by one: assigning the whole would compile numba's text routines, for its error
+                # One by one: assigning the whole would compile numba's text routines, for its error.
+                for k in range(count):
                     cells[k, 0], cells[k, 1] = smaller[k, 0], smaller[k, 1]
                     table[_slot(table, cells, cells[k, 0], cells[k, 1])] = k
                 slot = _slot(table, cells, x, y)

@@ -103,13 +103,13 @@ def test_cancel_and_kill_leave_a_workspace_that_goes_on(addon, empty, street) ->
     assert addon.module("worker.session").session.last.status == "cancelled"
     found = states(addon, empty)
     assert found["import"] == "done" and found["reconstruct"] in ("to do", "stale")
-    thread = meanwhile(addon, lambda job: os.kill(job.pid, signal.SIGKILL), reconstructing)
+    thread = meanwhile(addon, lambda job: os.kill(job.pid, signal.SIGKILL), lambda state: state.stage == "reconstruct")
     with pytest.raises(RuntimeError, match="The worker was killed"):
         bpy.ops.unveil.run()
     thread.join()
     assert states(addon, empty)["reconstruct"] == "to do"  # and nobody works there
     if sys.platform != "win32":  # Ctrl+C, where Blender runs in a terminal
-        thread = meanwhile(addon, lambda job: os.kill(os.getpid(), signal.SIGINT), reconstructing)
+        thread = meanwhile(addon, lambda job: os.kill(os.getpid(), signal.SIGINT), lambda state: bool(state.stage))
         assert bpy.ops.unveil.run() == {"CANCELLED"}
         thread.join()
     assert bpy.ops.unveil.stage(stage="segment") == {"FINISHED"}

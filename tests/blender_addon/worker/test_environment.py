@@ -39,19 +39,12 @@ def any_of_group(group: int) -> bool:
     return True
 
 
-@pytest.mark.parametrize(
-    ("wanted", "line"),
-    [
-        ("a-package-that-is-not-there", "No matching distribution found for a-package-that-is-not-there"),
-        ("broken", "RuntimeError: built for another machine"),
-    ],
-)
-def test_a_failure_is_one_line_and_leaves_nothing(wanted: str, line: str, tmp_path: Path) -> None:
-    if wanted == "broken":
-        wanted = str(tiny_wheel(tmp_path, 'raise RuntimeError("built for another machine")\n'))
-    state = job(tmp_path / "environment", wanted).wait(90)
-    assert state.status == "failed" and line in state.error and "\n" not in state.error
-    assert not (tmp_path / "environment").exists()
+def test_a_failure_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+    """Another, a package that is not there, is tried through the button."""
+    wanted = tiny_wheel(tmp_path, 'raise RuntimeError("built for another machine")\n')
+    state = job(tmp_path / "environment", str(wanted)).wait(90)
+    assert state.status == "failed" and "RuntimeError: built for another machine" in state.error
+    assert "\n" not in state.error and not (tmp_path / "environment").exists()
 
 
 def test_a_finished_environment_outlives_a_failed_one(tmp_path: Path) -> None:
@@ -79,15 +72,6 @@ def test_a_finished_environment_outlives_a_failed_one(tmp_path: Path) -> None:
     assert not environment.remove_unfinished(folder) and python.exists()
 
 
-def test_cancelled_half_way_nothing_stays(tmp_path: Path) -> None:
-    folder = tmp_path / "environment"
-    running = job(folder, str(tiny_wheel(tmp_path)))
-    assert until(lambda: running.drain().running and (folder / "pyvenv.cfg").exists(), 30)
-    assert running.end().status == "cancelled"
-    environment.remove_unfinished(folder)  # as the operator does: a program that had to be killed could not
-    assert not folder.exists()
-
-
 def test_pip_leaves_nothing_where_it_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it downloads and unpacks lies in the environment's folder, which goes."""
     temporary = tmp_path / "temporary"
@@ -101,7 +85,7 @@ def test_pip_leaves_nothing_where_it_is_killed(tmp_path: Path, monkeypatch: pyte
     assert not list(temporary.iterdir())
 
 
-@pytest.mark.parametrize("sign", ["", "pyvenv.cfg", "lib/python3.*/site-packages/pip"])
+@pytest.mark.parametrize("sign", ["", "pyvenv.cfg"])
 def test_it_ends_with_who_started_it(sign: str, tmp_path: Path) -> None:
     """At once, when it has hardly begun, and while a command of a command works."""
     folder = tmp_path / "environment"

@@ -44,11 +44,12 @@ class _NamedByForm(IndexDataCacheFile):
         Args:
             key: as in ``save``.
         """
-        found = super().load(key)
+        stored: Any = super().load  # numba's own methods have no types
+        found = stored(key)
         if found is None and self._lock is None:
             self._lock = _lock_when_free(Path(str(self._index_path) + ".lock"))
             if self._lock is not None:
-                found = super().load(key)
+                found = stored(key)
         return found
 
     def compiled(self) -> None:
@@ -65,7 +66,7 @@ class _NamedByForm(IndexDataCacheFile):
             data: what numba stores of it.
         """
         form = hashlib.sha256(repr((self._source_stamp, key)).encode()).digest()
-        files: Any = self  # numba's own methods have no types
+        files: Any = self
         name = files._data_name(int.from_bytes(form[:8], "big"))
         files._save_data(name, data)
         forms = files._load_index()
