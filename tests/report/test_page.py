@@ -26,7 +26,7 @@ from unveil_core.report.collect import bird_camera
 from unveil_core.report.pictures import REGION_COLORS, fitted, page_size, pick
 from unveil_core.report.wording import detail
 
-VOID = {"meta", "link", "img", "input", "br", "line", "polyline"}
+VOID = {"meta", "link", "img", "input", "br", "line", "polyline", "image", "circle", "polygon"}
 
 
 class Page(HTMLParser):
@@ -357,3 +357,14 @@ def test_free_viewpoints_stand_beside_the_recorded_ones(finished: Path, tmp_path
     ]
     places = [table.index(word) for word in order]
     assert places == sorted(places)
+
+
+def test_a_long_list_of_objects_ends(workspace: Path) -> None:
+    (entry, *_) = json.loads((workspace / "instances.json").read_text())
+    entries = [{**entry, "id": k, "removed": k % 2 == 1} for k in range(1, 701)]
+    write_json_atomic(workspace / "instances.json", entries)
+    _, page = page_of(workspace)
+    cards = [a for tag, a in page.found if tag == "li" and str(a.get("id")).startswith("object-")]
+    assert len(cards) == 500 and "And 200 more" in page.text
+    assert [a["class"] for a in cards[:350]] == ["card"] * 350  # the removed ones come first
+    assert sum(tag == "img" and a.get("loading") == "lazy" for tag, a in page.found) == 160

@@ -195,6 +195,10 @@ STAGES: tuple[Stage, ...] = (
             "meshes/empty.glb",
             "surfels/empty.ply",
             "surfels/sky.npz",
+            "surfels/removed.npy",
+            "surfels/displaced.npy",
+            "surfels/relit.npy",
+            "surfels/seed_origins.npy",
         ),
         outputs=(
             "metrics.json",

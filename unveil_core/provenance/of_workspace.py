@@ -27,7 +27,7 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
 from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
 
-__all__ = ["FrameProvenance", "provenance_of"]
+__all__ = ["FrameProvenance", "provenance_of", "surfel_origins"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +64,7 @@ def provenance_of(
     Raises:
         WorkspaceError: its surfels are not those that the workspace says.
     """
-    origins = _origins(root)
-    if len(origins) != len(surfels):
-        raise WorkspaceError(
-            f"has {len(surfels)} surfels, {len(origins)} are expected",
-            path=root / "surfels/empty.ply",
-            mend="run `unveil inpaint` and `unveil reoptimize` again",
-        )
+    origins = surfel_origins(root, len(surfels))
     marked = marked_by(surfels, origins)
     exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
 
@@ -92,13 +86,26 @@ def provenance_of(
         yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures))
 
 
-def _origins(root: Path) -> NDArray[np.uint8]:
-    """(M,) of the empty scene's surfels."""
+def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
+    """(M,) where the colours of the empty scene's surfels come from, see ``inpaint.origin``.
+
+    Args:
+        root: the workspace; count: M, that its empty scene has.
+    Raises:
+        WorkspaceError: the workspace tells of another number.
+    """
     gone, displaced, relit = (
         load_array(root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
     )
     seeds = load_array(root / "surfels/seed_origins.npy").astype(np.uint8)
-    return scene_origins(~(gone | displaced), relit, seeds)
+    origins = scene_origins(~(gone | displaced), relit, seeds)
+    if len(origins) != count:
+        raise WorkspaceError(
+            f"has {count} surfels, {len(origins)} are expected",
+            path=root / "surfels/empty.ply",
+            mend="run `unveil inpaint` and `unveil reoptimize` again",
+        )
+    return origins
 
 
 def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> tuple[NDArray[np.uint8], Mask]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import parsed_json, read_image, read_label_image
 from unveil_core.base.progress import Progress
+from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
@@ -22,8 +23,11 @@ from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.track import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
-from unveil_core.report.pictures import fitted, jpeg_uri, page_size, pick, region_overlay_uri
+from unveil_core.report.pictures import FRAME_BYTES, fitted, jpeg_uri, page_size, pick, region_overlay_uri
 from unveil_core.report.provenance import draw_provenance
+from unveil_core.report.scene.gathered import ScenePictures, gather_scene
+from unveil_core.report.scene.parts import box_of
+from unveil_core.report.scene.path import looking
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
@@ -32,6 +36,13 @@ MESH_PICTURE = (720, 450)
 PALE_QUALITY = 68
 """Of JPEG, for pictures in which colours mark regions: they need less than photographs."""
 MESH_BACKGROUND = (43, 48, 56)
+KINDS = 7
+"""Pictures of a frame at most, beside the overlay of its regions."""
+THUMBNAIL = (240, 180)
+MOST_THUMBNAILS = 160
+"""Objects with a picture. A long drive has thousands of objects."""
+THUMBNAIL_BYTES = 9_000
+"""Of the page's text for a thumbnail: 1.4 MB for all."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +83,8 @@ class Shown:
         instances: entries of instances.json, ``picture`` added where there is a thumbnail.
         state: workspace.json.
         metrics: what the evaluation returned, or None.
+        scene: the empty scene, or None.
+        workspace: the name of the workspace's folder.
     """
 
     name: str
@@ -82,6 +95,8 @@ class Shown:
     instances: tuple[dict[str, Any], ...] = ()
     state: dict[str, Any] = field(default_factory=dict)
     metrics: dict[str, Any] | None = None
+    scene: ScenePictures | None = None
+    workspace: str = "workspace"
 
 
 AGAIN = "run the stage that writes it again"
@@ -117,13 +132,20 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
     drive = read_imported(root / "drive", points=False)
     state = read_json(root / "workspace.json", {})
     chosen = pick(len(drive.frames))
-    total = len(chosen) + 1
+    whole = 2 * len(chosen) + 2  # the flight takes about as long as the frames
     frames = []
     for done, index in enumerate(chosen):
         frames.append(_frame_pictures(root, drive, drive.frames[index], len(chosen)))
-        progress(done + 1, total, "writing the report")
+        progress(done + 1, whole, "writing the report")
     meshes = _mesh_pictures(root, drive)
-    progress(total, total, "writing the report")
+
+    def flying(done: int, total: int, message: str = "", **metrics: float) -> None:
+        progress(len(chosen) + 1 + done * len(chosen) // total, whole, message, **metrics)
+
+    instances = _instances(root)
+    boxes = [box for box in map(box_of, (e for e in instances if e.get("removed"))) if box is not None]
+    scene = gather_scene(root, drive, np.array([box.centre for box in boxes]).reshape(-1, 3), flying)
+    progress(whole, whole, "writing the report")
     first = drive.frames[0].camera if drive.frames else None
     return Shown(
         name=_drive_name(root, state),
@@ -131,9 +153,11 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
         size=(first.width, first.height) if first else (0, 0),
         frames=tuple(frames),
         meshes=meshes,
-        instances=_instances(root),
+        instances=instances,
         state=state,
         metrics=metrics if metrics is not None else read_json(root / "metrics.json", None),
+        scene=scene,
+        workspace=root.resolve().name,
     )
 
 
@@ -146,25 +170,26 @@ def _drive_name(root: Path, state: dict[str, Any]) -> str:
 
 def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> FramePictures:
     size = page_size(frame.camera.width, frame.camera.height, count)
+    most = FRAME_BYTES // (count * KINDS)
 
     def picture(folder: str) -> str | None:
         path = root / folder / frame.camera_name / f"{frame.name}.png"
-        return jpeg_uri(fitted(read_image(path), size)) if path.is_file() else None
+        return jpeg_uri(fitted(read_image(path), size), most=most) if path.is_file() else None
 
     # The footage's lens is taken off: the page lays this over the imported photograph.
     there = frame_file(root / "frames", frame).is_file()
-    delivered = jpeg_uri(fitted(read_delivered(root, frame), size)) if there else None
+    delivered = jpeg_uri(fitted(read_delivered(root, frame), size), most=most) if there else None
     lines = draw_lines(root, drive.truth_root, frame, size) if there and drive.truth_root is not None else None
     drawn = draw_provenance(root, frame, size) if there else None
     regions = root / "regions" / frame.camera_name / f"{frame.name}.png"
     return FramePictures(
         name=frame.name,
         camera_name=frame.camera_name,
-        before=jpeg_uri(fitted(read_image(frame.image_path), size)),
+        before=jpeg_uri(fitted(read_image(frame.image_path), size), most=most),
         after=delivered,
-        lines=None if lines is None else jpeg_uri(lines),
-        provenance=None if drawn is None else jpeg_uri(drawn[0], PALE_QUALITY),
-        certainty=None if drawn is None else jpeg_uri(drawn[1], PALE_QUALITY),
+        lines=None if lines is None else jpeg_uri(lines, most=most),
+        provenance=None if drawn is None else jpeg_uri(drawn[0], PALE_QUALITY, most),
+        certainty=None if drawn is None else jpeg_uri(drawn[1], PALE_QUALITY, most),
         rendered=picture("renders"),
         inpainted=picture("inpainted"),
         regions=(
@@ -174,19 +199,26 @@ def _frame_pictures(root: Path, drive: Drive, frame: Frame, count: int) -> Frame
 
 
 def _instances(root: Path) -> tuple[dict[str, Any], ...]:
+    """The entries of instances.json, those that were removed first; the first have pictures."""
     entries = read_json(root / "instances.json", [])
+    known = [e for e in entries if isinstance(e, dict)] if isinstance(entries, list) else []
     shown = []
-    for entry in entries if isinstance(entries, list) else []:
-        if not isinstance(entry, dict):
-            continue
+    for place, entry in enumerate(sorted(known, key=lambda e: not e.get("removed"))):
         name = entry.get("thumbnail")
         entry = {key: value for key, value in entry.items() if key != "picture"}  # ours to add
         path = (root / str(name)).resolve() if name else None
         # A thumbnail is a file of this workspace, whatever the JSON says.
-        if path is not None and path.is_file() and path.is_relative_to(root.resolve()):
-            entry = {**entry, "picture": jpeg_uri(read_image(path))}
+        if place < MOST_THUMBNAILS and path is not None and path.is_file() and path.is_relative_to(root.resolve()):
+            entry["picture"] = jpeg_uri(_thumbnail(read_image(path)), most=THUMBNAIL_BYTES)
         shown.append(entry)
     return tuple(shown)
+
+
+def _thumbnail(picture: Picture) -> Picture:
+    """At most :data:`THUMBNAIL` in both directions."""
+    height, width = picture.shape[:2]
+    scale = min(1.0, THUMBNAIL[0] / width, THUMBNAIL[1] / height)
+    return fitted(picture, (max(1, round(width * scale)), max(1, round(height * scale))))
 
 
 # --------------------------------------------------------------------------------------------------------------- meshes
@@ -229,26 +261,13 @@ def bird_camera(drive: Drive) -> Camera:
     rise = float(np.clip(0.22 * reach, 5.0, 12.0))
     eye = places[0] - 0.35 * rise * heading + rise * up
     target = places[0] + (1.1 * rise + 0.25 * reach) * heading
-    return _looking(eye, target, up, MESH_PICTURE)
+    return looking(eye, target, up, MESH_PICTURE, 0.85 * MESH_PICTURE[0])
 
 
 def _level(direction: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64] | None:
     flat = direction - (direction @ up) * up
     length = float(np.linalg.norm(flat))
     return flat / length if length > 1e-6 else None
-
-
-def _looking(
-    eye: NDArray[np.float64], target: NDArray[np.float64], up: NDArray[np.float64], size: tuple[int, int]
-) -> Camera:
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-    matrix[:3, 3] = -matrix[:3, :3] @ eye
-    focal = 0.85 * size[0]
-    return Camera(size[0], size[1], focal, focal, size[0] / 2, size[1] / 2, matrix)
 
 
 def _street_camera(root: Path, drive: Drive) -> Camera:

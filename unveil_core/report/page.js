@@ -14,6 +14,29 @@
     show();
   }
 
+  const map = document.getElementById("map");
+  for (const button of map ? map.querySelectorAll("[data-layer]") : []) {
+    button.addEventListener("click", () => {
+      const shown = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", shown);
+      for (const layer of map.querySelectorAll("svg ." + button.dataset.layer)) layer.style.display = shown ? "" : "none";
+      for (const legend of map.querySelectorAll("[data-of=" + button.dataset.layer + "]")) legend.hidden = !shown;
+    });
+  }
+
+  const copy = document.querySelector(".command .copy");
+  if (copy && navigator.clipboard) {
+    copy.hidden = false;
+    copy.addEventListener("click", async () => {
+      try {
+        await navigator.clipboard.writeText(copy.parentElement.querySelector("code").textContent);
+        copy.textContent = "Copied";
+      } catch {
+        copy.textContent = "Select it and copy it by hand";
+      }
+    });
+  }
+
   const data = document.getElementById("frames");
   const viewer = document.getElementById("viewer");
   if (!data || !viewer) return;

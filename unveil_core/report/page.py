@@ -1,15 +1,14 @@
 """The report: one HTML page that needs nothing but itself.
 
-Pictures are inlined, there is no script library and no network. What the workspace does not have (no truth, no mesh, no
-objects) is left out. Words come from files of strangers: the template (page.html.j2) escapes them all, and the page forbids any
-script but its own.
+Pictures, the scene and its flight are inlined, there is no script library and no network. What the workspace does not have (no
+truth, no mesh, no objects) is left out. Words come from files of strangers: the template (page.html.j2) escapes them all, and the
+page forbids any script but its own.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import json
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -23,8 +22,10 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather, understood
+from unveil_core.report.command import repeating_command
 from unveil_core.report.pictures import REGION_NAMES
-from unveil_core.report.provenance import certainty_cards, mode_legend
+from unveil_core.report.provenance import certainty_cards, mode_legend, origin_shares
+from unveil_core.report.scene.parts import inert_json, map_part, scene_part
 from unveil_core.report.video import write_video
 from unveil_core.report.wording import (
     decibels,
@@ -57,6 +58,8 @@ DETAIL_TITLES = {
 }
 Part = dict[str, Any]
 """What a part of the template shows."""
+MOST_OBJECTS = 500
+"""On the page; of more, the number is told."""
 REGION_STYLE = {1: "observed", 2: "elsewhere", 3: "unseen"}
 
 
@@ -81,10 +84,12 @@ def write_report(
 
 def build_page(shown: Shown) -> str:
     """The page as text."""
-    style, script, template = (
+    style, sliders, turning, template = (
         files("unveil_core.report").joinpath(name).read_text(encoding="utf-8")
-        for name in ("page.css", "page.js", "page.html.j2")
+        for name in ("page.css", "page.js", "scene.js", "page.html.j2")
     )
+    script = sliders + turning
+    objects = shown.instances[:MOST_OBJECTS]
     made = Environment(autoescape=True, undefined=StrictUndefined).from_string(template)
     return made.render(
         policy=_policy(script),
@@ -94,20 +99,25 @@ def build_page(shown: Shown) -> str:
         facts=_facts(shown),
         viewer=_viewer(shown),
         numbers=_numbers(shown),
+        scene=scene_part(shown.scene),
+        map=map_part(shown.scene, objects),
+        origins=origin_shares(shown.metrics or {}),
         truth=_truth(shown),
         free_views=_free_views(shown),
         meshes=_meshes(shown.meshes),
-        objects=[_object(entry) for entry in shown.instances],
+        objects=[_object(entry) for entry in objects],
+        more_objects=len(shown.instances) - len(objects),
         assumptions=_assumptions(shown),
         stages=_stages(shown),
         settings=_settings(shown),
+        command=repeating_command(shown.state, shown.workspace),
     )
 
 
 def _policy(script: str) -> str:
-    """What a browser lets the page do: run this script and no other, show pictures that are in it, and reach nothing."""
+    """What a browser lets the page do: run this script and no other, show pictures and movies that are in it, and reach nothing."""
     digest = base64.b64encode(hashlib.sha256(f"\n{script}".encode()).digest()).decode()
-    allowed = f"img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    allowed = f"img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
     return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
 
 
@@ -155,8 +165,7 @@ def _viewer(shown: Shown) -> Part | None:
         "tags": [("before", "Photograph"), ("after", MODES[modes[0]])] if modes else [],
         "regions": regions if any(f.regions for f in frames) else [],
         "legends": [(mode, entries) for mode in modes if (entries := mode_legend(mode))],
-        # Nothing in it ends the element that holds it.
-        "frames": Markup(json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")),
+        "frames": inert_json(data),
     }
 
 
@@ -355,7 +364,8 @@ def _assumptions(shown: Shown) -> list[tuple[str, str]]:
 
 def _settings(shown: Shown) -> list[tuple[str, str]]:
     settings = shown.state.get("settings", {})
-    rows: list[tuple[str, str]] = [(str(k).replace("_", " "), _value(v)) for k, v in settings.items()]
+    given = {k: v for k, v in settings.items() if v not in (None, []) or k == "remove"}
+    rows: list[tuple[str, str]] = [(str(k).replace("_", " "), _value(v)) for k, v in given.items()]
     if "remove" in settings and not settings["remove"] and not settings.get("instances"):
         rows = [(k, "all that can be removed" if k == "remove" else v) for k, v in rows]
     rows += [(f"version of {k}", _value(v)) for k, v in shown.state.get("versions", {}).items()]

@@ -32,6 +32,10 @@ REGION_NAMES: dict[int, str] = {
 MOST_FRAMES = 32
 PIXELS_OF_ALL_FRAMES = 3_400_000
 SMALLEST_SIDE = 320
+FRAME_BYTES = 11_000_000
+"""Of the page's text for the pictures of all frames: less than half of a page of 25 MB. Only noise comes near it."""
+LEAST_QUALITY = 34
+"""Of JPEG: noise at this quality has two bits a pixel."""
 
 
 def pick(count: int, most: int = MOST_FRAMES) -> list[int]:
@@ -57,9 +61,19 @@ def fitted(image: Picture, size: tuple[int, int], *, labels: bool = False) -> Pi
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
-def jpeg_uri(image: Picture, quality: int = 82) -> str:
-    """A ``data:image/jpeg`` URI of an RGB image."""
-    return _uri(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality], "image/jpeg")
+def jpeg_uri(image: Picture, quality: int = 82, most: int | None = None) -> str:
+    """A ``data:image/jpeg`` URI of an RGB image.
+
+    Args:
+        quality: of JPEG.
+        most: characters that it may have; the quality is lowered until it fits, at the least to :data:`LEAST_QUALITY`.
+    """
+    while True:
+        options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+        uri = _uri(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), options, "image/jpeg")
+        if most is None or len(uri) <= most or quality <= LEAST_QUALITY:
+            return uri
+        quality = max(LEAST_QUALITY, quality - 12)
 
 
 def png_uri(image: Picture) -> str:

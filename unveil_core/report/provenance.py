@@ -13,13 +13,22 @@ from unveil_core.base.files import read_label_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.delivered import read_delivered
+from unveil_core.evaluate.provenance import ORIGINS
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.provenance.certainty import CERTAIN, ORIGINAL_LEVEL
 from unveil_core.report.pictures import fitted
-from unveil_core.report.wording import percent
+from unveil_core.report.wording import decibels, percent
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["certainty_cards", "draw_provenance", "mode_legend"]
+__all__ = [
+    "ORIGIN_COLORS",
+    "ORIGIN_NAMES",
+    "certainty_cards",
+    "css_color",
+    "draw_provenance",
+    "mode_legend",
+    "origin_shares",
+]
 
 ORIGIN_COLORS: dict[int, tuple[int, int, int]] = {
     RELIT: (240, 205, 60),
@@ -89,7 +98,28 @@ def mode_legend(mode: str) -> list[tuple[str, str]]:
         entries["certain"] = SURE
     else:
         return []
-    return [(f"rgb{color}", words) for words, color in entries.items()]
+    return [(css_color(color), words) for words, color in entries.items()]
+
+
+def css_color(color: tuple[int, int, int]) -> str:
+    """A colour as CSS has it."""
+    return f"rgb{color}"
+
+
+def origin_shares(metrics: dict[str, Any]) -> list[dict[str, Any]]:
+    """Of what was changed: each origin's colour, words, share of one, and figures in words; empty where it is not known."""
+    origins = metrics.get("provenance", {}).get("origins", {})
+    found = []
+    for kind, name in ORIGINS.items():
+        if name in origins and origins[name]["share"] > 0:
+            words = percent(origins[name]["share"])
+            if "psnr" in origins[name]:
+                words += f", {decibels(origins[name]['psnr'])}"
+            share = f"{100 * origins[name]['share']:.2f}"
+            found.append(
+                {"color": css_color(ORIGIN_COLORS[kind]), "name": ORIGIN_NAMES[kind], "share": share, "words": words}
+            )
+    return found
 
 
 def certainty_cards(metrics: dict[str, Any]) -> list[tuple[str, str]]:

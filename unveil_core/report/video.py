@@ -21,7 +21,7 @@ from unveil_core.drives.drive import Frame
 from unveil_core.drives.drive import frames_per_second as rate_of
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
-from unveil_core.report.pictures import fitted
+from unveil_core.report.pictures import fitted, pick
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["recorded_rate", "write_video"]
@@ -29,6 +29,8 @@ __all__ = ["recorded_rate", "write_video"]
 
 GAP_PX = 4
 FORMATS = (".mp4", ".webp")
+MOST_OF_WEBP = 240
+"""Frames of an animated WebP at most: Pillow holds them all until it writes them, a megabyte each."""
 USUAL_FPS, FPS_LIMITS = 8.0, (1.0, 60.0)
 """Frames a second of a movie whose frames have no time stamps: about two metres of a street a second, of the usual drives. And the
 limits of what time stamps tell: of a key frame a minute nobody waits for the next one."""
@@ -70,7 +72,8 @@ def write_video(
         if _write_mp4(path, _pairs(root, frames, tall, progress), rate):
             return path
         path = path.with_suffix(".webp")
-    _write_webp(path, _pairs(root, frames, tall, progress), rate)
+    fewer = [frames[i] for i in pick(len(frames), MOST_OF_WEBP)]
+    _write_webp(path, _pairs(root, fewer, tall, progress), rate * len(fewer) / len(frames))
     return path
 
 
