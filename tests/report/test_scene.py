@@ -25,6 +25,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, SEEN_ELSEWHERE
 from unveil_core.provenance.of_workspace import surfel_origins
 from unveil_core.raster.picture import picture_of, render_numpy
+from unveil_core.raster.spherical_harmonics import SH0
 from unveil_core.report.collect import KINDS, MOST_THUMBNAILS, THUMBNAIL_BYTES
 from unveil_core.report.pictures import FRAME_BYTES, jpeg_uri
 from unveil_core.report.scene import flight as flights
@@ -57,7 +58,7 @@ def as_surfels(splats: Splats) -> Surfels:
     """Splats for the rasterizer."""
     count = len(splats)
     opacities = torch.from_numpy(splats.opacities).double().clamp(1e-6, 1 - 1e-6)
-    sh = (torch.from_numpy(splats.colors) - 0.5)[:, None] / 0.28209479177387814
+    sh = (torch.from_numpy(splats.colors) - 0.5)[:, None] / SH0
     labels = torch.zeros(count, dtype=torch.int64)
     quats, scales = torch.from_numpy(splats.quats), torch.from_numpy(splats.log_scales)
     return Surfels(torch.from_numpy(splats.means), quats, scales, torch.logit(opacities).float(), sh, labels)

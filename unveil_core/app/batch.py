@@ -10,7 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from unveil_core.base.errors import UnveilError
-from unveil_core.base.wording import about_as_long, about_as_much
+from unveil_core.base.wording import about_as_long, about_as_much, setting_as_option
 
 __all__ = ["run_batch_part"]
 
@@ -55,11 +55,7 @@ def _options(given: object, usual: object) -> list[str]:
         value = getattr(given, f.name)
         if value == getattr(usual, f.name):
             continue
-        if f.name == "adapt":
-            words.append("--no-adaptation")
-            continue
-        text = ",".join(str(v) for v in value) if isinstance(value, tuple) else str(value)
-        words += [f"--{f.name.replace('_', '-')}={text}"]
+        words.append(setting_as_option(f.name, value))
     return words
 
 

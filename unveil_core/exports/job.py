@@ -17,6 +17,7 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
+from unveil_core.semantics.instances import Box
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
@@ -122,7 +123,8 @@ class Job:
             for entry in entries:
                 if type(entry["id"]) is not int or not 0 < entry["id"] < 65536 or type(entry["class"]) is not str:
                     raise ValueError("an object without id or class")
-                entry["box"] = _checked_box(entry.get("box"))
+                box = entry.get("box")
+                entry["box"] = None if box is None else Box.from_json(box).to_json()
         except (OSError, ValueError, KeyError, TypeError) as error:
             mend = "run `unveil instances` again"
             raise WorkspaceError(f"is no list of objects: {error}", path=path, mend=mend) from error
@@ -168,18 +170,3 @@ class Job:
         if not path.is_file():
             raise WorkspaceError("there is no clean frame yet", path=path, mend="run `unveil deliver`")
         return path
-
-
-def _checked_box(box: Any) -> dict[str, Any] | None:
-    """A box of a list of objects: centre and size of three finite numbers each, and a yaw.
-
-    Raises:
-        KeyError, TypeError, ValueError: it is none.
-    """
-    if box is None:
-        return None
-    centre, size = (np.array(box[key], dtype=np.float64) for key in ("centre", "size"))
-    yaw = float(box["yaw"])
-    if not centre.shape == size.shape == (3,) or not np.isfinite([*centre, *size, yaw]).all():
-        raise ValueError("a box that is none")
-    return {"centre": centre.tolist(), "size": size.tolist(), "yaw": yaw}

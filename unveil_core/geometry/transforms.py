@@ -22,8 +22,8 @@ def quat_to_rotation(quat: Sequence[float] | Float64) -> Float64:
 
 
 def rotation_to_quat(rotation: Float64) -> Float64:
-    """(4,) quaternion wxyz with w >= 0 of a rotation (3, 3)."""
-    r = rotation
+    """(..., 4) quaternions wxyz with w >= 0 of rotations (..., 3, 3)."""
+    r = np.moveaxis(rotation, (-2, -1), (0, 1))
     # The symmetric matrix whose largest eigenvector is the quaternion (Bar-Itzhack 2000): no branches, no bad cases.
     k = np.array([
         [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
@@ -31,8 +31,8 @@ def rotation_to_quat(rotation: Float64) -> Float64:
         [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], r[1, 1] - r[0, 0] - r[2, 2], r[2, 1] + r[1, 2]],
         [r[1, 0] - r[0, 1], r[2, 0] + r[0, 2], r[2, 1] + r[1, 2], r[2, 2] - r[0, 0] - r[1, 1]],
     ])  # fmt: skip
-    quat: Float64 = np.linalg.eigh(k)[1][:, -1]
-    return quat if quat[0] >= 0 else -quat
+    quats: Float64 = np.linalg.eigh(np.moveaxis(k, (0, 1), (-2, -1)))[1][..., -1]
+    return np.where(quats[..., :1] >= 0, quats, -quats)
 
 
 def nearest_rotation(matrix: Float64) -> tuple[Float64, float]:

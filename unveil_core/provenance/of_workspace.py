@@ -27,7 +27,10 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
 from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
 
-__all__ = ["FrameProvenance", "provenance_of", "surfel_origins"]
+__all__ = ["ORIGIN_FILES", "FrameProvenance", "provenance_of", "surfel_origins"]
+
+ORIGIN_FILES = tuple(f"surfels/{name}.npy" for name in ("removed", "displaced", "relit", "seed_origins"))
+"""Of a workspace, which tell where the colours of the empty scene's surfels come from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +97,8 @@ def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
     Raises:
         WorkspaceError: the workspace tells of another number.
     """
-    gone, displaced, relit = (
-        load_array(root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
-    )
-    seeds = load_array(root / "surfels/seed_origins.npy").astype(np.uint8)
-    origins = scene_origins(~(gone | displaced), relit, seeds)
+    gone, displaced, relit, seeds = (load_array(root / name) for name in ORIGIN_FILES)
+    origins = scene_origins(~(gone.astype(bool) | displaced.astype(bool)), relit.astype(bool), seeds.astype(np.uint8))
     if len(origins) != count:
         raise WorkspaceError(
             f"has {count} surfels, {len(origins)} are expected",

@@ -28,6 +28,7 @@ from unveil_core.report.provenance import draw_provenance
 from unveil_core.report.scene.gathered import ScenePictures, gather_scene
 from unveil_core.report.scene.parts import box_of
 from unveil_core.report.scene.path import looking
+from unveil_core.report.scene.top_view import BACKGROUND
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "read_json", "step_cameras"]
@@ -35,7 +36,6 @@ __all__ = ["FramePictures", "MeshPictures", "Shown", "bird_camera", "gather", "r
 MESH_PICTURE = (720, 450)
 PALE_QUALITY = 68
 """Of JPEG, for pictures in which colours mark regions: they need less than photographs."""
-MESH_BACKGROUND = (43, 48, 56)
 KINDS = 7
 """Pictures of a frame at most, beside the overlay of its regions."""
 THUMBNAIL = (240, 180)
@@ -233,7 +233,7 @@ def _mesh_pictures(root: Path, drive: Drive) -> tuple[MeshPictures, ...]:
     pictures = []
     for title, camera in views:
         drawn: dict[str, str] = {
-            state: jpeg_uri(render_mesh_picture(mesh, camera, MESH_PICTURE, background=MESH_BACKGROUND), 84)
+            state: jpeg_uri(render_mesh_picture(mesh, camera, MESH_PICTURE, background=BACKGROUND), 84)
             for state, mesh in meshes.items()
         }
         pictures.append(MeshPictures(title, drawn.get("full"), drawn.get("empty")))

@@ -6,10 +6,10 @@ import re
 import shlex
 from typing import Any
 
+from unveil_core.base.wording import setting_as_option
+
 __all__ = ["repeating_command"]
 
-SWITCHES = {"adapt": (False, "--no-adaptation")}
-"""Settings that are options without a value: where they have this value, the option is given."""
 NAME = re.compile(r"[a-z][a-z_]{0,40}")
 
 
@@ -28,13 +28,7 @@ def repeating_command(state: dict[str, Any], workspace: str) -> list[str] | None
     for name, value in settings.items():
         if not NAME.fullmatch(name):
             return None
-        if name in SWITCHES:
-            words += [SWITCHES[name][1]] if value is SWITCHES[name][0] else []
-        elif value is not None and value != [] and value != "":
-            # Joined, because a value may begin with a dash.
-            words.append(f"--{name.replace('_', '-')}={_text(value)}")
+        usual = value is not False if name == "adapt" else value is None or value in ([], "")
+        if not usual:
+            words.append(setting_as_option(name, value))
     return [shlex.quote(word) for word in words] if all(word.isprintable() for word in words) else None
-
-
-def _text(value: Any) -> str:
-    return ",".join(str(v) for v in value) if isinstance(value, list) else str(value)

@@ -14,7 +14,17 @@ from unveil_core.base.types import Picture
 from unveil_core.geometry.label_images import resize_labels
 from unveil_core.remove.regions import OBSERVED, SEEN_ELSEWHERE, UNOBSERVED
 
-__all__ = ["REGION_COLORS", "REGION_NAMES", "fitted", "jpeg_uri", "page_size", "pick", "png_uri", "region_overlay_uri"]
+__all__ = [
+    "REGION_COLORS",
+    "REGION_NAMES",
+    "data_uri",
+    "fitted",
+    "jpeg_uri",
+    "page_size",
+    "pick",
+    "png_uri",
+    "region_overlay_uri",
+]
 
 
 REGION_COLORS: dict[int, tuple[int, int, int]] = {
@@ -94,4 +104,9 @@ def _uri(suffix: str, image: Sequence[int] | NDArray[np.generic], options: list[
     done, encoded = cv2.imencode(suffix, np.asarray(image), options)
     if not done:
         raise ValueError(f"cannot encode a picture as {suffix}")
-    return f"data:{kind};base64,{base64.b64encode(encoded.tobytes()).decode('ascii')}"
+    return data_uri(kind, encoded.tobytes())
+
+
+def data_uri(kind: str, content: bytes) -> str:
+    """A ``data:`` URI of some bytes of a media type."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,6 +54,19 @@ class Box:
     def to_json(self) -> dict[str, object]:
         """For instances.json."""
         return {"centre": list(self.centre), "size": list(self.size), "yaw": self.yaw}
+
+    @staticmethod
+    def from_json(content: Any) -> Box:
+        """Of an entry of instances.json.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is no box: centre and size of three finite numbers each, and a finite yaw.
+        """
+        centre, size = (np.array(content[key], dtype=np.float64) for key in ("centre", "size"))
+        yaw = float(content["yaw"])
+        if not centre.shape == size.shape == (3,) or not np.isfinite([*centre, *size, yaw]).all():
+            raise ValueError("a box that is none")
+        return Box(tuple(centre.tolist()), tuple(size.tolist()), yaw)
 
 
 def vote_instances(

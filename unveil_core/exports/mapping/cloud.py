@@ -85,6 +85,6 @@ def _in_boxes(job: Job, positions: NDArray[np.float64]) -> Mask:
         given = entry["box"]
         if not entry.get("removed") or given is None:
             continue
-        box = Box(tuple(given["centre"]), tuple(given["size"]), float(given["yaw"]))
+        box = Box.from_json(given)
         inside |= box.contains(positions, up_frame(UP), margin=MARGIN_M, above=ABOVE_GROUND_M)
     return inside

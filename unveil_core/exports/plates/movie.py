@@ -7,21 +7,23 @@ stamps tell one.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image_as_it_is
-from unveil_core.drives.drive import tracks
+from unveil_core.drives.drive import Frame, tracks
 from unveil_core.exports.job import Job
 from unveil_core.exports.plates.png import told_frames
 from unveil_core.exports.whole import tell
 
-__all__ = ["FALLBACK_RATE", "write_mp4", "write_prores"]
+__all__ = ["FALLBACK_RATE", "Codec", "encode", "write_mp4", "write_prores"]
 
 FALLBACK_RATE = 10.0
 """Frames a second where the drive tells no rate: that of most driving datasets."""
@@ -32,16 +34,18 @@ LIMITED_RANGE = 1
 
 
 @dataclass(frozen=True)
-class _Codec:
+class Codec:
+    """How FFmpeg is told to encode: its encoder, the file's suffix, the layout of pixels, and options of the encoder."""
+
     name: str
     suffix: str
     pixels: str
     options: dict[str, str]
 
 
-H264 = _Codec("libx264", "mp4", "yuv420p", {"crf": "14", "preset": "medium", "movflags": "+faststart"})
+H264 = Codec("libx264", "mp4", "yuv420p", {"crf": "14", "preset": "medium", "movflags": "+faststart"})
 """crf 14: above what viewers can tell apart, a tenth of the size of PNG."""
-PRORES = _Codec("prores_ks", "mov", "yuv422p10le", {"profile": "3", "vendor": "apl0"})
+PRORES = Codec("prores_ks", "mov", "yuv422p10le", {"profile": "3", "vendor": "apl0"})
 
 
 def write_mp4(job: Job, folder: Path) -> None:
@@ -54,7 +58,7 @@ def write_prores(job: Job, folder: Path) -> None:
     _write(job, folder, PRORES, "prores")
 
 
-def _write(job: Job, folder: Path, codec: _Codec, name: str) -> None:
+def _write(job: Job, folder: Path, codec: Codec, name: str) -> None:
     import av
 
     rate = Fraction(job.drive.frame_rate or FALLBACK_RATE).limit_denominator(1001)
@@ -62,27 +66,48 @@ def _write(job: Job, folder: Path, codec: _Codec, name: str) -> None:
     for track in tracks(job.drive):
         frames = [job.drive.frames[i] for i in track]
         first = _even(read_image_as_it_is(job.delivered(frames[0])))
+        size = (first.shape[1], first.shape[0])
         with av.open(str(folder / f"{frames[0].camera_name}.{codec.suffix}"), "w") as container:
-            stream = container.add_stream(codec.name, rate=rate, options=codec.options)
-            stream.height, stream.width = first.shape[:2]
-            stream.pix_fmt = codec.pixels
-            context = stream.codec_context
-            context.color_primaries = context.color_trc = context.colorspace = BT709
-            context.color_range = LIMITED_RANGE
-            for frame in frames:
-                picture = _even(read_image_as_it_is(job.delivered(frame)))
-                if picture.shape != first.shape:
-                    picture = cv2.resize(picture, first.shape[1::-1], interpolation=cv2.INTER_AREA)
-                kind = "rgb48le" if picture.dtype == np.uint16 else "rgb24"
-                whole = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=kind)
-                converted = whole.reformat(format=codec.pixels, dst_colorspace="ITU709", dst_color_range="MPEG")
-                # The encoder of ProRes writes what each frame says, not what the stream does.
-                converted.color_primaries = converted.color_trc = BT709
-                container.mux(stream.encode(converted))
-                done += 1
-                job.progress(done, len(job.drive.frames), "encoding")
-            container.mux(stream.encode(None))
+            encode(container, codec, rate, size, _pictures(job, frames, size, done))
+        done += len(frames)
     tell(folder, name, {"colorspace": "rec709", "frames_per_second": float(rate), "cameras": told_frames(job)})
+
+
+def encode(
+    container: Any, codec: Codec, rate: Fraction, size: tuple[int, int], pictures: Iterable[NDArray[np.generic]]
+) -> None:
+    """Write RGB pictures (H, W, 3), 8 or 16 bits, as a movie in the colours of BT.709.
+
+    Args:
+        container: an open one of PyAV.
+        rate: pictures a second; size: width and height of all, both even.
+    """
+    import av
+
+    stream = container.add_stream(codec.name, rate=rate, options=codec.options)
+    stream.width, stream.height = size
+    stream.pix_fmt = codec.pixels
+    context = stream.codec_context
+    context.color_primaries = context.color_trc = context.colorspace = BT709
+    context.color_range = LIMITED_RANGE
+    for picture in pictures:
+        kind = "rgb48le" if picture.dtype == np.uint16 else "rgb24"
+        whole = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format=kind)
+        converted = whole.reformat(format=codec.pixels, dst_colorspace="ITU709", dst_color_range="MPEG")
+        # The encoder of ProRes writes what each frame says, not what the stream does.
+        converted.color_primaries = converted.color_trc = BT709
+        container.mux(stream.encode(converted))
+    container.mux(stream.encode(None))
+
+
+def _pictures(job: Job, frames: list[Frame], size: tuple[int, int], before: int) -> Iterator[NDArray[np.generic]]:
+    """A camera's delivered frames; ``before``: how many of the job's were encoded already."""
+    for done, frame in enumerate(frames, start=before + 1):
+        picture = _even(read_image_as_it_is(job.delivered(frame)))
+        if picture.shape[1::-1] != size:
+            picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        yield picture
+        job.progress(done, len(job.drive.frames), "encoding")
 
 
 def _even(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.generic]:

@@ -11,6 +11,7 @@ import numpy as np
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.exports.plates.movie import Codec, encode
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.picture import picture_of
@@ -37,6 +38,8 @@ AHEAD_M = 14.0
 """What the flight keeps in its middle, so that it looks down as it rises."""
 BITS_PER_SECOND = 1_300_000
 """At most, 2.6 MB in all."""
+RATE = f"{BITS_PER_SECOND // 1000}k"
+CODEC = Codec("libx264", "mp4", "yuv420p", {"crf": "25", "preset": "medium", "maxrate": RATE, "bufsize": RATE})
 
 
 def movies_can_be_written() -> bool:
@@ -90,14 +93,7 @@ def flight(surfels: Surfels, sky: Sky, cameras: list[Camera], progress: Progress
 def _encoded(pictures: Iterator[Picture], size: tuple[int, int]) -> bytes:
     import av
 
-    rate = f"{BITS_PER_SECOND // 1000}k"
-    options = {"crf": "25", "preset": "medium", "maxrate": rate, "bufsize": rate}
     file = io.BytesIO()
-    with av.open(file, "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=Fraction(FRAMES_PER_SECOND), options=options)
-        stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
-        for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        container.mux(stream.encode(None))
+    with av.open(file, "w", format=CODEC.suffix) as container:
+        encode(container, CODEC, Fraction(FRAMES_PER_SECOND), size, pictures)
     return file.getvalue()

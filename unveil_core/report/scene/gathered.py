@@ -18,8 +18,9 @@ from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.provenance.of_workspace import surfel_origins
-from unveil_core.report.pictures import jpeg_uri, png_uri
+from unveil_core.inpaint.origin import ORIGIN_COUNT
+from unveil_core.provenance.of_workspace import ORIGIN_FILES, surfel_origins
+from unveil_core.report.pictures import data_uri, jpeg_uri, png_uri
 from unveil_core.report.provenance import ORIGIN_COLORS
 from unveil_core.report.scene.flight import flight, flight_cameras, movies_can_be_written
 from unveil_core.report.scene.merged import within_budget
@@ -33,8 +34,6 @@ from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["MapPictures", "ScenePictures", "gather_scene"]
 
-ORIGIN_FILES = ("removed", "displaced", "relit", "seed_origins")
-"""Arrays beside the surfels that tell where their colours come from."""
 FIELD_DEGREES = (50.0, 80.0)
 """Least and greatest field of view of the scene's picture: that of the drive's camera, where it is neither a tele nor a fisheye."""
 STRETCH_M = 80.0
@@ -96,7 +95,7 @@ def gather_scene(root: Path, drive: Drive, removed: Float64, progress: Progress)
     surfels = read_surfels(path) if path.is_file() and drive.frames else None
     if surfels is None or not len(surfels):
         return None
-    told = all((root / f"surfels/{name}.npy").is_file() for name in ORIGIN_FILES)
+    told = all((root / name).is_file() for name in ORIGIN_FILES)
     origins = surfel_origins(root, len(surfels)) if told else None
     sky_path = root / "surfels/sky.npz"
     sky = load_sky(sky_path) if sky_path.is_file() else _no_sky()
@@ -104,7 +103,7 @@ def gather_scene(root: Path, drive: Drive, removed: Float64, progress: Progress)
     cameras = flight_cameras(way, drive.frames[0].camera.width)
     movie = None
     if cameras and movies_can_be_written():
-        movie = _uri("video/mp4", flight(surfels, sky, cameras, progress))
+        movie = data_uri("video/mp4", flight(surfels, sky, cameras, progress))
     words = "The flight along the street is left out: PyAV is not installed, which comes with the extra “exports”."
     return ScenePictures(
         viewer=_viewer(surfels, origins, sky, way, removed, drive.frames[0].camera),
@@ -151,7 +150,9 @@ def _viewer(
         "before": before,
         "shown": [round(part.length), round(way.length)],
         "stations": np.round(np.concatenate([eyes, views], axis=1), 3).tolist(),
-        "tints": [[v / 255 for v in ORIGIN_COLORS[k]] + [1] if k in MARKED else [0, 0, 0, 0] for k in range(5)],
+        "tints": [
+            [v / 255 for v in ORIGIN_COLORS[k]] + [1] if k in MARKED else [0, 0, 0, 0] for k in range(ORIGIN_COUNT)
+        ],
         "kinds": [] if origins is None else [k for k in MARKED if (origins == k).any()],
     }
 
@@ -165,7 +166,3 @@ def _map(view: TopView, way: Way) -> MapPictures:
         overlay = png_uri(colors[view.origins])
     kinds = () if view.origins is None else tuple(k for k in MARKED if (view.origins == k).any())
     return MapPictures(view.map, view.map.to_pixels(way.eyes), jpeg_uri(view.picture, most=MAP_BYTES), overlay, kinds)
-
-
-def _uri(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float32, Float64
+from unveil_core.geometry.transforms import rotation_to_quat
+from unveil_core.raster.spec import ALPHA_MAX
 from unveil_core.report.scene.splats import Splats, slices
 from unveil_core.surfels.surfels import rotations
 
@@ -31,8 +33,6 @@ SMALLEST = FINEST / 100
 CLOSE_ENOUGH, SAME, MOST_TRIES = 0.95, 1.02, 60
 """The angle is searched by halving until so much of the budget is used, or angles differ by no more; some ten times. The last is a
 limit for scenes of any size: cells grow by 2^60."""
-LARGEST_OPACITY = 0.99
-"""As the rasterizer has it."""
 OVERLAP = 0.6
 """Splats that together stop more light than one can are made larger instead, to a standard deviation of at most so much of their
 cell: neighbours then overlap as those of a trained scene do, and leave no gaps."""
@@ -49,7 +49,7 @@ def within_budget(splats: Splats, eyes: Float64, most: int = MOST_SPLATS) -> Spl
     """
     if len(splats) <= most:
         return splats
-    distance = np.concatenate([_distance(splats.means[part], eyes) for part in slices(len(splats))])
+    distance = np.maximum(cKDTree(eyes).query(splats.means)[0], NEAREST_M)
     best: tuple[NDArray[np.int64], Float64] | None = None
     low, high, angle = 0.0, np.inf, FINEST
     for _ in range(MOST_TRIES):
@@ -66,10 +66,6 @@ def within_budget(splats: Splats, eyes: Float64, most: int = MOST_SPLATS) -> Spl
         angle = 2 * low if np.isinf(high) else high / 2 if low == 0 else float(np.sqrt(low * high))
     assert best is not None, "cells of the size of the scene hold all splats"
     return _merged(splats, *best)
-
-
-def _distance(means: Float32, eyes: Float64) -> Float64:
-    return np.maximum(cKDTree(eyes).query(means)[0], NEAREST_M)
 
 
 def _keys(splats: Splats, sizes: Float64) -> NDArray[np.uint64]:
@@ -123,37 +119,18 @@ def _merged(splats: Splats, cells: NDArray[np.int64], sizes: Float64) -> Splats:
     covariance -= mean[:, :, None] * mean[:, None, :]
     variances, axes = np.linalg.eigh(covariance)
     scales = np.sqrt(np.maximum(variances[:, :0:-1], 1e-10))
-    excess = np.sqrt(np.maximum(sums[:, 0] / scales.prod(axis=1) / LARGEST_OPACITY, 1))[:, None]
+    excess = np.sqrt(np.maximum(sums[:, 0] / scales.prod(axis=1) / ALPHA_MAX, 1))[:, None]
     scales = np.maximum(scales, np.minimum(scales * excess, OVERLAP * sides[:, None]))
     return Splats(
         means=(mean + low).astype(np.float32),
-        quats=_quats(axes[:, :, ::-1]),
+        quats=rotation_to_quat(_right_handed(axes[:, :, ::-1])).astype(np.float32),
         log_scales=np.log(scales).astype(np.float32),
-        opacities=np.minimum(sums[:, 0] / scales.prod(axis=1), LARGEST_OPACITY).astype(np.float32),
+        opacities=np.minimum(sums[:, 0] / scales.prod(axis=1), ALPHA_MAX).astype(np.float32),
         colors=(sums[:, 1:4] / weights).astype(np.float32),
         origins=origins,
     )
 
 
-def _quats(axes: Float64) -> Float32:
-    """(N, 4) quaternions wxyz of rotations (N, 3, 3) whose third column may have the wrong sign.
-
-    Of the four rows that each are the quaternion times one of its numbers, the one with the largest number.
-    """
-    x, y = axes[:, :, 0], axes[:, :, 1]
-    z = np.cross(x, y)
-    xx, yy, zz = x[:, 0], y[:, 1], z[:, 2]
-    a, b, c = y[:, 2] - z[:, 1], z[:, 0] - x[:, 2], x[:, 1] - y[:, 0]
-    d, e, f = x[:, 1] + y[:, 0], z[:, 0] + x[:, 2], y[:, 2] + z[:, 1]
-    rows = np.array(
-        [
-            [1 + xx + yy + zz, a, b, c],
-            [a, 1 + xx - yy - zz, d, e],
-            [b, d, 1 - xx + yy - zz, f],
-            [c, e, f, 1 - xx - yy + zz],
-        ]
-    ).transpose(2, 0, 1)
-    largest = np.einsum("nii->ni", rows).argmax(axis=1)
-    quats = rows[np.arange(len(axes)), largest]
-    found: Float32 = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32)
-    return found
+def _right_handed(axes: Float64) -> Float64:
+    """(N, 3, 3) rotations: the third of orthogonal columns points where the others say."""
+    return np.dstack([axes[:, :, :2], np.cross(axes[:, :, 0], axes[:, :, 1])])

@@ -99,14 +99,10 @@ def _arrow(way: Float64, pixels_per_m: float) -> Float64:
 
 def box_of(entry: dict[str, Any]) -> Box | None:
     """The box of an entry of instances.json; None where it has none, or one that is none."""
-    box = entry.get("box")
     try:
-        numbers = [float(v) for v in (*box["centre"], *box["size"], box["yaw"])]  # type: ignore[index]
+        return Box.from_json(entry["box"])
     except (LookupError, TypeError, ValueError):
         return None
-    if len(numbers) != 7 or not np.isfinite(numbers).all():
-        return None
-    return Box(tuple(numbers[:3]), tuple(numbers[3:6]), numbers[6])  # type: ignore[arg-type]
 
 
 def _outline(place: Map, entry: dict[str, Any], number: int) -> dict[str, Any] | None:

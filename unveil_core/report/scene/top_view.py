@@ -64,7 +64,7 @@ class Map:
     @property
     def axes(self) -> Float64:
         """(2, 2) the picture's x and y (down) in local east and north."""
-        return np.stack([self.along, [self.along[1], -self.along[0]]])
+        return _axes_of(self.along)
 
     def to_pixels(self, points: Float64) -> Float64:
         """(N, 2) pixels of local places (N, 2 or 3)."""
@@ -86,10 +86,14 @@ class TopView:
     origins: NDArray[np.uint8] | None
 
 
+def _axes_of(along: Float64) -> Float64:
+    return np.stack([along, [along[1], -along[0]]])
+
+
 def map_of(way: Way) -> Map:
     """The map of a way and of what lies around it."""
     along = _direction(way)
-    axes = np.stack([along, [along[1], -along[0]]])
+    axes = _axes_of(along)
     turned = _seen(way)[:, :2] @ axes.T
     low, high = turned.min(axis=0) - (BEHIND_M, AROUND_M), turned.max(axis=0) + (0, AROUND_M)
     sides = high - low
