@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -182,6 +183,16 @@ def test_the_map_shows_the_street_where_it_lies(scene_workspace: Path, surfels: 
     np.testing.assert_allclose(gray, ROAD, atol=14)
     apart = view.map.to_pixels(np.array([[0.0, 0, 0], [0.0, 2.5, 0]]))
     assert np.linalg.norm(apart[1] - apart[0]) == pytest.approx(2.5 * view.map.pixels_per_m)
+
+
+def test_a_needle_across_the_street_is_no_beam_on_the_map(surfels: Surfels, way: Way) -> None:
+    plain = top_view(surfels, None, way)
+    spoilt = replace(surfels, log_scales=surfels.log_scales.clone())
+    road = torch.linalg.norm(surfels.means[:, :2] - torch.from_numpy(way.eyes[0, :2] + (6.0, 0.0)), dim=1).argmin()
+    spoilt.log_scales[road] = torch.tensor([np.log(8.0), np.log(0.2)])
+    view = top_view(spoilt, None, way)
+    assert view.map.size == plain.map.size
+    assert np.abs(view.picture.astype(int) - plain.picture).mean() < 0.1
 
 
 def test_of_a_long_drive_the_part_is_shown_where_most_was_removed() -> None:

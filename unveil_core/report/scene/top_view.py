@@ -39,6 +39,8 @@ ALTITUDE_M = 400.0
 """Of a tile's camera: a wall of 3 m leans by a quarter of a metre at the border of a tile of 64 m."""
 STANDARD_DEVIATIONS = 3.4
 """As far as a surfel reaches."""
+NEEDLE_M, NEEDLE_RATIO = 1.0, 5.0
+"""Standard deviation, metres, and how many times the other it is, from which on a surfel is a needle: 0.5 % of a fitted scene."""
 LEAST_WEIGHT = 0.3
 """Of a pixel, from which on it counts as continued or invented."""
 BACKGROUND = (43, 48, 56)
@@ -130,7 +132,7 @@ def top_view(surfels: Surfels, origins: NDArray[np.uint8] | None, way: Way) -> T
     width, height = place.size
     seen = _seen(way)
     tree = cKDTree(seen[:, :2])
-    low = _low_enough(surfels, seen, tree)
+    low = _low_enough(surfels, seen, tree) & ~_needles(surfels)
     marked = replace(surfels, labels=torch.zeros(len(surfels), dtype=torch.int64))
     if origins is not None:
         marked = replace(surfels, labels=torch.from_numpy(origins.astype(np.int64)))
@@ -171,6 +173,13 @@ def _low_enough(surfels: Surfels, seen: Float64, tree: Any) -> Mask:
     near = np.isfinite(far)
     heights = np.append(seen[:, 2], 0.0)[nearest]
     found: Mask = near & (means[:, 2] < heights + ABOVE_M)
+    return found
+
+
+def _needles(surfels: Surfels) -> Mask:
+    """(N,) which surfels are long and thin: cameras look along them and see a dot, from above they would be a beam over the map."""
+    scales = np.sort(surfels.log_scales.numpy(), axis=1)
+    found: Mask = (scales[:, -1] > np.log(NEEDLE_M)) & (scales[:, -1] - scales[:, -2] > np.log(NEEDLE_RATIO))
     return found
 
 
