@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.ground.test_street import look
@@ -38,11 +38,15 @@ def check(blocks: Blocks, drive: Drive) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(1, 400), st.floats(0.0, 4.0))
+@example(226, 2.0)
 def test_every_frame_has_one_block_of_about_the_length(count: int, step: float) -> None:
     drive = straight(count, step)
     blocks = cut_into_blocks(drive)
     check(blocks, drive)
-    assert len(blocks.blocks) == max(1, round(step * (count - 1) / 100)) or step < 0.25
+    wanted = step * (count - 1) / 100
+    if abs(wanted % 1 - 0.5) < 1e-9:  # halfway between two counts the last bits of the way decide
+        return
+    assert len(blocks.blocks) == max(1, round(wanted)) or step < 0.25
 
 
 def test_frames_before_a_block_that_look_into_it_join_it() -> None:
