@@ -162,6 +162,23 @@ def test_an_end_that_is_asked_for_before_the_first_stage_is_one_line(number: int
     assert not root.exists()
 
 
+WITHIN_TEXT = """
+import sys
+from unveil_core.app import cli
+def interrupted(arguments):
+    exec("import os, signal, time; os.kill(os.getpid(), signal.SIGINT); time.sleep(5)")
+cli.VERBS["doctor"] = interrupted
+sys.exit(cli.main(["doctor"]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interrupt_that_is_caught_does_not_end_the_process_by_a_signal() -> None:
+    """Of code that is compiled from text, as data classes are, Python remembers a KeyboardInterrupt although it was caught."""
+    done = subprocess.run([sys.executable, "-c", WITHIN_TEXT], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 130 and done.stderr.count("\n") == 1
+
+
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a traceback that nobody wrote down."""
     drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"

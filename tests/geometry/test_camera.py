@@ -25,6 +25,12 @@ def test_borders_belong_to_the_picture_on_two_sides() -> None:
     assert CAMERA.in_picture(pixels, np.ones(6)).tolist() == [True, True, False, False, False, False]
 
 
+def test_beside_the_plane_of_the_camera_no_number_is_too_large() -> None:
+    pixels, depth = CAMERA.project(np.array([[1.0, -1.0, 1e-307], [1.0, -1.0, 0.0]]))
+    assert (pixels[:, 0] == np.inf).all() and (pixels[:, 1] == -np.inf).all() and depth.tolist() == [1e-307, 0.0]
+    assert not CAMERA.in_picture(pixels, depth).any()
+
+
 @given(st.integers(0, 2**32 - 1), st.integers(0, 300))
 def test_shown_points_are_those_that_fall_into_the_picture(seed: int, count: int) -> None:
     """Points around, behind and in the plane of the camera: the same as by :meth:`Camera.project`, in the same order."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
-from unveil_core.base.errors import Cancelled, DiskFullError, OutOfMemoryError, UnveilError
+from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 
 __all__ = ["CANCELLED", "main"]
 
@@ -80,7 +80,7 @@ def _interrupts(asked: threading.Event) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         asked.set()
-        raise KeyboardInterrupt
+        raise Interrupted
 
     previous = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -12,6 +12,7 @@ __all__ = [
     "DiskFullError",
     "DriveError",
     "InUseError",
+    "Interrupted",
     "OutOfMemoryError",
     "SelectionError",
     "SettingsError",
@@ -95,6 +96,14 @@ class OutOfMemoryError(Exception):
             f"{path}: no memory left for {stage}, at {held_mb:.0f} MB "
             f"(end other programs {way_out}: it goes on where it stopped)"
         )
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal that ends the program: Ctrl-C or SIGTERM.
+
+    Of an own class, for Python compares by identity: a plain KeyboardInterrupt that passes through code compiled from text, as of a
+    data class that is being made, ends the process by SIGINT in the end, although it was caught (``run_eval_code_obj``).
+    """
 
 
 class Cancelled(Exception):

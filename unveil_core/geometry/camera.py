@@ -78,7 +78,8 @@ class Camera:
         """
         local = points @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
         depth = local[:, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
+        # In the plane of the camera a pixel is infinite, and just beside it larger than any number.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             x = local[:, 0] / depth * self.fx + self.cx
             y = local[:, 1] / depth * self.fy + self.cy
         return np.stack([x, y], axis=1), depth

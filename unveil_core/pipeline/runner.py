@@ -23,6 +23,7 @@ from unveil_core.base.errors import (
     Cancelled,
     DiskFullError,
     DriveError,
+    Interrupted,
     OutOfMemoryError,
     SettingsError,
     UnveilError,
@@ -79,7 +80,7 @@ class _Stop(threading.Event):
         """What a signal does."""
         self.set()
         if self.at_once:
-            raise KeyboardInterrupt
+            raise Interrupted
 
 
 @contextmanager
