@@ -6,13 +6,17 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 export OMP_WAIT_POLICY := PASSIVE
 
-.PHONY: demo test test-blender test-window extension lint lock clean
+.PHONY: demo test quality test-blender test-window extension lint lock clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
 
 test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
+
+# Slow checks of quality, with the same assertions as tests have.
+quality: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile benchmarks/quality
 
 # The add-on's tests under the two long-term Blenders before 5.0, whose bpy `make test` has.
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed

@@ -4,20 +4,35 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 
 from tests.small_street import CAR, FOCAL, HEIGHT, WIDTH, lidar, picture, pose_at
 from unveil_core.base.files import read_image, read_label_image
+from unveil_core.drives import open_drive
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import PointCloud
+from unveil_core.drives.importing.check import check_drive
+from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.points import read_points, write_points
+from unveil_core.evaluate.held_out import evaluate_views
+from unveil_core.optimize.exposure import fit_exposures
+from unveil_core.optimize.reconstruct import ReconstructSettings, reconstruct
+from unveil_core.optimize.start import StartSettings
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.semantics.labels import choose_labels
+from unveil_core.surfels.surfels import Surfels
+from unveil_core.workspace.workspace import Workspace
 
 SHRINK = 2
 DRAFT = RunSettings(quality="draft", iterations=60, splats=6000)
 """A run of seconds, for drives in thumbnails."""
+SETTINGS = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=6000), budget=8000)
+LINE = [float(i) for i in range(8)]
 
 
 def make_tiny_street(folder: Path, places: Sequence[float], *, rays: int = 1500, shrink: int = SHRINK) -> Path:
@@ -116,3 +131,48 @@ def unchanged_outside(root: Path, drive: Path) -> bool:
         if not (delivered == read_image(photograph))[~(changed[0] | changed[1])].all():
             return False
     return True
+
+
+@dataclass
+class Outcome:
+    surfels: Surfels
+    psnr: float
+    miou: float
+
+
+def reconstructed(path: Path, *, judges: Path | None = None) -> Outcome:
+    """The scene of a drive, judged by (at most ten of) the frames that it was fitted to, or the same ones of another drive."""
+    drive = open_drive(path)
+    check_drive(drive)
+    drive = localized(drive)
+    scene = choose_labels(drive)
+    exposures = fit_exposures(drive)
+    done = reconstruct(drive, scene, SETTINGS, exposures=exposures)
+    surfels, sky = done.surfels, done.sky
+    for values in (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh, sky.texture):
+        assert bool(torch.isfinite(values).all())
+    frames = list((drive if judges is None else localized(open_drive(judges))).frames)
+    frames = frames[:: max(1, len(frames) // 10)]
+    scores = evaluate_views(
+        surfels, sky, frames, scene, near=NEAR_M, far=FAR_M, align_exposure=not exposures.is_identity
+    )
+    return Outcome(surfels, scores["psnr"], scores["miou"])
+
+
+def photographs(path: Path) -> list[np.ndarray]:
+    return [cv2.imread(str(p)) for p in sorted((path.parent / "images").iterdir())]
+
+
+def check_frames(workspace: Workspace, path: Path, least_psnr: float) -> None:
+    """Delivered frames are the photographs outside the masks; renders are like them there."""
+    errors = []
+    for i, photograph in enumerate(photographs(path)):
+        changed = np.zeros(photograph.shape[:2], bool)
+        for kind in ("removed", "shadows"):
+            changed |= cv2.imread(str(workspace.root / f"masks/{kind}/camera/{i:03d}.png"), 0) > 0
+        delivered, render = (
+            cv2.imread(str(workspace.root / f"{n}/camera/{i:03d}.png")).astype(int) for n in ("frames", "renders")
+        )
+        assert (delivered == photograph)[~changed].all() and not changed.all()
+        errors.append(float(((render - photograph)[~changed] ** 2).mean()))
+    assert 10 * np.log10(255**2 / np.mean(errors)) > least_psnr

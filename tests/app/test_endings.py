@@ -174,7 +174,7 @@ sys.exit(cli.main(["doctor"]))
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interrupt_that_is_caught_does_not_end_the_process_by_a_signal(tmp_path: Path) -> None:
-    """Of code that is compiled from text, as data classes are, ``python -m`` remembers a KeyboardInterrupt although it was caught."""
+    """Of code that is compiled from text, as data classes are, ``python -m`` remembers one that was caught."""
     (tmp_path / "interrupted.py").write_text(WITHIN_TEXT)
     command = [sys.executable, "-m", "interrupted"]
     paths = {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])}

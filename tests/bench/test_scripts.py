@@ -19,6 +19,11 @@ for path in sorted(folder.glob("*.py")):
         importlib.import_module(path.stem)
     except Exception as error:
         failed.append(f"{path.name}: {error!r}")
+for path in sorted(folder.glob("quality/test_*.py")):
+    try:
+        importlib.import_module(f"quality.{path.stem}")
+    except Exception as error:
+        failed.append(f"{path.name}: {error!r}")
 # What they start others with, as text.
 for name in ("kills", "scale"):
     lines = importlib.import_module(name).CODE.splitlines()

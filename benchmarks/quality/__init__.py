@@ -1,0 +1,1 @@
+"""Slow checks of quality, for pytest: ``make quality``."""
