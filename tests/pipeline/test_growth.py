@@ -27,6 +27,7 @@ from unveil_core.inpaint.frames.holes import Hole
 from unveil_core.inpaint.frames.keyframes import plan_keyframes
 from unveil_core.movers.seen_through import DriveVisibility, FrameVisibility, count_evidence
 from unveil_core.optimize.in_blocks import block_of_drive
+from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS, ReoptimizeSettings
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.raster import api
@@ -36,7 +37,7 @@ from unveil_core.remove.remains import remains
 from unveil_core.surfels.initialize import surfels_from_points
 
 SIZE = (48, 32)
-FRAMES, BLOCK_M = 8, 4.0
+FRAMES, BLOCK_M = 6, 4.0
 ROOM = 1 << 18
 """Bytes that the pictures of frames may take, far less than those of a drive: what is wanted again is loaded again."""
 
@@ -92,7 +93,8 @@ def work_of(folder: Path, frames: int, size: tuple[int, int], monkeypatch: pytes
         patch.setattr(FrameCache, "get", watched_get)
         for module in _modules_with(render):
             patch.setattr(module, "render", counted_render)
-        settings = RunSettings(quality="draft", remove=("vehicle",), iterations=20, adapt=False)
+        patch.setitem(REOPTIMIZE_PRESETS, "draft", ReoptimizeSettings(iterations=10, ground_spacing_m=0.2))
+        settings = RunSettings(quality="draft", remove=("vehicle",), iterations=20, adapt=False, shadows="off")
         run(drive, folder / "workspace", settings, until="reoptimize")
     return work
 

@@ -33,7 +33,7 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 
 ROOT = Path(__file__).resolve().parents[2]
-SEEDS = range(100, 300)
+SEEDS = range(100, 180)
 
 
 @cache
