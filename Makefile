@@ -2,9 +2,11 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-# How many processes share the tests.
-WORKERS ?= 2
+# How many processes share the tests: one more than two processors, for a test often waits for a program that it has started.
+WORKERS ?= 3
 export OMP_WAIT_POLICY := PASSIVE
+# Each of the many programs that tests start would compile every module again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test quality test-blender test-window extension lint lock clean
 

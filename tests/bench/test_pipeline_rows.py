@@ -23,7 +23,7 @@ from unveil_core.semantics.classes import CITYSCAPES
 DRAFT = RunSettings(quality="draft")
 WITH_CHART = ("forward", "independent", "ellipsoids", "ours", "ours_by_reference")
 ROAD, SIDEWALK = CITYSCAPES.index("road"), CITYSCAPES.index("sidewalk")
-SMALL = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
+SMALL = ReconstructSettings(iterations=40, sh_degree=0, start=StartSettings(budget=3000), budget=4000)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from unveil_core.optimize.start import StartSettings
 from unveil_core.semantics.labels import choose_labels
 
 SMALL = ReconstructSettings(
-    iterations=360, sh_degree=1, start=StartSettings(budget=4000), budget=12_000, adapt=AdaptSettings(every=20)
+    iterations=240, sh_degree=1, start=StartSettings(budget=4000), budget=12_000, adapt=AdaptSettings(every=20)
 )
 
 PLACES = [float(i) for i in range(8)]

@@ -37,7 +37,7 @@ from unveil_core.remove.remains import remains
 from unveil_core.surfels.initialize import surfels_from_points
 
 SIZE = (48, 32)
-FRAMES, BLOCK_M = 6, 4.0
+FRAMES, BLOCK_M = 8, 4.0
 ROOM = 1 << 18
 """Bytes that the pictures of frames may take, far less than those of a drive: what is wanted again is loaded again."""
 

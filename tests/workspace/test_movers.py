@@ -35,7 +35,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def workspace(street: Path) -> Workspace:
     """Everything up to the clean frames, in few steps."""
-    settings = RunSettings(quality="draft", iterations=60, splats=15_000, seed=1)
+    settings = RunSettings(quality="draft", iterations=40, splats=10_000, seed=1)
     return run(street, street.parent / "workspace", settings, until="deliver")
 
 

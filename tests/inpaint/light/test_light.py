@@ -35,7 +35,7 @@ def lit_street(sun: tuple[float, float]) -> tuple[StreetChart, np.ndarray, np.nd
     return chart, truth, footprint, light
 
 
-SUNS = [(150.0, 40.0), (200.0, 55.0), (170.0, 30.0)]
+SUNS = [(150.0, 40.0), (200.0, 55.0)]
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:

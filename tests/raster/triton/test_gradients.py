@@ -22,14 +22,14 @@ pytestmark = [
 
 @pytest.mark.parametrize("plane", PLANES)
 def test_plane_and_gradients_match_float64(plane: str) -> None:
-    compare(random_surfels(40, 2, degree=2), plane, LIMIT, backend="triton", view=camera(24, 18, 20.0))
+    compare(random_surfels(30, 2, degree=2), plane, LIMIT, backend="triton", view=camera(24, 10, 20.0))
 
 
-# The interpreter takes some milliseconds per surfel and tile: one small image, the smaller for the opaque layers so that a
-# hundred of the thousand finish all pixels, and not the thin layers, all of which it would have to go through.
-@pytest.mark.parametrize("name", [name for name in CASES if name != "a thousand thin layers"])
+# The interpreter takes some milliseconds per surfel and tile: one small image, and not the cases of a thousand layers, which
+# benchmarks/hard_cases.py measures.
+@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith("a thousand")])
 def test_hard_case_keeps_its_stated_error(name: str) -> None:
-    assert_alike(CASES[name], (12, 10) if name == "a thousand opaque layers" else (17, 14), "triton")
+    assert_alike(CASES[name], (17, 7), "triton")
 
 
 def test_one_pixel() -> None:
