@@ -165,7 +165,7 @@ def export_table() -> str:
     lines = ["| format | holds | written as | library | read back by | lost |", "|---|---|---|---|---|---|"]
     for f in FORMATS.values():
         library = f.library or "own code"
-        extra = f" (`{EXTRA}`)" if f.module else ""
+        extra = f" (`{EXTRA}`)" if f.modules else ""
         result = f"`{f.result.replace('{state}', 'STATE')}{'' if f.suffix else '/'}`"
         lines.append(f"| `{f.name}` | {f.what} | {result} | {library}{extra} | {f.read_back} | {f.lost} |")
     return "\n".join(lines)

@@ -26,11 +26,11 @@ from unveil_core.workspace.workspace import Workspace
 
 def test_each_optional_library_is_in_the_extra_and_each_format_tells_all() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    wanted = {"pxr": "usd-core", "av": "av", "laspy": "laspy", "lazrs": "laspy[lazrs]"}
+    wanted = {"pxr": "usd-core", "av": "av", "laspy": "laspy", "lazrs": "laspy[lazrs]", "xatlas": "xatlas"}
     for one in FORMATS.values():
-        assert one.what and one.read_back and one.lost and (not one.module or one.library)
-        if one.module:
-            assert any(line.startswith(wanted[one.module]) for line in extras[EXTRA]), one.name
+        assert one.what and one.read_back and one.lost and (not one.modules or one.library)
+        for module in one.modules:
+            assert any(line.startswith(wanted[module]) for line in extras[EXTRA]), one.name
     results = [one.result for one in FORMATS.values()]
     assert len(set(results)) == len(results)
 
@@ -127,8 +127,7 @@ def test_a_damaged_list_of_objects_is_one_line(
 
 @pytest.mark.parametrize("name", ["splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points"])
 def test_a_scene_of_nothing_is_a_file_of_nothing(name: str, street: Street, tmp_path: Path) -> None:
-    module = FORMATS[name].module
-    if module:
+    for module in FORMATS[name].modules:
         pytest.importorskip(module)
     workspace = tmp_path / "workspace"
     shutil.copytree(street.root, workspace)

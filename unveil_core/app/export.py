@@ -8,7 +8,7 @@ from pathlib import Path
 from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.exports.job import START_FRAME, STATES, Job
+from unveil_core.exports.job import START_FRAME, STATES, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
 from unveil_core.workspace.workspace import Workspace
 
@@ -16,6 +16,9 @@ __all__ = ["MESHES", "export_results"]
 
 MESHES = ("ply", "obj", "glb")
 """Formats that the suffix of a file may choose, and that go beside the workspace's meshes where no place is named."""
+MOST_LEVELS = 6
+SMALLEST_PAGE, LARGEST_PAGE = 64, 16_384
+"""Sides of a page of textures, pixels: more is too large for graphics cards."""
 MOST_FRAME = 9_999_999
 """Number of a first frame at most: more digits are none that compositors count in."""
 
@@ -26,6 +29,8 @@ def export_results(
     to: Sequence[str] = (),
     state: str = "empty",
     triangles: int | None = None,
+    levels: int = 0,
+    texture_px: int = TEXTURE_PX,
     start_frame: int = START_FRAME,
     output: Path | None = None,
     progress: Progress = no_progress,
@@ -36,7 +41,8 @@ def export_results(
         workspace: a finished one.
         to: names of ``exports.registry.FORMATS``; without any, the mesh format that the suffix of ``output`` names.
         state: one of ``exports.job.STATES``.
-        triangles: the most that a mesh may have; None for all.
+        triangles: the most that a mesh may have; None for all, or for 200,000 of a mesh with textures.
+        levels: of detail of a mesh with textures, besides the finest, 0 to 6; texture_px: side of a page, 256 to 16,384.
         start_frame: number of the first plate of each track.
         output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
             ``meshes/<state>_<triangles or all>.<format>`` by default.
@@ -52,8 +58,15 @@ def export_results(
         raise SettingsError(f"no state is called {state!r}", mend=f"use {', '.join(STATES)}")
     if not 0 <= start_frame <= MOST_FRAME:
         raise SettingsError(f"--start-frame {start_frame} is no number of a frame", mend=f"use 0 to {MOST_FRAME}")
+    if not 0 <= levels <= MOST_LEVELS:
+        raise SettingsError(f"--lods {levels} are no levels of detail", mend=f"use 0 to {MOST_LEVELS}")
+    if not SMALLEST_PAGE <= texture_px >> levels <= texture_px <= LARGEST_PAGE:
+        mend = (
+            f"use {SMALLEST_PAGE} to {LARGEST_PAGE:,}, and fewer --lods for small pages: each level has half the side"
+        )
+        raise SettingsError(f"--texture {texture_px} is no side of a page", mend=mend)
     formats = formats_named(to or _of_suffix(output))
-    job = Job(workspace, state, triangles, start_frame, progress)
+    job = Job(workspace, state, triangles, levels, texture_px, start_frame, progress)
     return export(job, _places(job, formats, output))
 
 

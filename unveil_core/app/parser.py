@@ -180,7 +180,11 @@ def _add_export(verbs: _Verbs) -> None:
         help=f"{','.join(EXPORTS)}; by default the mesh that FILE's suffix says",
     )
     p.add_argument("--state", default="empty", choices=("empty", "full"), help="the street without or with everything")
-    p.add_argument("--triangles", type=int, default=None, metavar="N", help="of a mesh at most; all by default")
+    p.add_argument(
+        "--triangles", type=int, metavar="N", help="of a mesh at most; all by default, 200,000 of one with textures"
+    )
+    p.add_argument("--lods", type=int, default=0, metavar="N", help="more levels of detail of a mesh with textures")
+    p.add_argument("--texture", type=int, default=4096, metavar="PX", help="side of a page of textures (4096)")
     p.add_argument("--start-frame", type=int, default=1001, metavar="N", help="number of a camera's first plate (1001)")
     p.add_argument(
         "-o",

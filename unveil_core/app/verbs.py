@@ -179,6 +179,8 @@ def _export(arguments: argparse.Namespace) -> int:
             to=arguments.to,
             state=arguments.state,
             triangles=arguments.triangles,
+            levels=arguments.lods,
+            texture_px=arguments.texture,
             start_frame=arguments.start_frame,
             output=arguments.output,
             progress=_progress_of("export", reporter),

@@ -24,11 +24,14 @@ from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_labels
 from unveil_core.workspace.workspace import Workspace
 
-__all__ = ["START_FRAME", "STATES", "Job"]
+__all__ = ["START_FRAME", "STATES", "TEXTURE_PX", "Job"]
 
 STATES = ("empty", "full")
 START_FRAME = 1001
 """Number of the first frame of a track: film and television begin their shots there, so that handles before it have numbers."""
+
+TEXTURE_PX = 4096
+"""Side of a page of a texture: what every program and every graphics card of the last ten years takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,8 @@ class Job:
         workspace: a finished one.
         state: of :data:`STATES`, for formats that hold the scene.
         triangles: of a mesh at most, None for all.
+        levels: of detail of a textured mesh, besides the finest.
+        texture_px: side of a page of its texture.
         start_frame: number of the first frame of each track.
         progress: called by long formats.
     """
@@ -46,6 +51,8 @@ class Job:
     workspace: Workspace
     state: str = "empty"
     triangles: int | None = None
+    levels: int = 0
+    texture_px: int = TEXTURE_PX
     start_frame: int = START_FRAME
     progress: Progress = field(default=no_progress)
 

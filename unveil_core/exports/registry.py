@@ -22,6 +22,9 @@ from unveil_core.exports.plates.png import write_png
 from unveil_core.exports.splats.gltf import write_splat_gltf
 from unveil_core.exports.splats.ply import write_splat_ply
 from unveil_core.exports.splats.spz import write_spz
+from unveil_core.exports.textured.glb import write_textured_glb
+from unveil_core.exports.textured.obj import write_textured_obj
+from unveil_core.exports.textured.usd import write_textured_usd
 from unveil_core.exports.usd import write_usd_mesh, write_usd_points, write_usd_splats
 from unveil_core.exports.whole import check_free, whole_file, whole_folder
 
@@ -41,7 +44,7 @@ class ExportFormat:
         result: the file or folder in the output folder; ``{state}`` stands for empty or full.
         write: makes it at a path: a file, or a folder that is there already. Raises UnveilError and OSError.
         library: by which it is written, as its project is called; "" for own code.
-        module: of that library, looked for before anything is written; "" where it is always installed.
+        modules: of those libraries that are not always installed, looked for before anything is written.
         read_back: what the tests read it with.
         lost: of what the workspace knows.
         both_states: whether it can hold the full street, too.
@@ -55,7 +58,7 @@ class ExportFormat:
     read_back: str
     lost: str
     library: str = ""
-    module: str = ""
+    modules: tuple[str, ...] = ()
     both_states: bool = True
     needs: tuple[str, ...] = ()
 
@@ -104,7 +107,7 @@ FORMATS: dict[str, ExportFormat] = {
             "usd-core",
             "the sky",
             "usd-core",
-            "pxr",
+            modules=("pxr",),
             needs=("scene",),
         ),
         ExportFormat(
@@ -115,7 +118,7 @@ FORMATS: dict[str, ExportFormat] = {
             "usd-core",
             "the sky, colours by direction, the shape of splats",
             "usd-core",
-            "pxr",
+            modules=("pxr",),
             needs=("scene",),
         ),
         ExportFormat(
@@ -154,7 +157,43 @@ FORMATS: dict[str, ExportFormat] = {
             "usd-core",
             "nothing: a transform holds the origin",
             "usd-core",
-            "pxr",
+            modules=("pxr",),
+            needs=("mesh",),
+        ),
+        ExportFormat(
+            "textured-glb",
+            "the mesh as GLB with textures from the clean frames, and levels of detail",
+            "textured_glb",
+            write_textured_glb,
+            "trimesh, pygltflib",
+            "triangles beyond the budget; what is seen from one side only",
+            "xatlas",
+            modules=("xatlas",),
+            both_states=False,
+            needs=("mesh",),
+        ),
+        ExportFormat(
+            "textured-obj",
+            "the same as OBJ with PNG",
+            "textured_obj",
+            write_textured_obj,
+            "trimesh",
+            "likewise; positions beyond six decimals",
+            "xatlas",
+            modules=("xatlas",),
+            both_states=False,
+            needs=("mesh",),
+        ),
+        ExportFormat(
+            "textured-usd",
+            "the same as OpenUSD with PNG",
+            "textured_usd",
+            write_textured_usd,
+            "usd-core",
+            "likewise",
+            "usd-core and xatlas",
+            modules=("pxr", "xatlas"),
+            both_states=False,
             needs=("mesh",),
         ),
         ExportFormat(
@@ -192,7 +231,7 @@ FORMATS: dict[str, ExportFormat] = {
             "laspy; a reader by the standard's tables",
             "coordinates finer than a millimetre; no EPSG code is known",
             "laspy",
-            "laspy",
+            modules=("laspy",),
         ),
         ExportFormat(
             "laz",
@@ -202,7 +241,7 @@ FORMATS: dict[str, ExportFormat] = {
             "laspy",
             "likewise",
             "laspy with lazrs",
-            "lazrs",
+            modules=("lazrs",),
         ),
         ExportFormat(
             "objects-json",
@@ -240,7 +279,7 @@ FORMATS: dict[str, ExportFormat] = {
             "PyAV, OpenCV",
             "exact pixels, half of the colour's resolution, alpha",
             "PyAV",
-            "av",
+            modules=("av",),
             both_states=False,
         ),
         ExportFormat(
@@ -251,7 +290,7 @@ FORMATS: dict[str, ExportFormat] = {
             "PyAV, OpenCV",
             "exact pixels, half of the colour's width, alpha",
             "PyAV",
-            "av",
+            modules=("av",),
             both_states=False,
         ),
     )
@@ -271,7 +310,7 @@ def formats_named(names: Sequence[str]) -> list[ExportFormat]:
         raise SettingsError(problem, mend=f"give one or more with --to: {', '.join(FORMATS)}")
     formats = [FORMATS[name] for name in dict.fromkeys(names)]
     for one in formats:
-        if one.module and find_spec(one.module) is None:
+        if any(find_spec(module) is None for module in one.modules):
             mend = f"pip install '.[{EXTRA}]' in the folder of Unveil"
             raise SettingsError(f"{one.name} needs the library {one.library}, which is not installed", mend=mend)
     return formats

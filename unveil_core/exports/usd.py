@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.srgb import linear_of_srgb
@@ -21,7 +22,7 @@ from unveil_core.exports.splats.placed import opacities, three_log_scales
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.raster.spherical_harmonics import SH0
 
-__all__ = ["write_usd_mesh", "write_usd_points", "write_usd_splats"]
+__all__ = ["ROOT", "new_stage", "set_mesh", "write_usd_mesh", "write_usd_points", "write_usd_splats"]
 
 ROOT = "/street"
 
@@ -31,14 +32,9 @@ def write_usd_mesh(job: Job, path: Path) -> None:
     from pxr import Sdf, UsdGeom, Vt
 
     mesh = job.mesh
-    stage = _stage(job, path)
+    stage = new_stage(job, path)
     prim = UsdGeom.Mesh.Define(stage, f"{ROOT}/mesh")
-    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(mesh.vertices)))
-    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.faces.ravel())))
-    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    prim.CreateDoubleSidedAttr(True)
-    prim.CreateExtentAttr(_extent(mesh.vertices))
+    set_mesh(prim, mesh.vertices, mesh.faces)
     color = prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
     color.Set(Vt.Vec3fArray.FromNumpy(_linear(mesh.colors / 255.0)))
     prim.GetPrim().CreateAttribute("unveil:state", Sdf.ValueTypeNames.String).Set(job.state)
@@ -50,7 +46,7 @@ def write_usd_points(job: Job, path: Path) -> None:
     from pxr import UsdGeom, Vt
 
     scene = job.scene
-    stage = _stage(job, path)
+    stage = new_stage(job, path)
     prim = UsdGeom.Points.Define(stage, f"{ROOT}/points")
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(scene.means.numpy()))
     # A disc of the same area as the ellipse at one standard deviation.
@@ -77,7 +73,7 @@ def write_usd_splats(job: Job, path: Path) -> None:
     if not hasattr(UsdVol, "ParticleField3DGaussianSplat"):
         raise SettingsError("this OpenUSD knows no splats", mend="pip install 'usd-core>=26.3', or use usd-points")
     scene = job.scene
-    stage = _stage(job, path)
+    stage = new_stage(job, path)
     prim = UsdVol.ParticleField3DGaussianSplat.Define(stage, f"{ROOT}/splats")
     quats = scene.quats / scene.quats.norm(dim=1, keepdim=True).clamp_min(1e-12)
     field: dict[str, Any] = {
@@ -100,7 +96,24 @@ def write_usd_splats(job: Job, path: Path) -> None:
     _save(stage)
 
 
-def _stage(job: Job, path: Path) -> Any:
+def set_mesh(prim: Any, vertices: Float32, faces: NDArray[np.int32]) -> None:
+    """Give a ``UsdGeomMesh`` its triangles.
+
+    Args:
+        vertices: (V, 3), metres around the local origin; faces: (F, 3).
+    """
+    from pxr import UsdGeom, Vt
+
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(vertices)))
+    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces.ravel())))
+    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    prim.CreateDoubleSidedAttr(True)
+    prim.CreateExtentAttr(_extent(vertices))
+
+
+def new_stage(job: Job, path: Path) -> Any:
+    """A stage at a path, with the transform :data:`ROOT` from the local origin to the drive's place, z up."""
     from pxr import Gf, Usd, UsdGeom
 
     place: Similarity = z_up(job.drive).from_local

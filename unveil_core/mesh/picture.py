@@ -1,22 +1,19 @@
-"""Pictures of a mesh without a graphics card: a z-buffer, vertex colours, a little light from the camera."""
+"""Pictures of a mesh without a graphics card: vertex colours or a texture, and a little light from the camera."""
 
-# mypy: disable-error-code="no-untyped-def,no-untyped-call"
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.kernels.compiled import njit
-from unveil_core.base.parallel import EXACT, in_parallel
 from unveil_core.geometry.camera import Camera
+from unveil_core.mesh.hits import Hits, hit_triangles
 from unveil_core.mesh.mesh import Mesh
+from unveil_core.mesh.texture.atlas import TexturedMesh
 
-__all__ = ["render_mesh_picture"]
+__all__ = ["render_mesh_picture", "render_textured_picture"]
 
 BACKGROUND = (236, 238, 241)
-NEAREST = 0.05
-BANDS = 8
 
 
 def render_mesh_picture(
@@ -28,76 +25,71 @@ def render_mesh_picture(
     headlight: float = 0.35,
     samples: int = 2,
 ) -> NDArray[np.uint8]:
-    """Draw a mesh.
+    """Draw a mesh with its vertex colours.
 
     Args:
         mesh: in the camera's frame of reference.
         camera: the view; triangles that reach behind it are left out.
         size: (width, height) of the picture; the camera's own by default.
         background: sRGB where there is no surface.
-        headlight: 0 for the vertex colours as they are, 1 for full shading by the angle to the camera.
+        headlight: 0 for the colours as they are, 1 for full shading by the angle to the camera.
         samples: supersampling along each axis.
     Returns:
         (H, W, 3) uint8 sRGB.
     """
+    fine = _supersampled(camera, size, samples)
+    hits = hit_triangles(mesh, fine)
+    return _shaded(mesh, fine, hits, hits.values(mesh.faces, mesh.colors), background, headlight, samples)
+
+
+def render_textured_picture(
+    textured: TexturedMesh,
+    camera: Camera,
+    size: tuple[int, int] | None = None,
+    *,
+    background: tuple[int, int, int] = BACKGROUND,
+    headlight: float = 0.0,
+    samples: int = 2,
+) -> NDArray[np.uint8]:
+    """Draw a mesh with its texture, see :func:`render_mesh_picture`."""
+    fine = _supersampled(camera, size, samples)
+    hits = hit_triangles(textured.mesh, fine)
+    atlas = textured.atlas
+    place = hits.values(atlas.corners, atlas.coordinates)
+    page = atlas.pages[np.maximum(hits.face, 0)]
+    colors = np.zeros((fine.height, fine.width, 3), np.float32)
+    for number, image in enumerate(textured.images):
+        # Image row 0 is at the top, the texture's v = 0 at the bottom; cv2 counts from pixel centres.
+        columns = place[..., 0] * image.shape[1] - 0.5
+        rows = (1 - place[..., 1]) * image.shape[0] - 0.5
+        found = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        colors[page == number] = found[page == number]
+    return _shaded(textured.mesh, fine, hits, colors, background, headlight, samples)
+
+
+def _supersampled(camera: Camera, size: tuple[int, int] | None, samples: int) -> Camera:
     width, height = size if size is not None else (camera.width, camera.height)
-    fine = camera.resized(width * samples, height * samples)
-    local = mesh.vertices.astype(np.float64) @ fine.world_to_camera[:3, :3].T + fine.world_to_camera[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        columns = local[:, 0] / local[:, 2] * fine.fx + fine.cx
-        rows = local[:, 1] / local[:, 2] * fine.fy + fine.cy
-    screen = np.stack([columns, rows, local[:, 2]], axis=1)
-    centre = local[mesh.faces].mean(axis=1) if len(mesh.faces) else np.zeros((0, 3))
-    normal = mesh.face_normals() @ fine.world_to_camera[:3, :3].T
-    facing = np.abs((normal * centre).sum(axis=1)) / np.maximum(np.linalg.norm(centre, axis=1), 1e-12)
-    shade = (1 - headlight) + headlight * facing
-    picture = np.empty((fine.height, fine.width, 3), dtype=np.float32)
-    picture[:] = background
-    # Every pixel belongs to one band of rows.
-    in_parallel(_draw, BANDS, 1, screen, mesh.faces, mesh.colors.astype(np.float32), shade, picture)
+    return camera.resized(width * samples, height * samples)
+
+
+def _shaded(
+    mesh: Mesh,
+    camera: Camera,
+    hits: Hits,
+    colors: NDArray[np.float32],
+    background: tuple[int, int, int],
+    headlight: float,
+    samples: int,
+) -> NDArray[np.uint8]:
+    """The picture of colours (H, W, 3), lit, in front of the background, brought down to its size."""
+    picture = np.where((hits.face >= 0)[..., None], colors, np.array(background, np.float32))
+    if headlight and len(mesh.faces):
+        centre = mesh.vertices[mesh.faces].astype(np.float64).mean(axis=1) - camera.centre
+        facing = np.abs((mesh.face_normals() * centre).sum(axis=1))
+        facing /= np.maximum(np.linalg.norm(centre, axis=1), 1e-12)
+        shade = ((1 - headlight) + headlight * facing).astype(np.float32)
+        picture *= np.where(hits.face >= 0, shade[np.maximum(hits.face, 0)], 1)[..., None]
     if samples > 1:
-        picture = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA).astype(np.float32)
+        size = (camera.width // samples, camera.height // samples)
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     return np.clip(np.round(picture), 0, 255).astype(np.uint8)
-
-
-@njit(**EXACT)
-def _draw(start, stop, screen, faces, colors, shade, picture):
-    """Draw the bands of rows from ``start`` to ``stop``, each with a z-buffer of its own."""
-    height, width = picture.shape[:2]
-    for band in range(start, stop):
-        top, bottom = height * band // BANDS, height * (band + 1) // BANDS
-        inverse = np.zeros((bottom - top, width), np.float32)
-        for f in range(faces.shape[0]):
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            za, zb, zc = screen[a, 2], screen[b, 2], screen[c, 2]
-            if za < NEAREST or zb < NEAREST or zc < NEAREST:
-                continue
-            ya, yb, yc = screen[a, 1], screen[b, 1], screen[c, 1]
-            y0 = max(top, int(np.ceil(max(min(ya, yb, yc), -1.0) - 0.5)))
-            y1 = min(bottom - 1, int(np.floor(min(max(ya, yb, yc), height + 1.0) - 0.5)))
-            if y1 < y0:
-                continue
-            xa, xb, xc = screen[a, 0], screen[b, 0], screen[c, 0]
-            x0 = max(0, int(np.ceil(max(min(xa, xb, xc), -1.0) - 0.5)))
-            x1 = min(width - 1, int(np.floor(min(max(xa, xb, xc), width + 1.0) - 0.5)))
-            area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)
-            if x1 < x0 or abs(area) < 1e-12:
-                continue
-            for y in range(y0, y1 + 1):
-                py = y + 0.5
-                for x in range(x0, x1 + 1):
-                    px = x + 0.5
-                    wa = ((xb - px) * (yc - py) - (xc - px) * (yb - py)) / area
-                    wb = ((xc - px) * (ya - py) - (xa - px) * (yc - py)) / area
-                    wc = 1 - wa - wb
-                    if wa < -1e-9 or wb < -1e-9 or wc < -1e-9:
-                        continue
-                    # Colours are linear on the surface, that is in position over depth on the screen.
-                    ia, ib, ic = wa / za, wb / zb, wc / zc
-                    total = ia + ib + ic
-                    if total <= inverse[y - top, x]:
-                        continue
-                    inverse[y - top, x] = total
-                    for k in range(3):
-                        value = (ia * colors[a, k] + ib * colors[b, k] + ic * colors[c, k]) / total
-                        picture[y, x, k] = value * shade[f]

@@ -117,6 +117,7 @@ def fuse(
     region_of: Callable[[NDArray[np.float64]], NDArray[np.int64]] | None = None,
     cameras: Sequence[Camera] | None = None,
     scratch: Path | None = None,
+    regions_name: str = "regions",
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> Mesh:
@@ -136,7 +137,8 @@ def fuse(
             memory. The mesh is the same; None = all in one.
         cameras: of the views, needed with ``scratch``.
         scratch: folder in which an interrupted attempt finds its views and regions again, the caller's to remove; None = a
-            temporary one. It must be given to calls with the same arguments only.
+            temporary one. It must be given to calls with the same views only.
+        regions_name: name in ``scratch`` for what hangs on the other arguments, too.
         cache: room for views in memory.
         progress: called once per view, then for the surface.
     Returns:
@@ -174,7 +176,7 @@ def fuse(
         if region_of is not None:
             region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)
         regions = np.unique(region)
-        kept = Kept(folder / "regions")
+        kept = Kept(folder / regions_name)
         sizes = []
         for done, number in enumerate(regions):
             step = part_of(_from(progress, len(prepared), total), done, len(regions))

@@ -9,19 +9,16 @@ the custom attributes ``_LABEL`` and ``_INSTANCE``.
 
 from __future__ import annotations
 
-import json
-import struct
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.exports.color import SRGB
 from unveil_core.exports.coordinates import y_up
+from unveil_core.exports.glb import FLOAT, USHORT, GlbBuffer, glb_bytes
 from unveil_core.exports.job import Job
 from unveil_core.exports.splats.placed import opacities, placed, three_log_scales
 from unveil_core.geometry.similarity import Similarity
@@ -32,35 +29,6 @@ from unveil_core.surfels.surfels import Surfels
 __all__ = ["write_splat_gltf"]
 
 EXTENSION = "KHR_gaussian_splatting"
-FLOAT, USHORT = 5126, 5123
-VERTEX_DATA = 34962
-
-
-@dataclass
-class _Buffer:
-    """What a GLB's buffer holds, and how the document tells it."""
-
-    parts: list[bytes] = field(default_factory=list)
-    views: list[dict[str, Any]] = field(default_factory=list)
-    accessors: list[dict[str, Any]] = field(default_factory=list)
-    size: int = 0
-
-    def add(self, values: NDArray[np.generic], component: int, **more: object) -> int:
-        """The accessor of an array (N,) or (N, C) of 4 bytes a row at least."""
-        content = np.ascontiguousarray(values).tobytes()
-        self.views.append({"buffer": 0, "byteOffset": self.size, "byteLength": len(content), "target": VERTEX_DATA})
-        kind = "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}"
-        entry = {
-            "bufferView": len(self.views) - 1,
-            "componentType": component,
-            "count": len(values),
-            "type": kind,
-            **more,
-        }
-        self.accessors.append(entry)
-        self.parts.append(content)
-        self.size += len(content)
-        return len(self.accessors) - 1
 
 
 def write_splat_gltf(job: Job, path: Path) -> None:
@@ -68,7 +36,7 @@ def write_splat_gltf(job: Job, path: Path) -> None:
     frame = y_up(job.drive)
     # Metres around the local origin; the node brings them to the drive.
     there = placed(job.scene, Similarity(1.0, Z_TO_Y))
-    buffer = _Buffer()
+    buffer = GlbBuffer()
     attributes = _attributes(buffer, there)
     attributes["_LABEL"] = buffer.add(job.train_ids(there).astype("<f4"), FLOAT)
     attributes["_INSTANCE"] = buffer.add(job.scene_instances().astype("<f4"), FLOAT)
@@ -95,10 +63,10 @@ def write_splat_gltf(job: Job, path: Path) -> None:
         document["buffers"] = [{"byteLength": buffer.size}]
     else:
         del node["mesh"]  # an accessor of nothing is not allowed
-    write_bytes_atomic(path, _glb(document, b"".join(buffer.parts)))
+    write_bytes_atomic(path, glb_bytes(document, b"".join(buffer.parts)))
 
 
-def _attributes(buffer: _Buffer, there: Surfels) -> dict[str, int]:
+def _attributes(buffer: GlbBuffer, there: Surfels) -> dict[str, int]:
     """Accessors by the name of their attribute."""
     means = there.means.numpy().astype("<f4")
     bounds = {"min": means.min(axis=0).tolist(), "max": means.max(axis=0).tolist()} if len(means) else {}
@@ -117,13 +85,3 @@ def _attributes(buffer: _Buffer, there: Surfels) -> dict[str, int]:
     rgba = np.concatenate([linear_of_srgb(color), alpha[:, None]], axis=1)
     found["COLOR_0"] = buffer.add(np.round(rgba * 65535).astype("<u2"), USHORT, normalized=True)
     return found
-
-
-def _glb(document: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB of one JSON chunk and, where there is any, one binary chunk."""
-    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
-    if binary:
-        chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks

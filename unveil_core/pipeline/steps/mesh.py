@@ -7,7 +7,8 @@ import shutil
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
-from unveil_core.mesh import fuse, write_glb, write_ply
+from unveil_core.mesh import write_glb, write_ply
+from unveil_core.mesh.levels import fuse_by_distance
 from unveil_core.mesh.views import depth_views
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.surfels.ply import read_surfels
@@ -15,7 +16,9 @@ from unveil_core.surfels.ply import read_surfels
 __all__ = ["run"]
 
 MESH_VOXEL_M = {"draft": 0.12, "standard": 0.08, "high": 0.05}
-"""Edge of a voxel of the fused meshes, metres."""
+"""Edge of a voxel of the fused meshes, metres, as far as the first of the distances."""
+DISTANCES_M = (30.0, 60.0, FAR_M)
+"""To which depth voxels of that size, of twice and of four times that size are fused: a pixel is as large there as they are."""
 
 
 def run(context: StageContext) -> None:
@@ -27,11 +30,10 @@ def run(context: StageContext) -> None:
         last = context.output(f"meshes/{state}.glb" if state == "empty" else f"meshes/{state}.ply")
         if last.is_file():
             continue  # written by an attempt that was interrupted
-        mesh = fuse(
-            # Without a name here: ``fuse`` lets go of the scene before it joins the mesh.
-            depth_views(read_surfels(path), drive.frames, near=NEAR_M, far=FAR_M),
+        mesh = fuse_by_distance(
+            lambda path=path: depth_views(read_surfels(path), drive.frames, near=NEAR_M, far=FAR_M),  # type: ignore[misc]
             voxel_size=voxel,
-            max_depth=30.0,
+            distances=DISTANCES_M,
             region_of=cut_into_blocks(drive).of_places,
             cameras=[f.camera for f in drive.frames],
             scratch=context.scratch(state),

@@ -1,0 +1,1 @@
+"""The mesh of the empty street with textures."""

@@ -1,0 +1,115 @@
+"""One mesh from fine to coarse: voxels double with the distance that depth is taken from.
+
+A pixel's footprint grows with its distance, and what is far from the whole drive is seen from afar alone. Each coarser level
+fuses the same views to a larger distance, and gives only what the finer ones do not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.progress import Progress, no_progress, part_of
+from unveil_core.geometry.camera import Camera
+from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
+from unveil_core.mesh.tsdf import DepthView, fuse
+
+__all__ = ["beyond", "fuse_by_distance"]
+
+SMALLEST_TRIANGLES = 200
+"""Of a connected piece, at the finest level; at coarser ones a piece of the same size has a quarter."""
+CELL_BITS, HALF_CELLS = 21, 1 << 20
+
+
+class _Stored:
+    """Views that were fused before: they lie in files, and nobody asks for them again."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: int) -> DepthView:
+        raise LookupError("a view was removed while it was in use")
+
+
+def fuse_by_distance(
+    views: Callable[[], Sequence[DepthView]],
+    *,
+    voxel_size: float,
+    distances: Sequence[float],
+    region_of: Callable[[NDArray[np.float64]], NDArray[np.int64]],
+    cameras: Sequence[Camera],
+    scratch: Path,
+    cache: FrameCache,
+    progress: Progress = no_progress,
+) -> Mesh:
+    """Fuse depth images into one mesh whose voxels grow with distance.
+
+    Args:
+        views: makes them; they are let go of once they lie in files.
+        voxel_size: edge of a voxel of the finest level, metres.
+        distances: to which depth each level is fused, metres, rising; each has voxels twice as large as the one before.
+        region_of, cameras, scratch, cache: see :func:`unveil_core.mesh.tsdf.fuse`.
+        progress: counts levels and views.
+    """
+    mesh = Mesh.empty()
+    for level, distance in enumerate(distances):
+        voxel = voxel_size * 2**level
+        found = fuse(
+            views() if level == 0 else _Stored(len(cameras)),  # type: ignore[arg-type]
+            voxel_size=voxel,
+            max_depth=distance,
+            smallest_triangles=SMALLEST_TRIANGLES >> 2 * level,
+            region_of=region_of,
+            cameras=cameras,
+            scratch=scratch,
+            regions_name=f"regions_{level}",
+            cache=cache,
+            progress=part_of(progress, level, len(distances)),
+        )
+        if level:
+            found = drop_small_components(beyond(found, mesh, voxel), SMALLEST_TRIANGLES >> 2 * level, overwrite=True)
+        mesh = _with(mesh, found)
+        del found
+    return mesh
+
+
+def beyond(coarse: Mesh, fine: Mesh, cell: float) -> Mesh:
+    """What a coarse mesh shows and a fine one does not; where they meet, they overlap by a triangle or two.
+
+    Args:
+        cell: metres within which a vertex of the fine mesh stands for the coarse surface, about its voxel.
+    """
+    if not len(fine.vertices) or not len(coarse.faces):
+        return coarse
+    taken = np.unique(_keys(np.floor(fine.vertices / cell).astype(np.int64)))
+    places = np.floor(coarse.vertices / cell).astype(np.int64)
+    covered = np.zeros(len(places), dtype=bool)
+    for n in range(27):
+        left = np.flatnonzero(~covered)
+        keys = _keys(places[left] + (n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1))
+        at = np.minimum(np.searchsorted(taken, keys), len(taken) - 1)
+        covered[left] = taken[at] == keys
+    return keep_faces(coarse, ~covered[coarse.faces].all(axis=1))
+
+
+def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) one number for each cell (N, 3), of a million cells to each side."""
+    x, y, z = (cells + HALF_CELLS).T
+    found: NDArray[np.int64] = x << 2 * CELL_BITS | y << CELL_BITS | z
+    return found
+
+
+def _with(mesh: Mesh, more: Mesh) -> Mesh:
+    if not len(mesh.faces):
+        return more
+    if not len(more.faces):
+        return mesh
+    faces = np.concatenate([mesh.faces, more.faces + np.int32(len(mesh.vertices))])
+    return Mesh(np.concatenate([mesh.vertices, more.vertices]), faces, np.concatenate([mesh.colors, more.colors]))
