@@ -46,6 +46,7 @@ class Job:
         texture_px: side of a page of its texture.
         start_frame: number of the first frame of each track.
         progress: called by long formats.
+        made: what formats of one kind have in common, by the kind: made by the first of them.
     """
 
     workspace: Workspace
@@ -55,6 +56,7 @@ class Job:
     texture_px: int = TEXTURE_PX
     start_frame: int = START_FRAME
     progress: Progress = field(default=no_progress)
+    made: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def drive(self) -> Drive:

@@ -60,11 +60,17 @@ class Level:
 
 
 def textured_levels(job: Job) -> Iterator[Level]:
-    """The mesh and its levels of detail, finest first.
+    """The mesh and its levels of detail, finest first; made once for all formats of a job.
 
     Raises:
         SettingsError: too few triangles. WorkspaceError: a stage that this needs has not run.
     """
+    if "textured" not in job.made:
+        job.made["textured"] = list(_levels(job))
+    yield from job.made["textured"]
+
+
+def _levels(job: Job) -> Iterator[Level]:
     frames = job.drive.frames
     for frame in frames:
         job.delivered(frame)  # what is missing is told before minutes of work
