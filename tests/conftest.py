@@ -12,6 +12,9 @@ os.environ["UNVEIL_CACHE"] = str(here / os.environ.get("PYTEST_XDIST_WORKER", "m
 # Kernels are compiled once for all processes of the tests, and not beside the source, which may be read-only.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache/kernels"))
 
+# A studio's colours are for tests that set them.
+os.environ.pop("OCIO", None)
+
 import torch  # noqa: E402
 
 if not torch.cuda.is_available():

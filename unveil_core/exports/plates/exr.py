@@ -3,7 +3,7 @@
 =========================== ========================================================================= ==================
 channels                    what                                                                      values
 =========================== ========================================================================= ==================
-R G B                       the clean frame, linear Rec. 709                                          half
+R G B                       the clean frame, linear: Rec. 709, or ``$OCIO``'s ``scene_linear``         half
 removed.A                   what was removed, with its antialiased border                             half, 0 to 1
 <class>_<id>.A              matte of a removed object, as ``car_0005.A``                              half, 0 to 1
 provenance.Y                0 original, 1 relit, 2 seen elsewhere, 3 continued, 4 invented            half, whole numbers
@@ -13,7 +13,7 @@ normal.X Y Z                of the empty street in the camera's axes: x right, y
 =========================== ========================================================================= ==================
 
 All are of the size and lens of the footage. 8-bit sRGB comes back exactly from half precision; of 16 bits the lowest are rounded.
-The header names the colour space (``colorInteropID``) and has the chromaticities of Rec. 709.
+The header names the colour space (``unveil:colorspace``, ``colorInteropID``) and has the chromaticities of Rec. 709.
 """
 
 from __future__ import annotations
@@ -28,12 +28,11 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image_as_it_is, read_label_image
-from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.base.types import Float32, Labels
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame
-from unveil_core.exports.color import LINEAR
+from unveil_core.exports.color import LinearLight, linear_light
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames
@@ -45,10 +44,8 @@ from unveil_core.semantics.labels import frame_instances
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_mask
 
-__all__ = ["REC709", "write_exr"]
+__all__ = ["write_exr"]
 
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-"""Chromaticities: x and y of red, green, blue and white."""
 SOLID = 0.5
 """Where less light is stopped, the sky is seen: no depth, no normal."""
 
@@ -59,19 +56,18 @@ def write_exr(job: Job, folder: Path) -> None:
     """``<camera>/<camera>.1001.exr`` for each frame, and ``export.json`` that tells which frame each is."""
     import OpenEXR
 
-    frames = job.drive.frames
+    frames, light = job.drive.frames, linear_light()
     removed = [entry for entry in job.objects if entry.get("removed")]
     mattes = _Mattes(job, removed)
     empty = job.surfels("empty")
     for done, (frame, name) in enumerate(zip(frames, numbered(job, "exr"), strict=True)):
-        channels = _color(job, frame)
+        channels = _color(job, frame, light)
         shown = {**_told_pixels(job, frame), **mattes.of(frame), **_surfaces(job, empty, frame)}
         channels |= {key: _in_footage(values, frame, key) for key, values in shown.items()}
         header: dict[str, Any] = {
             "compression": OpenEXR.ZIP_COMPRESSION,
             "type": OpenEXR.scanlineimage,
-            "chromaticities": REC709,
-            "colorInteropID": LINEAR,
+            **light.header(),
             "unveil:source": f"{frame.camera_name}/{frame.name}",
         }
         if frame.timestamp is not None:
@@ -82,15 +78,18 @@ def write_exr(job: Job, folder: Path) -> None:
             file.write(str(path))
         job.progress(done + 1, len(frames), "writing plates")
     layers = [object_name(entry) for entry in removed]
-    tell(folder, "exr", {"colorspace": LINEAR, "mattes": layers, "cameras": told_frames(job)})
+    told = {"colorspace": light.name, "mattes": layers, "cameras": told_frames(job)}
+    if light.configuration is not None:
+        told["opencolorio"] = light.configuration
+    tell(folder, "exr", told)
 
 
-def _color(job: Job, frame: Frame) -> Layers:
+def _color(job: Job, frame: Frame, light: LinearLight) -> Layers:
     """R G B, and A where the footage has an alpha channel, of the clean frame."""
     picture = read_image_as_it_is(job.delivered(frame))
     picture = picture[..., None].repeat(3, axis=2) if picture.ndim == 2 else picture
     share = picture.astype(np.float64) / np.iinfo(picture.dtype).max
-    linear = linear_of_srgb(share[..., :3]).astype(np.float16)
+    linear = light.of(share[..., :3]).astype(np.float16)
     found: Layers = {name: linear[..., k] for k, name in enumerate("RGB")}
     if picture.shape[2] == 4:
         found["A"] = share[..., 3].astype(np.float16)
