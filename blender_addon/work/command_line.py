@@ -2,7 +2,8 @@
 """``blender --background [FILE.blend] --command unveil VERB ARGUMENTS [--save OUT.blend]``
 
 Every verb and option of ``unveil``, with its output and its exit codes (0 done, 1 failed, 2 bad input or usage, 130
-cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded into the scene, which is then saved.
+cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded into the scene, which is then saved; with
+``--save-cameras FILE.abc``, ``.usd`` or ``.fbx``, its cameras are written by Blender's own exporters.
 """
 
 from __future__ import annotations
@@ -12,12 +13,16 @@ import json
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import bpy
 
+from ..formats.drive_files import read_drive
 from ..formats.files import one_line
+from ..scene import blocks, camera_files
+from ..scene.camera_files import KINDS
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.session import interrupts
 from .loading import load
@@ -39,6 +44,7 @@ def main(arguments: list[str]) -> int:
     """Run the command; returns the exit code."""
     parser = _Parser(add_help=False, allow_abbrev=False)
     parser.add_argument("--save", type=Path)
+    parser.add_argument("--save-cameras", type=Path)
     folders = _Parser(add_help=False)
     folders.add_argument("-o", "--output", type=Path)
     try:
@@ -46,14 +52,18 @@ def main(arguments: list[str]) -> int:
         workspace = folders.parse_known_args(rest)[0].output
     except ValueError as error:
         return _refuse(str(error))
-    if given.save is not None and (rest[:1] == [] or rest[0] not in LOADED or workspace is None):
-        return _refuse("--save goes with the verbs run and import, and -o WORKSPACE")
+    wanted = [path for path in (given.save, given.save_cameras) if path is not None]
+    if wanted and (rest[:1] == [] or rest[0] not in LOADED or workspace is None):
+        name = "--save" if given.save is not None else "--save-cameras"
+        return _refuse(f"{name} goes with the verbs run and import, and -o WORKSPACE")
+    if given.save_cameras is not None and given.save_cameras.suffix.lower() not in KINDS:
+        return _refuse(f"{given.save_cameras}: is no file of cameras (use {', '.join(KINDS)})")
     found = unveil_interpreter(bpy.context)
     if found is None or not found.ok:
         return _refuse(found.problem if found else "no Python with unveil was found (set UNVEIL_PYTHON to one)", 1)
     code = _run(unveil_command(found.python, rest))
-    if code == 0 and given.save is not None:
-        return _load_and_save(workspace.absolute(), given.save.absolute())
+    if code == 0 and wanted:
+        return _load_and_save(workspace.absolute(), given.save, given.save_cameras)
     return code
 
 
@@ -73,23 +83,37 @@ def _run(command: list[str]) -> int:
     return code
 
 
-def _load_and_save(workspace: Path, save: Path) -> int:
+def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None) -> int:
     context = bpy.context
     if not bpy.data.filepath:  # no file was named: the new file's cube and lamp would stand in the street
         bpy.data.batch_remove(list(bpy.data.objects))
-    drive = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
-    context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(drive).absolute()), str(workspace)
+    source = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
+    context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(source).absolute()), str(workspace)
     try:
         load(context, workspace)
     except (OSError, ValueError) as error:
         return _refuse(one_line(error, workspace), 1)
-    try:
-        save.parent.mkdir(parents=True, exist_ok=True)
-        bpy.ops.wm.save_as_mainfile(filepath=str(save), check_existing=False)
-    except (OSError, RuntimeError) as error:
-        return _refuse(f"{save}: cannot be saved: {one_line(error, save)}", 1)
-    print(save)
+    for path, write in ((cameras, partial(_write_cameras, workspace)), (save, _save)):
+        if path is None:
+            continue
+        try:
+            path.absolute().parent.mkdir(parents=True, exist_ok=True)
+            write(path.absolute())
+        except (OSError, RuntimeError) as error:
+            return _refuse(f"{path}: cannot be saved: {one_line(error, path)}", 1)
+        print(path.absolute())
     return 0
+
+
+def _save(path: Path) -> None:
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), check_existing=False)
+
+
+def _write_cameras(workspace: Path, path: Path) -> None:
+    drive = read_drive(workspace)
+    collection = blocks.drive_collection(bpy.context.scene, str(drive.workspace.resolve()))
+    assert collection is not None  # it was loaded
+    camera_files.write_cameras(bpy.context, collection, drive, path)
 
 
 def _refuse(problem: str, code: int = 2) -> int:

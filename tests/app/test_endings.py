@@ -182,6 +182,26 @@ def test_an_interrupt_that_is_caught_does_not_end_the_process_by_a_signal(tmp_pa
     assert done.returncode == 130 and done.stderr.count("\n") == 1
 
 
+TALKATIVE = """
+import sys
+from unveil_core.app import cli
+def talk(arguments):
+    for number in range(100000):
+        print(number)
+cli.VERBS["doctor"] = talk
+sys.exit(cli.main(["doctor"]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes")
+def test_who_stops_reading_is_told_nothing() -> None:
+    process = subprocess.Popen([sys.executable, "-c", TALKATIVE], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline() == b"0\n"
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait() == 1
+
+
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a traceback that nobody wrote down."""
     drive, root = make_tiny_drive(tmp_path / "drive"), tmp_path / "ws"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -41,6 +42,9 @@ def main(argv: list[str] | None = None) -> int:
         return _say(f"failed: {error}", 1)
     except (Cancelled, KeyboardInterrupt):
         return _say(CANCELLED.removeprefix("unveil: "), 130)
+    except BrokenPipeError:  # who read the output has left, as ``head`` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to be written goes nowhere
+        return 1
     except Exception as error:
         if arguments.debug:
             raise

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The cameras of a drive as Alembic, OpenUSD or FBX, by Blender's own exporters, with what those files cannot tell beside them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..formats.drive_files import ImportedDrive
+from .drive_scene import tracks_of
+
+__all__ = ["KINDS", "write_cameras"]
+
+KINDS = (".abc", ".usd", ".usda", ".usdc", ".fbx")
+
+
+def write_cameras(
+    context: bpy.types.Context, collection: bpy.types.Collection, drive: ImportedDrive, path: Path
+) -> Path:
+    """Write the animated cameras of a drive, frame n of the drive at frame n.
+
+    Args:
+        collection: the drive in the scene; drive: the same as imported.
+        path: with one of :data:`KINDS` as suffix.
+    Returns:
+        ``<path>.json``, which tells the origin, the units, the time stamps and the picture size.
+    Raises:
+        RuntimeError: the file cannot be written.
+    """
+    scene, cameras = context.scene, tracks_of(collection)
+    frames = max(len(frames) for frames in drive.tracks.values())
+    before = scene.frame_start, scene.frame_end
+    scene.frame_start, scene.frame_end = 0, frames - 1
+    for thing in context.view_layer.objects:
+        thing.select_set(thing in cameras)
+    try:
+        _write(path)
+    finally:
+        scene.frame_start, scene.frame_end = before
+    beside = path.with_name(f"{path.name}.json")
+    beside.write_text(json.dumps(_told(drive, cameras), indent=1) + "\n", encoding="utf-8")
+    return beside
+
+
+def _write(path: Path) -> None:
+    name = str(path)
+    kind = path.suffix.lower()
+    if kind == ".abc":
+        bpy.ops.wm.alembic_export(filepath=name, selected=True, start=0, end=bpy.context.scene.frame_end)
+    elif kind == ".fbx":
+        bpy.ops.export_scene.fbx(
+            filepath=name,
+            use_selection=True,
+            object_types={"CAMERA"},
+            bake_anim=True,
+            bake_anim_use_nla_strips=False,
+            bake_anim_use_all_actions=False,
+            bake_anim_simplify_factor=0.0,  # each frame has its key
+        )
+    else:
+        bpy.ops.wm.usd_export(filepath=name, selected_objects_only=True, export_animation=True, export_materials=False)
+
+
+def _told(drive: ImportedDrive, cameras: list[bpy.types.Object]) -> dict[str, Any]:
+    data = json.loads((drive.workspace / "drive/cameras.json").read_text(encoding="utf-8"))
+    stamps: dict[str, list[dict[str, Any]]] = {}
+    for entry in data["frames"]:
+        track = stamps.setdefault(entry["camera"], [])
+        track.append({"frame": len(track), "name": entry["name"], "timestamp": entry.get("timestamp")})
+    sizes = {c["unveil_track"]: [int(v) for v in c["unveil_size"]] for c in cameras}
+    return {
+        "to_world": data["to_world"],
+        "note": "coordinates of the drive = scale * rotation * coordinates in the file + translation",
+        "frame_rate": data.get("frame_rate"),
+        "cameras": {name: {"size": sizes.get(name), "frames": frames} for name, frames in stamps.items()},
+    }
