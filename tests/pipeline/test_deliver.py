@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 
 from tests.small_street import make_small_street
+from unveil_core.base.errors import Cancelled
 from unveil_core.base.files import read_label_image
 from unveil_core.delivery.lens import footage_positions
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered
-from unveil_core.pipeline.run import run, run_verb
+from unveil_core.pipeline.run import run, run_verb, stage_named
+from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.workspace.workspace import Workspace
 
@@ -121,3 +124,19 @@ def test_a_lens_has_st_maps_of_the_footage_s_size(done: Workspace) -> None:
 
 def test_delivering_again_does_nothing(done: Workspace) -> None:
     assert not run_verb("deliver", done.root)
+
+
+def test_an_attempt_that_was_interrupted_goes_on(street: Path, done: Workspace, tmp_path: Path) -> None:
+    again = Workspace.open(shutil.copytree(done.root, tmp_path / "ws", ignore=shutil.ignore_patterns(".lock")))
+
+    def stop(event: dict[str, object]) -> None:
+        if event["message"] == "delivering":
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run_stages(again, [stage_named("deliver")], SETTINGS, street, force=True, reporter=stop)
+    assert (again.root / ".partial-deliver/st_maps").is_dir()
+    assert run_stages(again, [stage_named("deliver")], SETTINGS, street) == ["deliver"]
+    for folder in ("frames", "st_maps"):
+        files = sorted((done.root / folder).rglob("*.*"))
+        assert files and all(f.read_bytes() == (again.root / f.relative_to(done.root)).read_bytes() for f in files)

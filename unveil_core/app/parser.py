@@ -34,7 +34,8 @@ BLOCK_STAGES = ("reconstruct", "reoptimize")
 """The stages that are made in blocks, see ``pipeline.stage.Stage.run_block``; a test compares."""
 
 EXPORTS = (
-    "splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points", "ply", "obj", "glb", "usd", "nerfstudio", "colmap", "chan",
+    "splat-ply", "spz", "splat-gltf", "usd-splats", "usd-points", "ply", "obj", "glb", "usd", "textured-glb", "textured-obj",
+    "textured-usd", "nerfstudio", "colmap", "chan",
     "las", "laz", "objects-json", "png", "exr", "mp4", "prores",
 )  # fmt: skip
 """The formats of ``exports.registry.FORMATS``; likewise."""

@@ -44,7 +44,7 @@ def run(context: StageContext) -> None:
     drive = read_imported(workspace.drive_dir, points=False)
     folder = context.output("frames")
     lenses = context.output("st_maps")
-    lenses.mkdir(parents=True)
+    lenses.mkdir(parents=True, exist_ok=True)  # an attempt that was interrupted made it
     given = _full_size(context, drive) if any(f.footage is not None for f in drive.frames) else None
     for i, frame in enumerate(drive.frames):
         clean = frame_file(workspace.root / "clean", frame)
