@@ -136,7 +136,7 @@ def test_an_attempt_that_was_interrupted_goes_on(street: Path, done: Workspace, 
     with pytest.raises(Cancelled):
         run_stages(again, [stage_named("deliver")], SETTINGS, street, force=True, reporter=stop)
     assert (again.root / ".partial-deliver/st_maps").is_dir()
-    assert run_stages(again, [stage_named("deliver")], SETTINGS, street) == ["deliver"]
+    assert run_stages(again, [stage_named("deliver")], SETTINGS, street, force=True) == ["deliver"]
     for folder in ("frames", "st_maps"):
         files = sorted((done.root / folder).rglob("*.*"))
         assert files and all(f.read_bytes() == (again.root / f.relative_to(done.root)).read_bytes() for f in files)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.progress import Progress, no_progress, part_of
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
@@ -58,7 +59,7 @@ def fuse_by_distance(
         region_of, cameras, scratch, cache: see :func:`unveil_core.mesh.tsdf.fuse`.
         progress: counts levels and views.
     """
-    mesh = Mesh.empty()
+    mesh = finer = Mesh.empty()
     for level, distance in enumerate(distances):
         voxel = voxel_size * 2**level
         found = fuse(
@@ -73,10 +74,13 @@ def fuse_by_distance(
             cache=cache,
             progress=part_of(progress, level, len(distances)),
         )
+        more = found
         if level:
-            found = drop_small_components(beyond(found, mesh, voxel), SMALLEST_TRIANGLES >> 2 * level, overwrite=True)
-        mesh = _with(mesh, found)
-        del found
+            more = drop_small_components(beyond(found, finer, voxel), SMALLEST_TRIANGLES >> 2 * level)
+        mesh = _with(mesh, more)
+        # As it was fused: the border of what was taken of it runs along the finer level, too.
+        finer = found
+        del found, more
     return mesh
 
 
@@ -88,15 +92,40 @@ def beyond(coarse: Mesh, fine: Mesh, cell: float) -> Mesh:
     """
     if not len(fine.vertices) or not len(coarse.faces):
         return coarse
-    taken = np.unique(_keys(np.floor(fine.vertices / cell).astype(np.int64)))
     places = np.floor(coarse.vertices / cell).astype(np.int64)
-    covered = np.zeros(len(places), dtype=bool)
+    covered = _beside(places, fine.vertices, cell)
+    # At the border of the fine mesh both go on for a triangle or two: ended at the same line, they would leave a crack.
+    covered &= ~_beside(places, fine.vertices[_on_border(fine)], cell)
+    return keep_faces(coarse, ~covered[coarse.faces].all(axis=1))
+
+
+def _beside(places: NDArray[np.int64], points: NDArray[np.float32], cell: float) -> NDArray[np.bool_]:
+    """(N,) bool, which cells (N, 3) are one with a point (P, 3) in it or beside one."""
+    found = np.zeros(len(places), dtype=bool)
+    if not len(points):
+        return found
+    taken = np.unique(_keys(np.floor(points / cell).astype(np.int64)))
     for n in range(27):
-        left = np.flatnonzero(~covered)
+        left = np.flatnonzero(~found)
         keys = _keys(places[left] + (n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1))
         at = np.minimum(np.searchsorted(taken, keys), len(taken) - 1)
-        covered[left] = taken[at] == keys
-    return keep_faces(coarse, ~covered[coarse.faces].all(axis=1))
+        found[left] = taken[at] == keys
+    return found
+
+
+def _on_border(mesh: Mesh) -> NDArray[np.bool_]:
+    """(V,) bool, which vertices the triangles do not go around."""
+    ends = np.zeros(len(mesh.vertices), np.int64)
+    _sum_ends(mesh.faces, ends)
+    return ends != 0
+
+
+@njit(cache=True)
+def _sum_ends(faces, ends):  # type: ignore[no-untyped-def]
+    """Sum, for each vertex, first less last vertex of the edges opposite to it: 0 where they form rings."""
+    for f in range(faces.shape[0]):
+        for k in range(3):
+            ends[faces[f, k]] += np.int64(faces[f, (k + 1) % 3]) - np.int64(faces[f, (k + 2) % 3])
 
 
 def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
