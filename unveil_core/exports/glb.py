@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FLOAT", "INDEX_DATA", "UINT", "USHORT", "GlbBuffer", "glb_bytes"]
+from unveil_core.drives.drive import Drive
+from unveil_core.exports.coordinates import y_up
+
+__all__ = ["FLOAT", "INDEX_DATA", "UINT", "USHORT", "GlbBuffer", "glb_bytes", "street_node"]
 
 FLOAT, USHORT, UINT = 5126, 5123, 5125
 VERTEX_DATA, INDEX_DATA = 34962, 34963
@@ -56,3 +59,17 @@ def glb_bytes(document: dict[str, Any], binary: bytes) -> bytes:
     if binary:
         chunks += struct.pack("<II", len(binary), 0x004E4942) + binary
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def street_node(drive: Drive, name: str) -> dict[str, Any]:
+    """The node of mesh 0, whose vertices are metres around the local origin, y up: it brings them to the drive's place."""
+    frame = y_up(drive)
+    node: dict[str, Any] = {
+        "name": name,
+        "mesh": 0,
+        "translation": frame.from_local.translation.tolist(),
+        "extras": {"to_world": drive.to_world.to_json(), "coordinates": {**frame.to_json(), "shift": [0, 0, 0]}},
+    }
+    if frame.from_local.scale != 1:
+        node["scale"] = [frame.from_local.scale] * 3
+    return node

@@ -17,8 +17,7 @@ import numpy as np
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.srgb import linear_of_srgb
 from unveil_core.exports.color import SRGB
-from unveil_core.exports.coordinates import y_up
-from unveil_core.exports.glb import FLOAT, USHORT, GlbBuffer, glb_bytes
+from unveil_core.exports.glb import FLOAT, USHORT, GlbBuffer, glb_bytes, street_node
 from unveil_core.exports.job import Job
 from unveil_core.exports.splats.placed import opacities, placed, three_log_scales
 from unveil_core.geometry.similarity import Similarity
@@ -33,21 +32,13 @@ EXTENSION = "KHR_gaussian_splatting"
 
 def write_splat_gltf(job: Job, path: Path) -> None:
     """The scene as one GLB."""
-    frame = y_up(job.drive)
     # Metres around the local origin; the node brings them to the drive.
     there = placed(job.scene, Similarity(1.0, Z_TO_Y))
     buffer = GlbBuffer()
     attributes = _attributes(buffer, there)
     attributes["_LABEL"] = buffer.add(job.train_ids(there).astype("<f4"), FLOAT)
     attributes["_INSTANCE"] = buffer.add(job.scene_instances().astype("<f4"), FLOAT)
-    node: dict[str, Any] = {
-        "name": f"{job.state} street",
-        "mesh": 0,
-        "translation": frame.from_local.translation.tolist(),
-        "extras": {"to_world": job.drive.to_world.to_json(), "coordinates": {**frame.to_json(), "shift": [0, 0, 0]}},
-    }
-    if frame.from_local.scale != 1:
-        node["scale"] = [frame.from_local.scale] * 3
+    node = street_node(job.drive, f"{job.state} street")
     extension = {"kernel": "ellipse", "colorSpace": SRGB}
     primitive = {"mode": 0, "attributes": attributes, "extensions": {EXTENSION: extension}}
     document: dict[str, Any] = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.exports.coordinates import y_up
-from unveil_core.exports.glb import FLOAT, INDEX_DATA, UINT, GlbBuffer, glb_bytes
+from unveil_core.exports.glb import FLOAT, INDEX_DATA, UINT, GlbBuffer, glb_bytes, street_node
 from unveil_core.exports.job import Job
 from unveil_core.exports.textured.levels import Level, encoded, page_mesh, textured_levels, write_export_json
 from unveil_core.mesh.export import Z_TO_Y
@@ -29,7 +29,7 @@ def write_textured_glb(job: Job, folder: Path) -> None:
 
 
 def _glb(job: Job, level: Level) -> bytes:
-    frame, buffer = y_up(job.drive), GlbBuffer()
+    buffer = GlbBuffer()
     primitives: list[dict[str, Any]] = []
     materials: list[dict[str, Any]] = []
     images: list[dict[str, Any]] = []
@@ -50,20 +50,12 @@ def _glb(job: Job, level: Level) -> bytes:
         color = {"baseColorTexture": {"index": len(materials)}, "metallicFactor": 0, "roughnessFactor": 1}
         entry: dict[str, Any] = {"name": f"{level.name}_{number}", "doubleSided": True, "pbrMetallicRoughness": color}
         materials.append({**entry, "extensions": {"KHR_materials_unlit": {}}})
-    node: dict[str, Any] = {
-        "name": f"{level.name} street",
-        "mesh": 0,
-        "translation": frame.from_local.translation.tolist(),
-        "extras": {"to_world": job.drive.to_world.to_json(), "coordinates": {**frame.to_json(), "shift": [0, 0, 0]}},
-    }
-    if frame.from_local.scale != 1:
-        node["scale"] = [frame.from_local.scale] * 3
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "unveil"},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [node],
+        "nodes": [street_node(job.drive, f"{level.name} street")],
         "meshes": [{"name": f"{level.name} street", "primitives": primitives}],
         "materials": materials,
         "textures": [{"source": k, "sampler": 0} for k in range(len(images))],
