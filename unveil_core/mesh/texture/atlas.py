@@ -94,8 +94,11 @@ def unwrap(mesh: Mesh, side: int, texel: float, most_pages: int) -> Atlas:
         vertices.append(used[old])
         coordinates.append(places)
         first += len(old)
-    sides = [(int(found.width), int(found.height))] * max(int(found.atlas_count), 1)
-    uv = np.concatenate(coordinates).astype(np.float32)
+    # Pages end where the last chart does.
+    full, pixels = np.array([found.width, found.height]), np.concatenate(coordinates) * (found.width, found.height)
+    size = np.minimum(np.ceil(pixels.max(axis=0)).astype(int) + PADDING_PX, full)
+    sides = [(int(size[0]), int(size[1]))] * max(int(found.atlas_count), 1)
+    uv = (pixels / size).astype(np.float32)
     return Atlas(uv, corners, np.concatenate(vertices).astype(np.int32), pages, sides, texel)
 
 
