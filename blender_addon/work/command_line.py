@@ -83,7 +83,7 @@ def _run(command: list[str]) -> int:
     return code
 
 
-def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None) -> int:
+def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None = None) -> int:
     context = bpy.context
     if not bpy.data.filepath:  # no file was named: the new file's cube and lamp would stand in the street
         bpy.data.batch_remove(list(bpy.data.objects))
