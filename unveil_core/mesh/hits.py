@@ -14,7 +14,7 @@ from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.mesh.mesh import Mesh
 
-__all__ = ["Hits", "hit_triangles", "rasterize"]
+__all__ = ["Hits", "hit_triangles", "interpolated", "rasterize"]
 
 NEAREST = 0.05
 """Metres; triangles that reach nearer are left out."""
@@ -44,11 +44,17 @@ class Hits:
         """
         if not len(faces):
             return np.zeros((*self.face.shape, table.shape[1]), np.float32)
-        corners = faces[np.maximum(self.face, 0)]
-        wa, wb = self.weights[..., :1], self.weights[..., 1:]
-        a, b, c = (table[corners[..., k]].astype(np.float32) for k in range(3))
-        found: NDArray[np.float32] = wa * a + wb * b + (1 - wa - wb) * c
-        return found
+        return interpolated(faces[np.maximum(self.face, 0)], self.weights, table)
+
+
+def interpolated(
+    corners: NDArray[np.int32], weights: NDArray[np.float32], table: NDArray[np.generic]
+) -> NDArray[np.float32]:
+    """(..., C) float32 between rows (V, C) of a table: ``corners`` (..., 3), by the weights (..., 2) of the first two."""
+    wa, wb = weights[..., :1], weights[..., 1:]
+    a, b, c = (table[corners[..., k]].astype(np.float32) for k in range(3))
+    found: NDArray[np.float32] = wa * a + wb * b + (1 - wa - wb) * c
+    return found
 
 
 def hit_triangles(mesh: Mesh, camera: Camera) -> Hits:
@@ -58,12 +64,8 @@ def hit_triangles(mesh: Mesh, camera: Camera) -> Hits:
         mesh: in the camera's frame of reference.
         camera: the view; triangles that reach behind it are left out.
     """
-    local: Float64 = mesh.vertices.astype(np.float64) @ camera.world_to_camera[:3, :3].T
-    local += camera.world_to_camera[:3, 3]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        columns = local[:, 0] / local[:, 2] * camera.fx + camera.cx
-        rows = local[:, 1] / local[:, 2] * camera.fy + camera.cy
-    return rasterize(np.stack([columns, rows, local[:, 2]], axis=1), mesh.faces, (camera.height, camera.width))
+    pixels, depth = camera.project(mesh.vertices.astype(np.float64))
+    return rasterize(np.column_stack([pixels, depth]), mesh.faces, (camera.height, camera.width))
 
 
 def rasterize(screen: Float64, faces: NDArray[np.int32], size: tuple[int, int]) -> Hits:

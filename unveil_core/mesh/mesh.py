@@ -34,11 +34,21 @@ class Mesh:
 
     def face_normals(self) -> NDArray[np.float32]:
         """(F, 3) unit normals, zero for degenerate triangles."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        normal = np.cross(b - a, c - a)
+        normal = self._edge_products()
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         unit: NDArray[np.float32] = (normal / np.maximum(length, 1e-20)).astype(np.float32)
         return unit
+
+    @property
+    def area(self) -> float:
+        """Of all triangles, square metres."""
+        return float(np.linalg.norm(self._edge_products().astype(np.float64), axis=1).sum()) / 2
+
+    def _edge_products(self) -> NDArray[np.float32]:
+        """(F, 3) cross products of two edges: along the normals, twice as long as the triangles are large."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        product: NDArray[np.float32] = np.cross(b - a, c - a)
+        return product
 
 
 def keep_faces(mesh: Mesh, keep: NDArray[np.bool_], *, overwrite: bool = False) -> Mesh:

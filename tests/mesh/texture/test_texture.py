@@ -149,6 +149,17 @@ def test_what_the_mesh_lacks_is_not_painted_where_most_pictures_disagree() -> No
     assert green[0] == 0 and green[1] <= seen_once < 0.05 * clean.images[0].shape[0] * clean.images[0].shape[1]
 
 
+def test_a_triangle_larger_than_the_picture_is_painted() -> None:
+    """None of its corners is in the picture."""
+    wall = grid(np.array([WALL_X, -30, -30]), np.array([0, 60.0, 0]), np.array([0, 0, 60.0]), 1)
+    camera = camera_at(0.0, 0.0)
+    picture = photograph(camera, wall)
+    textured = painted(wall, [view(camera, picture)], 0.06)
+    shown = render_textured_picture(textured, camera)
+    assert psnr(shown, picture, np.ones(shown.shape[:2], bool)) > 20
+    assert np.abs(shown.astype(int) - 110).max() > 60  # not the vertices' grey
+
+
 def test_what_no_picture_shows_has_the_colours_of_the_vertices() -> None:
     textured = painted(COURT, [])
     inside = textured.images[0]

@@ -67,8 +67,7 @@ def unwrap(mesh: Mesh, side: int, texel: float, most_pages: int) -> Atlas:
     """
     import xatlas  # of the extra "exports"
 
-    area = float(_areas(mesh).sum())
-    texel = max(texel, float(np.sqrt(area / (USED * most_pages * side * side))))
+    texel = max(texel, float(np.sqrt(mesh.area / (USED * most_pages * side * side))))
     tiles = _tiles(mesh)
     while True:
         found = xatlas.Atlas()
@@ -115,9 +114,3 @@ def _tiles(mesh: Mesh) -> list[NDArray[np.int64]]:
         order = own[np.argsort(centres[own, axis], kind="stable")]
         groups += [np.sort(order[len(order) // 2 :]), np.sort(order[: len(order) // 2])]
     return done
-
-
-def _areas(mesh: Mesh) -> NDArray[np.float64]:
-    """(F,) of the triangles, square metres."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)

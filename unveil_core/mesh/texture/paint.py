@@ -19,7 +19,7 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import sample_at
 from unveil_core.geometry.reach import cameras_near, centres_of
-from unveil_core.mesh.hits import hit_triangles, rasterize
+from unveil_core.mesh.hits import hit_triangles, interpolated, rasterize
 from unveil_core.mesh.mesh import Mesh
 from unveil_core.mesh.texture.atlas import PADDING_PX, Atlas, TexturedMesh
 
@@ -132,20 +132,13 @@ def _texels(mesh: Mesh, atlas: Atlas, number: int, side: tuple[int, int]) -> _Te
     index = np.flatnonzero(hits.face.ravel() >= 0)
     face = own[hits.face.ravel()[index]].astype(np.int32)
     corners, weights = mesh.faces[face], hits.weights.reshape(-1, 2)[index]
-    last = 1 - weights.sum(axis=1, keepdims=True)
-
-    def mixed(table: NDArray[np.generic]) -> Float32:
-        a, b, c = (table[corners[:, k]].astype(np.float32) for k in range(3))
-        found: Float32 = weights[:, :1] * a + weights[:, 1:] * b + last * c
-        return found
-
     count = len(index)
     return _Texels(
         index,
         face,
-        mixed(mesh.vertices),
+        interpolated(corners, weights, mesh.vertices),
         mesh.face_normals()[face],
-        mixed(mesh.colors) / np.float32(255),
+        interpolated(corners, weights, mesh.colors) / np.float32(255),
         np.zeros((count, 3), np.float32),
         np.zeros(count, np.float32),
     )
@@ -156,8 +149,10 @@ def _add(mesh: Mesh, texels: _Texels, view: TextureView) -> None:
     camera = view.camera
     # Whole triangles are ruled out first: a page has millions of texels, and a picture shows some of them.
     pixels, depth = camera.project(mesh.vertices.astype(np.float64))
-    there = camera.in_picture(pixels, depth) & (depth < FARTHEST_M)
-    some = np.flatnonzero(there[mesh.faces].any(axis=1)[texels.face])
+    there = (camera.in_picture(pixels, depth) & (depth < FARTHEST_M))[mesh.faces].any(axis=1)
+    hits = hit_triangles(mesh, camera)
+    there[hits.face[hits.face >= 0]] = True  # also those whose corners all lie outside
+    some = np.flatnonzero(there[texels.face])
     points = texels.points[some].astype(np.float64)
     pixels, depth = camera.project(points)
     inside = camera.in_picture(pixels, depth) & (depth < FARTHEST_M)
@@ -165,7 +160,7 @@ def _add(mesh: Mesh, texels: _Texels, view: TextureView) -> None:
     ray = points - camera.centre
     cosine = np.abs((ray * texels.normals[some]).sum(axis=1)) / np.maximum(np.linalg.norm(ray, axis=1), 1e-9)
     column, row = np.minimum(pixels.astype(np.int64), [camera.width - 1, camera.height - 1]).T
-    inverse = hit_triangles(mesh, camera).inverse_depth
+    inverse = hits.inverse_depth
     pixel = depth / camera.fx / np.maximum(cosine, FLATTEST)  # metres of depth that one pixel more or less makes
     shown = (cosine > FLATTEST) & (inverse[row, column] * (depth - SLACK * depth - pixel) < 1)
     # Beside a silhouette a picture, whose pixels are not the mesh's, may show either side.
