@@ -12,31 +12,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.progress import Progress, no_progress, part_of
+from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.geometry.camera import Camera
+from unveil_core.mesh.join import joined
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
-from unveil_core.mesh.tsdf import DepthView, fuse
+from unveil_core.mesh.tsdf import AROUND, DepthView, fuse, index_among, keys_of, lost
 
 __all__ = ["beyond", "fuse_by_distance"]
 
 SMALLEST_TRIANGLES = 200
 """Of a connected piece, at the finest level; at coarser ones a piece of the same size has a quarter."""
-CELL_BITS, HALF_CELLS = 21, 1 << 20
-
-
-class _Stored:
-    """Views that were fused before: they lie in files, and nobody asks for them again."""
-
-    def __init__(self, count: int) -> None:
-        self._count = count
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: int) -> DepthView:
-        raise LookupError("a view was removed while it was in use")
 
 
 def fuse_by_distance(
@@ -59,14 +47,16 @@ def fuse_by_distance(
         region_of, cameras, scratch, cache: see :func:`unveil_core.mesh.tsdf.fuse`.
         progress: counts levels and views.
     """
-    mesh = finer = Mesh.empty()
+    finer, sizes = Mesh.empty(), []
+    # As ``fuse`` does with regions: the mesh of a long drive is too large to be held twice.
+    kept = Kept(scratch / "levels")
     for level, distance in enumerate(distances):
-        voxel = voxel_size * 2**level
+        voxel, smallest = voxel_size * 2**level, SMALLEST_TRIANGLES >> 2 * level
         found = fuse(
-            views() if level == 0 else _Stored(len(cameras)),  # type: ignore[arg-type]
+            views() if level == 0 else Frames(len(cameras), lost),
             voxel_size=voxel,
             max_depth=distance,
-            smallest_triangles=SMALLEST_TRIANGLES >> 2 * level,
+            smallest_triangles=smallest,
             region_of=region_of,
             cameras=cameras,
             scratch=scratch,
@@ -74,14 +64,14 @@ def fuse_by_distance(
             cache=cache,
             progress=part_of(progress, level, len(distances)),
         )
-        more = found
-        if level:
-            more = drop_small_components(beyond(found, finer, voxel), SMALLEST_TRIANGLES >> 2 * level)
-        mesh = _with(mesh, more)
+        part = drop_small_components(beyond(found, finer, voxel), smallest) if level else found
+        kept.once(str(level), lambda part=part: vars(part))  # type: ignore[misc]
+        sizes.append((len(part.vertices), len(part.faces)))
         # As it was fused: the border of what was taken of it runs along the finer level, too.
         finer = found
-        del found, more
-    return mesh
+        del found, part
+    del finer
+    return joined((Mesh(**kept.once(str(level), lost)) for level in range(len(sizes))), sizes)
 
 
 def beyond(coarse: Mesh, fine: Mesh, cell: float) -> Mesh:
@@ -104,12 +94,10 @@ def _beside(places: NDArray[np.int64], points: NDArray[np.float32], cell: float)
     found = np.zeros(len(places), dtype=bool)
     if not len(points):
         return found
-    taken = np.unique(_keys(np.floor(points / cell).astype(np.int64)))
-    for n in range(27):
+    taken = np.unique(keys_of(np.floor(points / cell).astype(np.int64)))
+    for step in AROUND:
         left = np.flatnonzero(~found)
-        keys = _keys(places[left] + (n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1))
-        at = np.minimum(np.searchsorted(taken, keys), len(taken) - 1)
-        found[left] = taken[at] == keys
+        found[left] = index_among(taken, keys_of(places[left] + step)) >= 0
     return found
 
 
@@ -126,19 +114,3 @@ def _sum_ends(faces, ends):  # type: ignore[no-untyped-def]
     for f in range(faces.shape[0]):
         for k in range(3):
             ends[faces[f, k]] += np.int64(faces[f, (k + 1) % 3]) - np.int64(faces[f, (k + 2) % 3])
-
-
-def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) one number for each cell (N, 3), of a million cells to each side."""
-    x, y, z = (cells + HALF_CELLS).T
-    found: NDArray[np.int64] = x << 2 * CELL_BITS | y << CELL_BITS | z
-    return found
-
-
-def _with(mesh: Mesh, more: Mesh) -> Mesh:
-    if not len(mesh.faces):
-        return more
-    if not len(more.faces):
-        return mesh
-    faces = np.concatenate([mesh.faces, more.faces + np.int32(len(mesh.vertices))])
-    return Mesh(np.concatenate([mesh.vertices, more.vertices]), faces, np.concatenate([mesh.colors, more.colors]))

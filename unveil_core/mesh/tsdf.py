@@ -29,12 +29,14 @@ from unveil_core.mesh import tsdf_kernels as kernels
 from unveil_core.mesh.join import joined
 from unveil_core.mesh.mesh import Mesh, drop_small_components, keep_faces
 
-__all__ = ["DepthView", "fuse"]
+__all__ = ["AROUND", "DepthView", "fuse", "index_among", "keys_of", "lost"]
 
 LARGEST_BLOCKS = 400_000
 """Of a region, about 5 GB of voxels: a voxel size that asks for more was a mistake."""
 MOST_KEYS = 40_000_000
 """Of all regions, 320 MB of numbers."""
+AROUND = [(n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1) for n in range(27)]
+"""Steps from a place in a grid to those around it and to itself."""
 RIM_JUMP = 1.0
 """Neighbouring voxels that differ by more than this (of 2) are the rim of a silhouette, not a surface."""
 
@@ -138,7 +140,7 @@ def fuse(
         cameras: of the views, needed with ``scratch``.
         scratch: folder in which an interrupted attempt finds its views and regions again, the caller's to remove; None = a
             temporary one. It must be given to calls with the same views only.
-        regions_name: name in ``scratch`` for what hangs on the other arguments, too.
+        regions_name: in ``scratch``, of what hangs on the other arguments, too.
         cache: room for views in memory.
         progress: called once per view, then for the surface.
     Returns:
@@ -187,7 +189,7 @@ def fuse(
         # The views hold the scene that they show, which may be as large as the mesh.
         del views, prepared, found, keys, blocks, region, work
         progress(total - 1, total, "joining the mesh")
-        mesh = joined((Mesh(**kept.once(str(number), _lost)) for number in regions), sizes)
+        mesh = joined((Mesh(**kept.once(str(number), lost)) for number in regions), sizes)
     if bounds is not None and len(mesh.faces):
         inside = ((mesh.vertices >= box[0]) & (mesh.vertices <= box[1])).all(axis=1)
         mesh = keep_faces(mesh, inside[mesh.faces].all(axis=1))
@@ -275,7 +277,8 @@ def _fuse_region(
     return _extract(volume, blocks, keys, voxel, own)
 
 
-def _lost() -> dict[str, NDArray[Any]]:
+def lost(*_: object) -> Any:
+    """What is asked for what lies in files already."""
     raise WorkspaceError("a part of the mesh was removed while it was in use", mend="run it again")
 
 
@@ -375,12 +378,20 @@ def _extract(
 
 def _neighbours(blocks: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int32]:
     """(B, 27) indices of the blocks around each block, itself at 13, -1 where there is none."""
-    half = kernels.HALF_KEYS
-    table = np.full((len(blocks), 27), -1, dtype=np.int32)
-    for n in range(27):
-        x, y, z = (blocks + (n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1) + half).T
-        wanted = x << 42 | y << 21 | z
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        found = keys[at] == wanted
-        table[found, n] = at[found]
+    table = np.empty((len(blocks), 27), dtype=np.int32)
+    for n, step in enumerate(AROUND):
+        table[:, n] = index_among(keys, keys_of(blocks + step))
     return table
+
+
+def keys_of(places: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) numbers of places (N, 3) in a grid, those by which the kernels know blocks; rising with x, then y, then z."""
+    x, y, z = (places + kernels.HALF_KEYS).T
+    keys: NDArray[np.int64] = x << 42 | y << 21 | z
+    return keys
+
+
+def index_among(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(N,) where each of ``wanted`` (N,) is in rising ``keys``, at least one; -1 for those that are not."""
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[at] == wanted, at, -1)
