@@ -9,7 +9,7 @@ from dataclasses import fields
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import BLOCK_STAGES, EXPORTS, STAGE_VERBS, command_parser
 from unveil_core.app.verbs import VERBS
-from unveil_core.exports.job import START_FRAME
+from unveil_core.exports.job import START_FRAME, TEXTURE_PX
 from unveil_core.exports.registry import FORMATS
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.settings import RunSettings
@@ -22,7 +22,8 @@ def test_each_stage_has_a_verb_in_the_order_of_the_graph() -> None:
 
 def test_each_format_of_export_is_named() -> None:
     assert list(EXPORTS) == list(FORMATS)
-    assert command_parser().parse_args(["export", "ws"]).start_frame == START_FRAME
+    given = command_parser().parse_args(["export", "ws"])
+    assert (given.start_frame, given.texture) == (START_FRAME, TEXTURE_PX)
 
 
 def test_each_verb_that_is_parsed_does_something() -> None:

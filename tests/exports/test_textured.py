@@ -21,6 +21,8 @@ BACK = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 def levels(folder: Path) -> list[dict]:
     told = json.loads((folder / "export.json").read_text())
     assert told["coordinates"]["metres_per_unit"] == pytest.approx(1 / WORLD.scale)
+    # Nothing is left out of the coordinates: a node, a transform or text holds them whole.
+    assert told["coordinates"]["shift"] == [0, 0, 0] and told["format"].startswith("textured-")
     return told["levels"]
 
 

@@ -54,11 +54,15 @@ class Coordinates:
         """From local coordinates to those of a file of single precision."""
         return Similarity(self.from_local.scale, self.from_local.rotation, self.from_local.translation - self.shift)
 
-    def to_json(self) -> dict[str, Any]:
-        """What a file beside the export tells of its coordinates."""
+    def to_json(self, *, shifted: bool = True) -> dict[str, Any]:
+        """What a file beside the export tells of its coordinates.
+
+        Args:
+            shifted: False for a format that holds them whole, in doubles, as text or under a transform.
+        """
         return {
             "frame": self.name,
-            "shift": self.shift.tolist(),
+            "shift": self.shift.tolist() if shifted else [0, 0, 0],
             "rotation_to_drive": self.to_drive.tolist(),
             "metres_per_unit": 1 / self.from_local.scale,
             "note": "coordinates of the drive = rotation_to_drive * (coordinates in the file + shift)",

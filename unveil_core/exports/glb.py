@@ -68,7 +68,7 @@ def street_node(drive: Drive, name: str) -> dict[str, Any]:
         "name": name,
         "mesh": 0,
         "translation": frame.from_local.translation.tolist(),
-        "extras": {"to_world": drive.to_world.to_json(), "coordinates": {**frame.to_json(), "shift": [0, 0, 0]}},
+        "extras": {"to_world": drive.to_world.to_json(), "coordinates": frame.to_json(shifted=False)},
     }
     if frame.from_local.scale != 1:
         node["scale"] = [frame.from_local.scale] * 3

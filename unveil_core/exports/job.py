@@ -14,6 +14,7 @@ from unveil_core.base.files import parsed_json
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
@@ -62,6 +63,11 @@ class Job:
     def drive(self) -> Drive:
         """The imported drive, without its points."""
         return read_imported(self.workspace.drive_dir, points=False)
+
+    @cached_property
+    def exposures(self) -> Exposures:
+        """Of each frame of the drive."""
+        return read_exposures(self.workspace.exposure_json)
 
     @cached_property
     def scene(self) -> Surfels:

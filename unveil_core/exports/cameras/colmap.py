@@ -46,7 +46,7 @@ def write_colmap(job: Job, folder: Path) -> None:
     _write(model / "cameras.txt", "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", lines)
     _write(model / "images.txt", "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then POINTS2D[]", images)
     _write(model / "points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]", _point_lines(job))
-    tell(folder, "colmap", {"coordinates": {**frame.to_json(), "shift": [0, 0, 0]}})
+    tell(folder, "colmap", {"coordinates": frame.to_json(shifted=False)})
 
 
 def _camera_line(c: DeliveredCamera) -> str:

@@ -40,7 +40,7 @@ def write_nerfstudio(job: Job, folder: Path) -> None:
         "frames": [_entry(camera) for camera in cameras],
     }
     write_json_atomic(folder / "transforms.json", document)
-    tell(folder, "nerfstudio", {"coordinates": {**frame.to_json(), "shift": [0, 0, 0]}})
+    tell(folder, "nerfstudio", {"coordinates": frame.to_json(shifted=False)})
 
 
 def _entry(c: DeliveredCamera) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from unveil_core.base.files import write_bytes_atomic
 from unveil_core.exports.coordinates import y_up
 from unveil_core.exports.glb import FLOAT, INDEX_DATA, UINT, GlbBuffer, glb_bytes, street_node
 from unveil_core.exports.job import Job
-from unveil_core.exports.textured.levels import Level, encoded, page_mesh, textured_levels, write_export_json
+from unveil_core.exports.textured.levels import Level, encoded, page_mesh, textured_levels
+from unveil_core.exports.whole import tell
 from unveil_core.mesh.export import Z_TO_Y
 
 __all__ = ["write_textured_glb"]
@@ -25,7 +26,7 @@ def write_textured_glb(job: Job, folder: Path) -> None:
     for level in textured_levels(job):
         write_bytes_atomic(folder / f"{level.name}.glb", _glb(job, level))
         told.append(level.told(f"{level.name}.glb"))
-    write_export_json(folder, y_up(job.drive), told)
+    tell(folder, "textured-glb", {"coordinates": y_up(job.drive).to_json(shifted=False), "levels": told})
 
 
 def _glb(job: Job, level: Level) -> bytes:

@@ -5,9 +5,8 @@ Each level has a quarter of the triangles of the one before, and pages of half t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -15,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_image_as_it_is, write_json_atomic
+from unveil_core.base.files import read_image_as_it_is
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import part_of
 from unveil_core.base.types import Float32, Float64
 from unveil_core.delivery.full_size import as_color, in_exposure
 from unveil_core.delivery.lens import footage_positions
 from unveil_core.drives.drive import Frame
-from unveil_core.drives.exposure import IDENTITY, read_exposures
-from unveil_core.exports.coordinates import Coordinates
+from unveil_core.drives.exposure import IDENTITY
 from unveil_core.exports.job import Job
 from unveil_core.mesh import decimate
 from unveil_core.mesh.texture import TexturedMesh, TextureView, paint, unwrap
 from unveil_core.workspace.movers import ego_pixels
 
-__all__ = ["Level", "encoded", "page_mesh", "texture_view", "textured_levels", "write_export_json"]
+__all__ = ["Level", "encoded", "page_mesh", "texel_m", "texture_view", "textured_levels"]
 
 TEXTURED_TRIANGLES = 200_000
 """Of the finest level where no number is asked for: it shows no more with more, and less fits the memory of a viewer."""
@@ -59,7 +57,7 @@ class Level:
         return {"file": file, "triangles": len(self.textured.mesh.faces), "texel_m": texel, "pages": sides}
 
 
-def textured_levels(job: Job) -> Iterator[Level]:
+def textured_levels(job: Job) -> list[Level]:
     """The mesh and its levels of detail, finest first; made once for all formats of a job.
 
     Raises:
@@ -67,7 +65,8 @@ def textured_levels(job: Job) -> Iterator[Level]:
     """
     if "textured" not in job.made:
         job.made["textured"] = list(_levels(job))
-    yield from job.made["textured"]
+    levels: list[Level] = job.made["textured"]
+    return levels
 
 
 def _levels(job: Job) -> Iterator[Level]:
@@ -76,25 +75,28 @@ def _levels(job: Job) -> Iterator[Level]:
         job.delivered(frame)  # what is missing is told before minutes of work
 
     mesh = job.mesh if job.triangles is not None else decimate(job.mesh, TEXTURED_TRIANGLES)
-    focal = [f.camera.fx if f.footage is None else f.footage.camera.fx for f in frames]
-    texel, finest = NEAR_M / float(np.median(focal)), len(mesh.faces)
+    texel, finest, cameras = texel_m(frames), len(mesh.faces), [f.camera for f in frames]
+    views = Frames(len(frames), lambda i: texture_view(job, frames[i]))
     for level in range(job.levels + 1):
         told = part_of(job.progress, level, job.levels + 1)
         if level:
             mesh = decimate(mesh, max(finest >> 2 * level, 4))
         told(0, 1, f"unwrapping {len(mesh.faces):,} triangles")
         atlas = unwrap(mesh, job.texture_px >> level, texel * 2**level, MOST_PAGES)
-        cameras = [f.camera for f in frames]
-        painted = paint(
-            mesh, atlas, cameras, Frames(len(frames), lambda i: texture_view(job, frames[i])), progress=told
-        )
+        painted = paint(mesh, atlas, cameras, views, progress=told)
         yield Level(job.state + (f"_lod{level}" if level else ""), painted)
+
+
+def texel_m(frames: Sequence[Frame]) -> float:
+    """Edge of a texel of the finest level, metres: a pixel of the footage at :data:`NEAR_M`."""
+    focal = [f.camera.fx if f.footage is None else f.footage.camera.fx for f in frames]
+    return NEAR_M / float(np.median(focal))
 
 
 def texture_view(job: Job, frame: Frame) -> TextureView:
     """The clean frame at full size, in the scene's canonical colours."""
     color = as_color(read_image_as_it_is(job.delivered(frame)))
-    own = read_exposures(job.workspace.exposure_json).of(frame)
+    own = job.exposures.of(frame)
     canonical = in_exposure(color.reshape(-1, 3), own, IDENTITY).reshape(color.shape)
     return TextureView(frame.camera, np.clip(canonical, 0, 1), _locate(frame), ~ego_pixels(frame))
 
@@ -126,8 +128,3 @@ def encoded(image: NDArray[np.uint8], suffix: str) -> bytes:
     if not done:
         raise SettingsError("a page of the texture cannot be written", mend="give a smaller --texture")
     return bytes(content)
-
-
-def write_export_json(folder: Path, coordinates: Coordinates, levels: list[dict[str, Any]]) -> None:
-    """``export.json`` of a folder of textured meshes."""
-    write_json_atomic(folder / "export.json", {"coordinates": coordinates.to_json(), "levels": levels})

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.exports.coordinates import drive_coordinates
 from unveil_core.exports.job import Job
-from unveil_core.exports.textured.levels import Level, encoded, textured_levels, write_export_json
+from unveil_core.exports.textured.levels import Level, encoded, textured_levels
+from unveil_core.exports.whole import tell
 
 __all__ = ["write_textured_obj"]
 
@@ -24,7 +25,7 @@ def write_textured_obj(job: Job, folder: Path) -> None:
         write_bytes_atomic(folder / f"{level.name}.mtl", _materials(level).encode())
         write_bytes_atomic(folder / f"{level.name}.obj", _obj(job, level).encode())
         told.append(level.told(f"{level.name}.obj"))
-    write_export_json(folder, drive_coordinates(job.drive), told)
+    tell(folder, "textured-obj", {"coordinates": drive_coordinates(job.drive).to_json(shifted=False), "levels": told})
 
 
 def _obj(job: Job, level: Level) -> str:

@@ -10,8 +10,9 @@ import numpy as np
 from unveil_core.base.files import write_bytes_atomic
 from unveil_core.exports.coordinates import z_up
 from unveil_core.exports.job import Job
-from unveil_core.exports.textured.levels import Level, encoded, page_mesh, textured_levels, write_export_json
+from unveil_core.exports.textured.levels import Level, encoded, page_mesh, textured_levels
 from unveil_core.exports.usd import ROOT, new_stage, set_mesh
+from unveil_core.exports.whole import tell
 
 __all__ = ["write_textured_usd"]
 
@@ -26,7 +27,7 @@ def write_textured_usd(job: Job, folder: Path) -> None:
             _page(stage, level, number)
         stage.GetRootLayer().Save()
         told.append(level.told(f"{level.name}.usdc"))
-    write_export_json(folder, z_up(job.drive), told)
+    tell(folder, "textured-usd", {"coordinates": z_up(job.drive).to_json(shifted=False), "levels": told})
 
 
 def _page(stage: Any, level: Level, number: int) -> None:
