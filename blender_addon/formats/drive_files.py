@@ -43,6 +43,7 @@ class DriveFrame:
         camera_to_scene: (4, 4) float64, of Blender's camera.
         footage: the file as it came; what is delivered has its size and lens.
         in_lens: whether that shows what no camera without a lens does.
+        timestamp: seconds, None if the drive does not tell.
     """
 
     name: str
@@ -56,6 +57,7 @@ class DriveFrame:
     camera_to_scene: np.ndarray
     footage: Path
     in_lens: bool = False
+    timestamp: float | None = None
 
     @property
     def lens(self) -> Lens:
@@ -78,6 +80,7 @@ class ImportedDrive:
         source: what was imported.
         tracks: frames by camera name, in time.
         offset: (3,) float64; rotation: (3, 3) float64.
+        frame_rate: frames a second, None if the drive does not tell.
     """
 
     workspace: Path
@@ -86,6 +89,7 @@ class ImportedDrive:
     offset: np.ndarray
     units_per_metre: float
     rotation: np.ndarray
+    frame_rate: float | None = None
 
     @property
     def name(self) -> str:
@@ -136,7 +140,8 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
             raise ValueError("its way to the drive is none")
         if not np.isfinite(rotation).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
             raise ValueError("its way to the drive is no rotation")
-        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation)
+        rate = _number(data.get("frame_rate"))
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation, rate)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
             tracks.setdefault(_name(entry["camera"]), []).append(_frame(entry, drive))
@@ -144,6 +149,10 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
         raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
     drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
     return drive
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
 
 
 def _name(text: object) -> str:
@@ -189,4 +198,5 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
         placed @ FLIP,
         file_below(drive.workspace / "drive", footage["image"]),
         in_lens,
+        _number(entry.get("timestamp")),
     )

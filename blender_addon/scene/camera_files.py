@@ -30,16 +30,17 @@ def write_cameras(
     Raises:
         RuntimeError: the file cannot be written.
     """
-    scene, cameras = context.scene, tracks_of(collection)
-    frames = max(len(frames) for frames in drive.tracks.values())
-    before = scene.frame_start, scene.frame_end
-    scene.frame_start, scene.frame_end = 0, frames - 1
-    for thing in context.view_layer.objects:
+    scene, cameras, things = context.scene, tracks_of(collection), context.view_layer.objects
+    before = scene.frame_start, scene.frame_end, [thing.select_get() for thing in things]
+    scene.frame_start, scene.frame_end = 0, max(len(frames) for frames in drive.tracks.values()) - 1
+    for thing in things:
         thing.select_set(thing in cameras)
     try:
         _write(path)
-    finally:
-        scene.frame_start, scene.frame_end = before
+    finally:  # what the artist had set
+        scene.frame_start, scene.frame_end, selected = before
+        for thing, was in zip(things, selected, strict=True):
+            thing.select_set(was)
     beside = path.with_name(f"{path.name}.json")
     beside.write_text(json.dumps(_told(drive, cameras), indent=1) + "\n", encoding="utf-8")
     return beside
@@ -65,15 +66,22 @@ def _write(path: Path) -> None:
 
 
 def _told(drive: ImportedDrive, cameras: list[bpy.types.Object]) -> dict[str, Any]:
-    data = json.loads((drive.workspace / "drive/cameras.json").read_text(encoding="utf-8"))
-    stamps: dict[str, list[dict[str, Any]]] = {}
-    for entry in data["frames"]:
-        track = stamps.setdefault(entry["camera"], [])
-        track.append({"frame": len(track), "name": entry["name"], "timestamp": entry.get("timestamp")})
     sizes = {c["unveil_track"]: [int(v) for v in c["unveil_size"]] for c in cameras}
+    to_world = {
+        "scale": drive.units_per_metre,
+        "rotation": drive.rotation.tolist(),
+        "translation": drive.offset.tolist(),
+    }
+    tracks = {
+        name: {
+            "size": sizes.get(name),
+            "frames": [{"frame": n, "name": f.name, "timestamp": f.timestamp} for n, f in enumerate(frames)],
+        }
+        for name, frames in drive.tracks.items()
+    }
     return {
-        "to_world": data["to_world"],
+        "to_world": to_world,
         "note": "coordinates of the drive = scale * rotation * coordinates in the file + translation",
-        "frame_rate": data.get("frame_rate"),
-        "cameras": {name: {"size": sizes.get(name), "frames": frames} for name, frames in stamps.items()},
+        "frame_rate": drive.frame_rate,
+        "cameras": tracks,
     }

@@ -22,7 +22,6 @@ import bpy
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line
 from ..scene import blocks, camera_files
-from ..scene.camera_files import KINDS
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.session import interrupts
 from .loading import load
@@ -52,18 +51,19 @@ def main(arguments: list[str]) -> int:
         workspace = folders.parse_known_args(rest)[0].output
     except ValueError as error:
         return _refuse(str(error))
-    wanted = [path for path in (given.save, given.save_cameras) if path is not None]
+    save, cameras = (path and path.absolute() for path in (given.save, given.save_cameras))
+    wanted = save or cameras
     if wanted and (rest[:1] == [] or rest[0] not in LOADED or workspace is None):
-        name = "--save" if given.save is not None else "--save-cameras"
+        name = "--save" if save else "--save-cameras"
         return _refuse(f"{name} goes with the verbs run and import, and -o WORKSPACE")
-    if given.save_cameras is not None and given.save_cameras.suffix.lower() not in KINDS:
-        return _refuse(f"{given.save_cameras}: is no file of cameras (use {', '.join(KINDS)})")
+    if cameras and cameras.suffix.lower() not in camera_files.KINDS:
+        return _refuse(f"{cameras}: is no file of cameras (use {', '.join(camera_files.KINDS)})")
     found = unveil_interpreter(bpy.context)
     if found is None or not found.ok:
         return _refuse(found.problem if found else "no Python with unveil was found (set UNVEIL_PYTHON to one)", 1)
     code = _run(unveil_command(found.python, rest))
     if code == 0 and wanted:
-        return _load_and_save(workspace.absolute(), given.save, given.save_cameras)
+        return _load_and_save(workspace.absolute(), save, cameras)
     return code
 
 
@@ -97,11 +97,11 @@ def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None = No
         if path is None:
             continue
         try:
-            path.absolute().parent.mkdir(parents=True, exist_ok=True)
-            write(path.absolute())
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write(path)
         except (OSError, RuntimeError) as error:
             return _refuse(f"{path}: cannot be saved: {one_line(error, path)}", 1)
-        print(path.absolute())
+        print(path)
     return 0
 
 

@@ -50,8 +50,10 @@ def test_cameras_come_back(command, addon, street: Path, workspace: Path, tmp_pa
     given = ["run", str(street), "-o", str(workspace), "--quality", "draft", "--save-cameras", str(files[0])]
     assert command(given) == 0
     assert str(files[0]) in capfd.readouterr().out
+    chosen = {o.name: o.select_get() for o in bpy.context.view_layer.objects}
     for path in files[1:]:
         addon.module("work.command_line")._write_cameras(workspace, path)
+    assert {o.name: o.select_get() for o in bpy.context.view_layer.objects} == chosen
     (camera,) = (o for o in bpy.data.objects if o.type == "CAMERA")
     poses, fields = track(camera, 8)
     for path in files:
