@@ -22,9 +22,9 @@ sys.path.insert(0, str(HERE.parent))
 from unveil_core.base.files import read_image, write_image_atomic  # noqa: E402
 from unveil_core.base.frame_cache import Frames  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
-from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim_map  # noqa: E402
+from unveil_core.evaluate.metrics import gradient, psnr_of_mse, squared_error, ssim_map  # noqa: E402
 from unveil_core.exports.job import Job  # noqa: E402
-from unveil_core.exports.textured.levels import MOST_PAGES, NEAR_M, texture_view  # noqa: E402
+from unveil_core.exports.textured.levels import MOST_PAGES, texel_m, texture_view  # noqa: E402
 from unveil_core.mesh import decimate  # noqa: E402
 from unveil_core.mesh.hits import hit_triangles  # noqa: E402
 from unveil_core.mesh.picture import render_mesh_picture, render_textured_picture  # noqa: E402
@@ -37,12 +37,6 @@ COVERED = 0.995
 """A frame's pixels are judged where the mesh covers all samples of them."""
 
 
-def gradient_energy(picture: np.ndarray) -> np.ndarray:
-    """(H, W) squared length of the gradient of the grey values."""
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    return cv2.Sobel(grey, -1, 1, 0) ** 2 + cv2.Sobel(grey, -1, 0, 1) ** 2
-
-
 def judged(draw, frames, clean, covered) -> dict[str, float]:  # type: ignore[no-untyped-def]
     """PSNR, SSIM and gradient energy (over the clean frames') of pictures, over all frames."""
     errors, similar, energy, true = [], [], 0.0, 0.0
@@ -50,8 +44,8 @@ def judged(draw, frames, clean, covered) -> dict[str, float]:  # type: ignore[no
         picture = draw(frame.camera)
         errors.append(squared_error(picture, true_picture)[inside])
         similar.append(ssim_map(picture, true_picture)[inside])
-        energy += float(gradient_energy(picture)[inside].sum())
-        true += float(gradient_energy(true_picture)[inside].sum())
+        energy += float(gradient(picture)[inside].sum())
+        true += float(gradient(true_picture)[inside].sum())
     mse = float(np.concatenate(errors).mean())
     return {
         "psnr": round(psnr_of_mse(mse), 2),
@@ -64,13 +58,12 @@ def main() -> None:
     workspace = Workspace.open(Path(sys.argv[1]))
     job = Job(workspace)
     frames = list(job.drive.frames)
-    texel = NEAR_M / float(np.median([f.camera.fx for f in frames]))
     clean = [read_image(frame_file(workspace.root / "clean", f)) for f in frames]
     rows, strip = [], []
     for triangles in TRIANGLES:
         mesh = decimate(job.mesh, triangles)
         begun = time.perf_counter()
-        atlas = unwrap(mesh, job.texture_px, texel, MOST_PAGES)
+        atlas = unwrap(mesh, job.texture_px, texel_m(frames), MOST_PAGES)
         unwrapped = time.perf_counter() - begun
         covered = []
         for frame in frames:

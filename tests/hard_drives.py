@@ -31,6 +31,8 @@ from unveil_core.workspace.workspace import Workspace
 SHRINK = 2
 DRAFT = RunSettings(quality="draft", iterations=60, splats=6000)
 """A run of seconds, for drives in thumbnails."""
+LONGER = RunSettings(quality="draft", iterations=150, splats=8000)
+"""Where frames are judged."""
 SETTINGS = ReconstructSettings(iterations=60, sh_degree=0, start=StartSettings(budget=6000), budget=8000)
 LINE = [float(i) for i in range(8)]
 

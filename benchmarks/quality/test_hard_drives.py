@@ -12,6 +12,7 @@ import pytest
 
 from tests.hard_drives import (
     LINE,
+    LONGER,
     SHRINK,
     Outcome,
     check_frames,
@@ -24,9 +25,6 @@ from tests.hard_drives import (
 )
 from tests.small_street import CAR, picture, pose_at
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.settings import RunSettings
-
-DRAFT = RunSettings(quality="draft", iterations=150, splats=8000)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +51,7 @@ def test_exposure_that_jumps_by_a_factor_of_four(tmp_path: Path, plain: Outcome)
     replace_images(path, "images", lambda image, i: (image * gains[i]).round().astype(np.uint8))
     outcome = reconstructed(path)
     assert outcome.psnr > plain.psnr - 1 and abs(outcome.miou - plain.miou) < 0.05
-    workspace = run(path, tmp_path / "ws", DRAFT, until="deliver")
+    workspace = run(path, tmp_path / "ws", LONGER, until="deliver")
     assert json.loads(workspace.exposure_json.read_text())["figures"]["used"]
     check_frames(workspace, path, 30)
     squares = []

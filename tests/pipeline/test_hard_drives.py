@@ -13,13 +13,11 @@ import pytest
 import torch
 from plyfile import PlyData
 
-from tests.hard_drives import LINE, check_frames, make_tiny_street, move, reconstructed, replace_points
+from tests.hard_drives import LINE, LONGER, check_frames, make_tiny_street, move, reconstructed, replace_points
 from unveil_core.app.export import export_results
 from unveil_core.base.errors import DriveError
 from unveil_core.pipeline.run import run
-from unveil_core.pipeline.settings import RunSettings
 
-DRAFT = RunSettings(quality="draft", iterations=150, splats=8000)
 UTM = np.array([687_000.0, 6_000_000.0, 520.0])
 
 
@@ -32,7 +30,7 @@ def test_utm_coordinates_cost_nothing(tmp_path: Path) -> None:
     # What density control does hangs on last bits; where it did the same, surfels are at the same place.
     distance = torch.cdist(moved.surfels.means, plain.surfels.means).amin(dim=1)
     assert float(distance.quantile(0.9)) < 0.01
-    workspace = run(path, tmp_path / "ws", DRAFT, until="mesh")
+    workspace = run(path, tmp_path / "ws", LONGER, until="mesh")
     check_frames(workspace, path, 30)
     vertex = PlyData.read(str(export_results(workspace, to=["ply"])[0]))["vertex"]
     middle = [float(np.median(np.asarray(vertex[n], dtype=np.float64))) for n in "xyz"]
@@ -42,13 +40,13 @@ def test_utm_coordinates_cost_nothing(tmp_path: Path) -> None:
 def test_two_frames(tmp_path: Path) -> None:
     path = make_tiny_street(tmp_path / "street", [0.0, 1.0])
     assert reconstructed(path).psnr > 22
-    check_frames(run(path, tmp_path / "ws", replace(DRAFT, iterations=300), until="deliver"), path, 33)
+    check_frames(run(path, tmp_path / "ws", replace(LONGER, iterations=300), until="deliver"), path, 33)
 
 
 def test_a_drive_that_never_starts(tmp_path: Path) -> None:
     path = make_tiny_street(tmp_path / "street", [0.0] * 6)
     assert reconstructed(path).psnr > 26
-    check_frames(run(path, tmp_path / "ws", DRAFT, until="mesh"), path, 39)
+    check_frames(run(path, tmp_path / "ws", LONGER, until="mesh"), path, 39)
 
 
 def test_one_point(tmp_path: Path) -> None:
