@@ -155,9 +155,10 @@ def test_an_end_that_is_asked_for_before_the_first_stage_is_one_line(number: int
         text = process.stderr.readline()
         assert text
     process.send_signal(number)
-    said = [line for line in process.stderr.read().splitlines() if line.startswith(("unveil", "Traceback"))]
+    said = process.stderr.read()  # the signal may have cut a line of Python's short
     assert process.wait(timeout=120) == 130
-    assert said == ["unveil: cancelled; run the same command again to go on"]
+    assert said.count("unveil: ") == 1 and "unveil: cancelled; run the same command again to go on\n" in said
+    assert "Traceback" not in said
     process.stderr.close()
     assert not root.exists()
 
