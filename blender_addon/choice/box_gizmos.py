@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The objects' boxes in the viewport, as one gizmo: it lights up what the pointer is on, and a click chooses it.
 
-A gizmo works whatever tool is active. Hit testing is in ``boxes.pick`` and :func:`box_at`, drawing in :func:`lines_of`.
+It answers in a tool of its own, and while the sidebar shows the add-on's tab. Hit testing is in ``boxes.pick`` and
+:func:`box_at`, drawing in :func:`lines_of`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from ..formats.boxes import EDGES, corners_of, pick
 from ..scene import view
 from . import selection
+from .tool import answers_clicks
 
 __all__ = ["box_at", "lines_of"]
 
@@ -119,7 +121,7 @@ class UNVEIL_GT_boxes(bpy.types.Gizmo):
 
 
 class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
-    """Shown in every 3D view of a scene that has a drive."""
+    """Shown in the 3D views that answer clicks, of a scene that has a drive."""
 
     bl_idname = "UNVEIL_GGT_boxes"
     bl_label = "Unveil boxes"
@@ -129,7 +131,7 @@ class UNVEIL_GGT_boxes(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return context.mode == "OBJECT" and _shown(context) is not None
+        return context.mode == "OBJECT" and answers_clicks(context) and _shown(context) is not None
 
     def setup(self, context: bpy.types.Context) -> None:
         gizmo = self.gizmos.new(UNVEIL_GT_boxes.bl_idname)

@@ -20,8 +20,9 @@ from ..formats.files import write_whole
 from ..formats.object_files import read_marks
 from ..scene import blocks
 
-__all__ = ["FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
+__all__ = ["FILE", "FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
 
+FILE = "marked.json"
 FIRST_NUMBER = 1001
 """Ids of marks begin here, where few drives have ids of their own."""
 
@@ -69,14 +70,16 @@ def _world(thing: bpy.types.Object) -> Matrix:
     return own if thing.parent is None else _world(thing.parent) @ thing.matrix_parent_inverse @ own
 
 
-def write_marked(workspace: Path, objects: Sequence[Any]) -> Path | None:
+def write_marked(workspace: Path, objects: Sequence[Any], metre: float = 1.0) -> Path | None:
     """Write ``marked.json`` of a workspace: all marks among the objects of the list; None where there never were any.
 
+    Args:
+        metre: units of the scene.
     Raises:
         ValueError: the workspace has no imported drive.
         OSError: it cannot be written.
     """
-    path = workspace / "marked.json"
+    path = workspace / FILE
     own = [o for o in objects if o.source in ("box", "mattes")]
     if not own and not path.is_file():
         return None
@@ -86,8 +89,8 @@ def write_marked(workspace: Path, objects: Sequence[Any]) -> Path | None:
         if thing.source == "mattes":
             entry["mattes"] = os.path.realpath(bpy.path.abspath(thing.mattes))
         else:
-            drive, box = _placed(workspace), box_of_marker(thing.marker)
-            size = [float(max(v, 1e-3)) * drive.units_per_metre for v in box.size]
+            drive, box = _placed(workspace, metre), box_of_marker(thing.marker)
+            size = [float(max(v, 1e-3)) * drive.units_per_metre / metre for v in box.size]
             entry |= {"centre": drive.to_drive(np.asarray(box.centre)).tolist(), "size": size, "yaw": box.yaw}
         entries.append(entry)
     text = json.dumps(entries, indent=1) + "\n"
@@ -96,15 +99,15 @@ def write_marked(workspace: Path, objects: Sequence[Any]) -> Path | None:
     return path
 
 
-_drives: dict[tuple[str, int], ImportedDrive] = {}
+_drives: dict[tuple[str, int, float], ImportedDrive] = {}
 
 
-def _placed(workspace: Path) -> ImportedDrive:
+def _placed(workspace: Path, metre: float) -> ImportedDrive:
     """The drive of a workspace, read again when it was imported again."""
-    key = (str(workspace), (workspace / "drive" / "cameras.json").stat().st_mtime_ns)
+    key = (str(workspace), (workspace / "drive" / "cameras.json").stat().st_mtime_ns, metre)
     if key not in _drives:
         _drives.clear()
-        _drives[key] = read_drive(workspace)
+        _drives[key] = read_drive(workspace, metre)
     return _drives[key]
 
 
@@ -119,7 +122,7 @@ def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> list[dict[str, Any]
         if mark.box is None:
             found.append({**common, "source": "mattes", "mattes": mark.mattes})
             continue
-        size = np.asarray(mark.box.size) / drive.units_per_metre
+        size = np.asarray(mark.box.size) / drive.units_per_metre * drive.metre
         box = SceneBox(tuple(drive.from_drive(np.asarray(mark.box.centre))), tuple(size), mark.box.yaw)
         marker = new_marker(collection, mark.number, mark.class_name, box)
         found.append({**common, "source": "box", "marker": marker})

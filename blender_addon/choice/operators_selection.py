@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from ..formats.boxes import SceneBox
 from ..formats.classes import VEHICLES
 from ..formats.sequences import pictures_in
-from ..scene import view
+from ..scene import drive_scene, view
 from . import marks, selection
 
 __all__: list[str] = []
@@ -29,6 +29,10 @@ class UNVEIL_OT_toggle_object(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty(description="The object's id")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _has_list(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         listed = context.scene.unveil_selection
@@ -70,6 +74,10 @@ class UNVEIL_OT_choose(bpy.types.Operator):
     )
     class_name: StringProperty(options={"SKIP_SAVE"})
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _has_list(cls, context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         listed = context.scene.unveil_selection
         names = {"VEHICLES": VEHICLES, "PEOPLE": PEOPLE, "CLASS": (self.class_name,)}.get(self.which)
@@ -99,6 +107,10 @@ class UNVEIL_OT_go_to_object(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _has_list(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         thing = next((o for o in context.scene.unveil_selection.objects if o.number == self.number), None)
@@ -132,7 +144,8 @@ class UNVEIL_OT_add_box(bpy.types.Operator):
         assert collection is not None
         thing = _new_entry(scene, self.class_name.strip() or "object", "box")
         x, y, z = scene.cursor.location
-        box = SceneBox((x, y, z + BOX_SIZE_M[2] / 2), BOX_SIZE_M, _heading(scene))
+        length, width, height = (v * drive_scene.metre_of(scene) for v in BOX_SIZE_M)
+        box = SceneBox((x, y, z + height / 2), (length, width, height), _heading(scene))
         thing.marker = marks.new_marker(collection, thing.number, thing.class_name, box)
         for other in context.view_layer.objects:
             other.select_set(False)
@@ -180,6 +193,10 @@ class UNVEIL_OT_remove_mark(bpy.types.Operator):
 
     number: IntProperty()
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _has_list(cls, context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         listed = context.scene.unveil_selection
         for i, thing in enumerate(listed.objects):
@@ -192,6 +209,13 @@ class UNVEIL_OT_remove_mark(bpy.types.Operator):
                 return {"FINISHED"}
         self.report({"ERROR"}, f"There is no mark {self.number}")
         return {"CANCELLED"}
+
+
+def _has_list(cls: type, context: bpy.types.Context) -> bool:
+    ready = selection.current(context.scene)
+    if not ready:
+        cls.poll_message_set("Import a drive first")  # type: ignore[attr-defined]
+    return ready
 
 
 def _can_mark(cls: type, context: bpy.types.Context) -> bool:

@@ -23,9 +23,22 @@ from bpy.props import (
 from ..formats.boxes import SceneBox
 from ..formats.drive_files import ImportedDrive
 from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving
+from ..formats.timeline import Timeline, timeline_of
+from ..scene import blocks, drive_scene, versions
 from . import marks
 
-__all__ = ["UnveilClass", "UnveilObject", "UnveilSelection", "arguments", "box_of", "fill", "is_marked", "problem"]
+__all__ = [
+    "UnveilClass",
+    "UnveilObject",
+    "UnveilSelection",
+    "arguments",
+    "box_of",
+    "chosen_arguments",
+    "fill",
+    "is_marked",
+    "marked_file",
+    "problem",
+]
 
 
 class UnveilObject(bpy.types.PropertyGroup):
@@ -50,8 +63,9 @@ class UnveilObject(bpy.types.PropertyGroup):
     best_frame: IntProperty(default=-1, description="The frame of the timeline that shows it best; negative: none")
     points: IntProperty()
     thumbnail: StringProperty()
+    thumbnail_stamp: StringProperty(description="When it was written: drawing does not ask the disk")
     marker: PointerProperty(type=bpy.types.Object, description="The wire cube around what nobody labelled")
-    mattes: StringProperty(subtype="DIR_PATH")
+    mattes: StringProperty(subtype="DIR_PATH", options=versions.PATH)
 
 
 def _of_class(self: UnveilClass) -> list[UnveilObject]:
@@ -118,7 +132,7 @@ def current(scene: Any) -> bool:
     """Whether the lists are of the workspace that is set."""
     place = scene.unveil.workspace
     listed = scene.unveil_selection.workspace
-    return bool(place and listed) and os.path.realpath(bpy.path.abspath(place)) == os.path.realpath(listed)
+    return bool(place and listed) and blocks.same_place(place, listed)
 
 
 def standing(scene: Any) -> list[UnveilObject]:
@@ -152,9 +166,22 @@ def chosen_numbers(scene: Any) -> list[int]:
 def arguments(scene: Any) -> list[str]:
     """Options of ``unveil run`` that say what is removed; none before a drive was imported, which means all that can be.
 
-    Writes ``marked.json`` of the workspace where people marked objects and something of that has changed. Quick enough
-    for every redraw.
+    Writes ``marked.json`` of the workspace where people marked objects and something of that has changed.
     """
+    if not current(scene):
+        return []
+    path = marks.write_marked(Path(scene.unveil_selection.workspace), standing(scene), drive_scene.metre_of(scene))
+    return [*chosen_arguments(scene), *(["--marked", str(path)] if path is not None else [])]
+
+
+def marked_file(scene: Any) -> str:
+    """The file that tells of the marks in the list; empty where none is there."""
+    marked = any(is_marked(o) for o in standing(scene))
+    return str(Path(scene.unveil_selection.workspace) / marks.FILE) if marked else ""
+
+
+def chosen_arguments(scene: Any) -> list[str]:
+    """The same without the marks' file. Quick, and touches no disk: for every redraw."""
     if not current(scene):
         return []
     found: list[str] = []
@@ -163,8 +190,7 @@ def arguments(scene: Any) -> list[str]:
         found += ["--remove", ",".join(classes)]
     if numbers:
         found += ["--instances", ",".join(str(n) for n in numbers)]
-    path = marks.write_marked(Path(scene.unveil_selection.workspace), standing(scene))
-    return found if path is None else [*found, "--marked", str(path)]
+    return found
 
 
 def problem(scene: Any) -> str:
@@ -185,7 +211,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     Raises:
         ValueError: a damaged file; one line that names it.
     """
-    selection = scene.unveil_selection
+    selection, timeline = scene.unveil_selection, timeline_of(drive, scene.unveil.start_frame)
     place = str(drive.workspace.resolve())
     classes, objects = read_listed(drive)
     same = selection.workspace == place
@@ -206,7 +232,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         thing = selection.objects.add()
         thing.number, thing.source, thing.class_name = number, entry.source, entry.class_name
         thing.chosen, thing.moves = number in chosen, number in moving
-        _describe(thing, entry, drive)
+        _describe(thing, entry, drive, timeline)
     for mark in kept:
         thing = selection.objects.add()
         for name, value in mark.items():
@@ -214,7 +240,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         if not same:
             thing.chosen = thing.number in chosen
         if thing.number in known:
-            _describe(thing, known[thing.number], drive)
+            _describe(thing, known[thing.number], drive, timeline)
     for thing in selection.objects:
         thing.name = f"{thing.class_name} {thing.number}"
     selection.classes.clear()
@@ -238,22 +264,30 @@ def _keep(thing: UnveilObject) -> dict[str, Any]:
     return {name: getattr(thing, name) for name in names}
 
 
-def _describe(thing: UnveilObject, entry: ListedObject, drive: ImportedDrive) -> None:
+def _describe(thing: UnveilObject, entry: ListedObject, drive: ImportedDrive, timeline: Timeline) -> None:
     thing.frames, thing.points = entry.frames, entry.points
     thing.first_frame, thing.last_frame = entry.first_frame, entry.last_frame
-    thing.best_track, thing.best_frame = _place(drive, entry.best_camera, entry.best_frame)
+    thing.best_track, thing.best_frame = _place(drive, timeline, entry.best_camera, entry.best_frame)
     thing.distance = -1.0 if entry.distance_m is None else entry.distance_m
     thing.thumbnail = "" if entry.thumbnail is None else str(entry.thumbnail)
+    thing.thumbnail_stamp = _stamp(thing.thumbnail)
     thing.boxed = entry.box is not None and thing.source != "box"
     if entry.box is not None and thing.boxed:
-        thing.centre, thing.size = entry.box.centre, entry.box.size
+        thing.centre, thing.size = ([v * drive.metre for v in part] for part in (entry.box.centre, entry.box.size))
         thing.yaw = entry.box.yaw - math.pi / 2  # the files count from east, the scene's x is north
 
 
-def _place(drive: ImportedDrive, track: str | None, name: str | None) -> tuple[str, int]:
+def _stamp(path: str) -> str:
+    try:
+        return str(os.stat(path).st_mtime_ns) if path else ""
+    except OSError:
+        return ""
+
+
+def _place(drive: ImportedDrive, timeline: Timeline, track: str | None, name: str | None) -> tuple[str, int]:
     """Track and frame of the timeline of a frame of the drive."""
     names = [f.name for f in drive.tracks.get(track or "", ())]
-    return (track or "", names.index(name)) if name in names else ("", -1)
+    return (track or "", timeline.frames[track or ""][names.index(name)]) if name in names else ("", -1)
 
 
 CLASSES = (UnveilObject, UnveilClass, UnveilSelection)

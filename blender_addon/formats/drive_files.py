@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An imported drive, as the files of its workspace tell it, in Blender's conventions. No bpy here.
 
-Scene coordinates are those of the workspace: metres, z up, an origin amid the cameras.
+Scene coordinates are those of the workspace, z up with an origin amid the cameras, in units of the scene instead of metres.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class DriveFrame:
 
 @dataclass(frozen=True, eq=False)
 class ImportedDrive:
-    """A drive in scene coordinates. Those of its files are ``units_per_metre * rotation @ scene + offset``.
+    """A drive in scene coordinates. Those of its files are ``units_per_metre / metre * rotation @ scene + offset``.
 
     Attributes:
         workspace: its folder.
@@ -81,6 +81,7 @@ class ImportedDrive:
         tracks: frames by camera name, in time.
         offset: (3,) float64; rotation: (3, 3) float64.
         frame_rate: frames a second, None if the drive does not tell.
+        metre: units of the scene.
     """
 
     workspace: Path
@@ -90,6 +91,7 @@ class ImportedDrive:
     units_per_metre: float
     rotation: np.ndarray
     frame_rate: float | None = None
+    metre: float = 1.0
 
     @property
     def name(self) -> str:
@@ -99,11 +101,11 @@ class ImportedDrive:
 
     def to_drive(self, scene: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the scene in the drive's own coordinates, as its files have them."""
-        return scene @ self.rotation.T * self.units_per_metre + self.offset
+        return scene @ self.rotation.T * (self.units_per_metre / self.metre) + self.offset
 
     def from_drive(self, points: np.ndarray) -> np.ndarray:
         """Points (..., 3) of the drive's own coordinates in the scene."""
-        return (points - self.offset) @ self.rotation / self.units_per_metre
+        return (points - self.offset) @ self.rotation * (self.metre / self.units_per_metre)
 
 
 def read_json(path: Path) -> Any:
@@ -120,9 +122,11 @@ def read_json(path: Path) -> Any:
         raise ValueError(f"{path}: cannot be read: {error}") from error
 
 
-def read_drive(workspace: str | Path) -> ImportedDrive:
+def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
     """The imported drive of a workspace.
 
+    Args:
+        metre: units of the scene that it is for.
     Raises:
         ValueError: there is none, or it is damaged; one line that names the file.
     """
@@ -141,7 +145,7 @@ def read_drive(workspace: str | Path) -> ImportedDrive:
         if not np.isfinite(rotation).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
             raise ValueError("its way to the drive is no rotation")
         rate = _number(data.get("frame_rate"))
-        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation, rate)
+        drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation, rate, metre)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
             tracks.setdefault(_name(entry["camera"]), []).append(_frame(entry, drive))
@@ -187,6 +191,7 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     width, height = int(shown["width"]), int(shown["height"])
     lens = [float(shown[key]) for key in ("fx", "fy", "cx", "cy")]
     sound = 1 <= min(width, height) <= max(width, height) < LONGEST_SIDE and (np.abs(placed) < FARTHEST).all()
+    placed[:3, 3] *= drive.metre
     if not sound or not (np.abs(lens) < FARTHEST).all() or min(lens[:2]) < 1 / FARTHEST:
         raise ValueError(f"the camera of frame {entry['name']} has no size, focal length or pose")
     return DriveFrame(

@@ -27,6 +27,7 @@ __all__ = [
     "read_moving",
     "read_source",
     "recorded_drive",
+    "recorded_settings",
 ]
 
 LARGEST = (1 << 31) - 1
@@ -166,6 +167,18 @@ def recorded_drive(workspace: Path) -> str:
         return _text(data.get("drive", ""))
 
     return _read(workspace / "workspace.json", understood, "", "run it again")
+
+
+def recorded_settings(workspace: Path) -> dict[str, Any]:
+    """The settings that a workspace was last run with, by ``workspace.json``: any values, under any names."""
+
+    def understood(data: Any) -> dict[str, Any]:
+        found = data.get("settings") or {}
+        if not isinstance(found, dict):
+            raise TypeError("its settings are no object")
+        return {str(name): value for name, value in found.items()}
+
+    return _read(workspace / "workspace.json", understood, {}, "run it again")
 
 
 def _read(path: Path, understood: Callable[[Any], T], nothing: T, mend: str) -> T:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import os
 import uuid
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
 
 __all__ = [
+    "as_preferred",
     "child_collection",
     "drive_collection",
     "drive_of",
@@ -20,8 +22,11 @@ __all__ = [
     "ensure_file",
     "ensure_object",
     "find",
+    "is_own",
+    "look_up",
     "mark",
     "remove",
+    "resolved",
     "same_place",
     "strips",
     "workspace_of",
@@ -35,9 +40,14 @@ def mark(block: Any, drive: str, role: str) -> None:
     block[DRIVE], block[ROLE] = drive, role
 
 
+def is_own(block: Any) -> bool:
+    """Whether a data block is this file's: one that is linked, or overrides a linked one, is another file's to change."""
+    return getattr(block, "library", None) is None and getattr(block, "override_library", None) is None
+
+
 def find(blocks: Any, drive: str, role: str) -> Any:
     """The one of that role, None where there is none."""
-    return next((b for b in blocks if b.get(ROLE) == role and b.get(DRIVE) == drive), None)
+    return next((b for b in blocks if b.get(ROLE) == role and b.get(DRIVE) == drive and is_own(b)), None)
 
 
 def ensure(blocks: Any, drive: str, role: str, make: Any) -> Any:
@@ -64,10 +74,11 @@ def ensure_file(blocks: Any, drive: str, role: str, path: str, name: str) -> Any
     block = find(blocks, drive, role)
     if block is None:
         block = blocks.load(path)
+        block.filepath = as_preferred(path)
         block.name = name
         mark(block, drive, role)
-    elif not same_place(bpy.path.abspath(block.filepath), path):
-        block.filepath = path
+    elif not same_place(block.filepath, path):
+        block.filepath = as_preferred(path)
     return block
 
 
@@ -77,9 +88,36 @@ def remove(blocks: Any, block: Any) -> None:
         blocks.remove(block)
 
 
+def as_preferred(path: str) -> str:
+    """A path relative to the .blend where Blender's preference says so and there is one."""
+    if not bpy.data.filepath or not bpy.context.preferences.filepaths.use_relative_paths:
+        return path
+    try:
+        return str(bpy.path.relpath(path))
+    except ValueError:  # on another drive
+        return path
+
+
+_resolved: dict[str, str] = {}
+
+
+def look_up(paths: Iterable[str]) -> None:
+    """Find out where paths lead, links followed: drawing goes by what was found then, for a disk may be far away."""
+    for path in paths:
+        if path:
+            absolute = bpy.path.abspath(path)
+            _resolved[absolute] = os.path.normcase(os.path.realpath(absolute))
+
+
+def resolved(path: str) -> str:
+    """Where a path leads, as far as that was looked up; else as it is written."""
+    absolute = bpy.path.abspath(path)
+    return _resolved.get(absolute) or os.path.normcase(os.path.normpath(absolute))
+
+
 def same_place(a: str, b: str) -> bool:
-    """Whether two paths lead to one file or folder."""
-    return os.path.normcase(os.path.realpath(a)) == os.path.normcase(os.path.realpath(b))
+    """Whether two paths lead to one file or folder, as far as :func:`look_up` knows them."""
+    return resolved(a) == resolved(b)
 
 
 def strips(scene: bpy.types.Scene) -> list[Any]:
@@ -90,7 +128,7 @@ def strips(scene: bpy.types.Scene) -> list[Any]:
 
 def workspace_of(collection: bpy.types.Collection) -> str:
     """Absolute path of the workspace that a drive's collection shows."""
-    return os.path.realpath(bpy.path.abspath(str(collection.get(WORKSPACE, ""))))
+    return str(os.path.abspath(bpy.path.abspath(str(collection.get(WORKSPACE, "")))))
 
 
 def drive_of(collection: bpy.types.Collection) -> str:
@@ -105,9 +143,9 @@ def drive_collection(
 
     One whose workspace is gone but whose drive is the same was moved with its workspace, and is taken over.
     """
-    drives = [c for c in scene.collection.children_recursive if c.get(ROLE) == "drive"]
+    drives = [c for c in scene.collection.children_recursive if c.get(ROLE) == "drive" and is_own(c)]
     for collection in drives:
-        if same_place(workspace_of(collection), workspace):
+        if same_place(str(collection.get(WORKSPACE, "")), workspace):
             return collection
     if not name:
         return None
@@ -128,7 +166,12 @@ def _left_behind(workspace: str) -> str | None:
     inside = os.path.join(os.path.realpath(workspace), "")
     for block in (*bpy.data.images, *bpy.data.movieclips):
         own = block.get(DRIVE)
-        if own and own not in used and os.path.realpath(bpy.path.abspath(block.filepath)).startswith(inside):
+        if (
+            own
+            and own not in used
+            and is_own(block)
+            and os.path.realpath(bpy.path.abspath(block.filepath)).startswith(inside)
+        ):
             return str(own)
     return None
 

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ..formats.drive_files import ImportedDrive
+from ..formats.timeline import Timeline, timeline_of
 from .drive_scene import tracks_of
 
 __all__ = ["KINDS", "write_cameras"]
@@ -20,7 +21,7 @@ KINDS = (".abc", ".usd", ".usda", ".usdc", ".fbx")
 def write_cameras(
     context: bpy.types.Context, collection: bpy.types.Collection, drive: ImportedDrive, path: Path
 ) -> Path:
-    """Write the animated cameras of a drive, frame n of the drive at frame n.
+    """Write the animated cameras of a drive, at the frames of the timeline that show its pictures.
 
     Args:
         collection: the drive in the scene; drive: the same as imported.
@@ -32,7 +33,8 @@ def write_cameras(
     """
     scene, cameras, things = context.scene, tracks_of(collection), context.view_layer.objects
     before = scene.frame_start, scene.frame_end, [thing.select_get() for thing in things]
-    scene.frame_start, scene.frame_end = 0, max(len(frames) for frames in drive.tracks.values()) - 1
+    timeline = timeline_of(drive, scene.unveil.start_frame)
+    scene.frame_start, scene.frame_end = timeline.start, timeline.end
     for thing in things:
         thing.select_set(thing in cameras)
     try:
@@ -42,7 +44,7 @@ def write_cameras(
         for thing, was in zip(things, selected, strict=True):
             thing.select_set(was)
     beside = path.with_name(f"{path.name}.json")
-    beside.write_text(json.dumps(_told(drive, cameras), indent=1) + "\n", encoding="utf-8")
+    beside.write_text(json.dumps(_told(drive, cameras, timeline), indent=1) + "\n", encoding="utf-8")
     return beside
 
 
@@ -50,7 +52,8 @@ def _write(path: Path) -> None:
     name = str(path)
     kind = path.suffix.lower()
     if kind == ".abc":
-        bpy.ops.wm.alembic_export(filepath=name, selected=True, start=0, end=bpy.context.scene.frame_end)
+        scene = bpy.context.scene
+        bpy.ops.wm.alembic_export(filepath=name, selected=True, start=scene.frame_start, end=scene.frame_end)
     elif kind == ".fbx":
         bpy.ops.export_scene.fbx(
             filepath=name,
@@ -65,17 +68,20 @@ def _write(path: Path) -> None:
         bpy.ops.wm.usd_export(filepath=name, selected_objects_only=True, export_animation=True, export_materials=False)
 
 
-def _told(drive: ImportedDrive, cameras: list[bpy.types.Object]) -> dict[str, Any]:
+def _told(drive: ImportedDrive, cameras: list[bpy.types.Object], timeline: Timeline) -> dict[str, Any]:
     sizes = {c["unveil_track"]: [int(v) for v in c["unveil_size"]] for c in cameras}
     to_world = {
-        "scale": drive.units_per_metre,
+        "scale": drive.units_per_metre / drive.metre,
         "rotation": drive.rotation.tolist(),
         "translation": drive.offset.tolist(),
     }
     tracks = {
         name: {
             "size": sizes.get(name),
-            "frames": [{"frame": n, "name": f.name, "timestamp": f.timestamp} for n, f in enumerate(frames)],
+            "frames": [
+                {"frame": n, "name": f.name, "timestamp": f.timestamp}
+                for n, f in zip(timeline.frames[name], frames, strict=True)
+            ],
         }
         for name, frames in drive.tracks.items()
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A track of the drive as an animated camera: frame n of the timeline is its frame n, counted from 0."""
+"""A track of the drive as an animated camera, with a key at the frame of each picture."""
 
 from __future__ import annotations
 
@@ -13,17 +13,26 @@ from mathutils import Matrix
 from ..formats.drive_files import DriveFrame
 from . import blocks, versions
 
-__all__ = ["fit_scene_to", "track_camera", "track_of"]
+__all__ = ["FARTHEST_M", "fit_scene_to", "track_camera", "track_of"]
+
+FARTHEST_M = 2000.0
+"""That a camera shows: a street has nothing beyond."""
 
 
 def track_camera(
-    collection: bpy.types.Collection, drive: str, track: str, frames: Sequence[DriveFrame]
+    collection: bpy.types.Collection,
+    drive: str,
+    track: str,
+    frames: Sequence[DriveFrame],
+    times: Sequence[int],
+    metre: float,
 ) -> bpy.types.Object:
     """The camera of a track, made or brought up to date.
 
     Args:
         collection: where it belongs; drive: the mark of its data blocks.
         track: its name; frames: at least one.
+        times: frame of the timeline of each; metre: units of the scene.
     """
     camera = blocks.ensure(bpy.data.cameras, drive, f"camera:{track}", lambda: _new_camera(track))
     thing = blocks.ensure_object(camera, drive, f"camera:{track}", track, collection)
@@ -32,7 +41,7 @@ def track_camera(
     thing["unveil_aspect"] = list(frames[0].lens.aspect)
     camera.type, camera.sensor_fit, camera.lens_unit = "PERSP", "HORIZONTAL", "MILLIMETERS"
     camera.sensor_width = frames[0].lens.sensor_mm
-    camera.clip_start, camera.clip_end, camera.display_size = 0.05, 2000.0, 0.6
+    camera.clip_start, camera.clip_end, camera.display_size = 0.05 * metre, FARTHEST_M * metre, 0.6 * metre
     thing.rotation_mode, thing.scale = "QUATERNION", (1.0, 1.0, 1.0)
 
     poses = [Matrix(f.camera_to_scene.tolist()) for f in frames]
@@ -42,7 +51,7 @@ def track_camera(
             turns[i] *= -1
     places = np.array([f.camera_to_scene[:3, 3] for f in frames])
     thing.location, thing.rotation_quaternion = places[0], turns[0]
-    _animate(thing, drive, f"poses:{track}", {"location": places, "rotation_quaternion": turns})
+    _animate(thing, drive, f"poses:{track}", times, {"location": places, "rotation_quaternion": turns})
 
     lenses = [f.lens for f in frames]
     values = {
@@ -53,7 +62,7 @@ def track_camera(
         setattr(camera, name, column[0, 0])
     changing = {name: column for name, column in values.items() if np.ptp(column) > 1e-9}
     if changing or camera.animation_data is not None:
-        _animate(camera, drive, f"lens:{track}", changing)
+        _animate(camera, drive, f"lens:{track}", times, changing)
     return thing
 
 
@@ -64,8 +73,8 @@ def _new_camera(name: str) -> bpy.types.Camera:
     return camera
 
 
-def _animate(block: Any, drive: str, role: str, channels: dict[str, np.ndarray]) -> None:
-    """Keys at frames 0, 1, … of each channel (N, width), linear between them; whatever was there goes."""
+def _animate(block: Any, drive: str, role: str, times: Sequence[int], channels: dict[str, np.ndarray]) -> None:
+    """Keys at some frames of each channel (N, width), linear between them; whatever was there goes."""
     action = blocks.ensure(bpy.data.actions, drive, role, lambda: bpy.data.actions.new(role))
     animation = block.animation_data or block.animation_data_create()
     if animation.action != action:
@@ -75,7 +84,7 @@ def _animate(block: Any, drive: str, role: str, channels: dict[str, np.ndarray])
             curve = versions.fcurve_of(block, action, path, i)
             curve.keyframe_points.clear()
             curve.keyframe_points.add(len(values))
-            keys = np.stack([np.arange(len(values)), values[:, i]], axis=1)
+            keys = np.stack([np.asarray(times), values[:, i]], axis=1)
             curve.keyframe_points.foreach_set("co", keys.astype(np.float32).ravel())
             linear = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
             curve.keyframe_points.foreach_set("interpolation", np.full(len(values), linear, np.int32))

@@ -13,9 +13,19 @@ from ..formats import classes, sequences, splats
 from ..formats.drive_files import ImportedDrive
 from ..formats.object_files import read_source
 from ..formats.ply_file import read_ply
+from ..formats.timeline import Timeline, timeline_of
 from . import blocks, cameras, meshes, plates
 
-__all__ = ["MOST_POINTS", "Placed", "looks_through_camera", "place", "set_up", "show_cameras_view", "tracks_of"]
+__all__ = [
+    "MOST_POINTS",
+    "Placed",
+    "looks_through_camera",
+    "metre_of",
+    "place",
+    "set_up",
+    "show_cameras_view",
+    "tracks_of",
+]
 
 MOST_POINTS = 150_000
 """More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
@@ -31,25 +41,36 @@ class Placed:
         collection: that holds it.
         tracks: its cameras, in the drive's order.
         resized: those of them whose pictures have another size than when the drive was placed before.
-        frames: of the longest track.
+        timeline: which frame shows which picture.
         new: whether the drive was not there before.
     """
 
     collection: bpy.types.Collection
     tracks: list[bpy.types.Object]
     resized: list[bpy.types.Object]
-    frames: int
+    timeline: Timeline
     new: bool
+
+
+def metre_of(scene: bpy.types.Scene) -> float:
+    """Units of a scene in a metre."""
+    units = scene.unit_settings
+    return 1.0 if units.system == "NONE" else 1.0 / float(units.scale_length)
 
 
 def place(scene: bpy.types.Scene, drive: ImportedDrive) -> Placed:
     """Bring a drive into the scene, or up to date where it is there: its cameras with the photographs, and its points.
+
+    Nothing of the scene's own is changed: see :func:`set_up`.
 
     Raises:
         ValueError: a file of it is damaged; one line that names it.
         OSError: a file cannot be read or a link not be made.
     """
     workspace = str(drive.workspace.resolve())
+    blocks.look_up(
+        [scene.unveil.workspace, workspace, *(str(c.get(blocks.WORKSPACE, "")) for c in bpy.data.collections)]
+    )
     before = blocks.drive_collection(scene, workspace)
     collection = before or blocks.drive_collection(scene, workspace, drive.name, drive.source)
     assert collection is not None
@@ -57,25 +78,37 @@ def place(scene: bpy.types.Scene, drive: ImportedDrive) -> Placed:
     collection["unveil_offset"] = [float(v) for v in drive.offset]  # double precision
     collection["unveil_units_per_metre"] = drive.units_per_metre
     sizes = {c.name: list(c["unveil_size"]) for c in tracks_of(collection)}
-    tracks = _cameras(collection, mark, drive)
+    timeline = timeline_of(drive, scene.unveil.start_frame)
+    tracks = _cameras(collection, mark, drive, timeline)
     _points(collection, mark, drive)
     resized = [c for c in tracks if sizes.get(c.name) != list(c["unveil_size"])]
-    longest = max(len(frames) for frames in drive.tracks.values())
-    return Placed(collection, tracks, resized, longest, before is None)
+    return Placed(collection, tracks, resized, timeline, before is None)
 
 
 def set_up(context: bpy.types.Context, placed: Placed) -> None:
-    """Fit the scene to a drive: camera, frame range, picture size and, the first time, how the views show it."""
+    """Fit the scene to a drive: camera, picture size, frame range and rate and, the first time, how its views show it.
+
+    Called where *Set up scene* is on. What the artist has set since the drive was imported stays.
+    """
     scene, collection, tracks = context.scene, placed.collection, placed.tracks
     if placed.new:
-        _first_look(context, tracks)
-    if collection.get("unveil_frames") != placed.frames:  # what the artist has set since then stays
-        collection["unveil_frames"] = placed.frames
-        scene.frame_start, scene.frame_end = 0, max(placed.frames - 1, 1)
+        _first_look(context, placed)
+    span = [placed.timeline.start, max(placed.timeline.end, placed.timeline.start + 1)]
+    if list(collection.get("unveil_frames", ())) != span:
+        collection["unveil_frames"] = span
+        scene.frame_start, scene.frame_end = span
+        _set_rate(scene, placed.timeline.rate)
     if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and placed.new):
         scene.camera = tracks[0]
     if scene.camera in placed.resized:
         cameras.fit_scene_to(scene, scene.camera)
+
+
+def _set_rate(scene: bpy.types.Scene, rate: float | None) -> None:
+    """Frames a second: a whole number over a base near one, as Blender has it."""
+    if rate and 1 <= round(rate) <= 32767:
+        scene.render.fps = round(rate)
+        scene.render.fps_base = round(rate) / rate
 
 
 def tracks_of(collection: bpy.types.Collection) -> list[bpy.types.Object]:
@@ -83,13 +116,16 @@ def tracks_of(collection: bpy.types.Collection) -> list[bpy.types.Object]:
     return [o for o in collection.all_objects if cameras.track_of(o) is not None]
 
 
-def _cameras(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> list[bpy.types.Object]:
+def _cameras(
+    collection: bpy.types.Collection, mark: str, drive: ImportedDrive, timeline: Timeline
+) -> list[bpy.types.Object]:
     place = blocks.child_collection(collection, "cameras", "Cameras")
     found = []
     for track, frames in drive.tracks.items():
-        camera = cameras.track_camera(place, mark, track, frames)
-        pictures = sequences.numbered([f.image for f in frames], drive.workspace, "blender", "original", track)
-        plates.set_plate(camera, mark, "original", pictures)
+        camera = cameras.track_camera(place, mark, track, frames, timeline.frames[track], drive.metre)
+        files = timeline.held(track, [f.image for f in frames])
+        pictures = sequences.numbered(files, drive.workspace, "blender", "original", track)
+        plates.set_plate(camera, mark, "original", pictures, timeline.first(track))
         if not any(b.show_background_image for b in camera.data.background_images):
             plates.show_plate(camera, "original")
         found.append(camera)
@@ -102,10 +138,10 @@ def _cameras(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) 
 def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> None:
     ply = read_ply(drive.workspace / "drive" / "points.ply")
     chosen = splats.fair_share(len(ply.vertices), MOST_POINTS)
-    places = ply.positions[chosen]
+    places = ply.positions[chosen] * drive.metre
     centres = np.array([f.camera_to_scene[:3, 3] for frames in drive.tracks.values() for f in frames])
     distance = _nearest(places, centres[splats.fair_share(len(centres), 64)])
-    radius = np.clip(distance * RADIUS_PER_METRE, *RADIUS_M)
+    radius = np.clip(distance * RADIUS_PER_METRE, *(r * drive.metre for r in RADIUS_M))
     mesh = blocks.ensure(bpy.data.meshes, mark, "points", lambda: bpy.data.meshes.new("Points"))
     meshes.fill_mesh(mesh, *splats.tetrahedra(places, radius))
     colors = ply.colors
@@ -143,22 +179,23 @@ def _point_labels(workspace: Path, count: int) -> np.ndarray:
     return labels if labels.shape == (count,) else np.full(count, 255, np.uint8)
 
 
-def _first_look(context: bpy.types.Context, tracks: list[bpy.types.Object]) -> None:
-    """How the scene is seen right after an import; what the artist changes then stays."""
-    scene = context.scene
-    scene.camera = tracks[0]
-    scene.frame_set(0)
-    # Photographs are to be seen as they are: a filmic view would bleach them.
-    scene.view_settings.view_transform = "Standard"
-    for space in _viewports(context):
+def _first_look(context: bpy.types.Context, placed: Placed) -> None:
+    """How the scene is seen right after an import; what the artist changes then stays.
+
+    The view transform is the artist's: Blender draws pictures behind a camera, and solid colours, without it.
+    """
+    scene, camera = context.scene, placed.tracks[0]
+    scene.camera = camera
+    scene.frame_set(placed.timeline.start)
+    farthest = cameras.FARTHEST_M * metre_of(scene)
+    for area in _areas(context):
+        space = area.spaces.active
         space.shading.type, space.shading.color_type, space.shading.light = "SOLID", "VERTEX", "FLAT"
         space.shading.show_object_outline = False  # drawn along every edge of a mesh that has holes
-        space.clip_end = max(space.clip_end, 2000.0)
+        space.clip_end = max(space.clip_end, farthest)
     show_cameras_view(context)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                _fill(area, *tracks[0]["unveil_size"])
+    for area in _areas(context):
+        _fill(area, *camera["unveil_size"])
 
 
 def _fill(area: bpy.types.Area, width: int, height: int) -> None:
@@ -187,6 +224,11 @@ def looks_through_camera(context: bpy.types.Context) -> bool:
     return bool(seen) and all(perspective == "CAMERA" for perspective in seen)
 
 
+def _areas(context: bpy.types.Context) -> list[bpy.types.Area]:
+    """The 3D views of the scene; those of windows that show another one are none of the drive's business."""
+    windows = [w for w in context.window_manager.windows if w.scene == context.scene]
+    return [a for w in windows for a in w.screen.areas if a.type == "VIEW_3D"]
+
+
 def _viewports(context: bpy.types.Context) -> list[bpy.types.SpaceView3D]:
-    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "VIEW_3D"]
-    return [a.spaces.active for a in areas]
+    return [area.spaces.active for area in _areas(context)]

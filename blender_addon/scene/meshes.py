@@ -57,7 +57,7 @@ def show_colors(mesh: bpy.types.Mesh, name: str) -> None:
 
 
 def color_material(drive: str, name: str, role: str = "material") -> bpy.types.Material:
-    """The material that shows the active colours of whatever has it: dull, as photographs have their light already."""
+    """The material that shows the active colours of whatever has it, unlit: photographs have their light already."""
     material = blocks.find(bpy.data.materials, drive, role)
     if material is not None:
         return material
@@ -66,13 +66,12 @@ def color_material(drive: str, name: str, role: str = "material") -> bpy.types.M
     if material.node_tree is None:
         material.use_nodes = True
     nodes, links = material.node_tree.nodes, material.node_tree.links
-    surface = next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None) or nodes.new("ShaderNodeBsdfPrincipled")
-    output = next((n for n in nodes if n.type == "OUTPUT_MATERIAL"), None) or nodes.new("ShaderNodeOutputMaterial")
-    colors = nodes.new("ShaderNodeVertexColor")
-    colors.location = (surface.location.x - 220, surface.location.y)
-    surface.inputs["Roughness"].default_value = 1.0
-    if "Specular IOR Level" in surface.inputs:
-        surface.inputs["Specular IOR Level"].default_value = 0.0
-    links.new(colors.outputs["Color"], surface.inputs["Base Color"])
-    links.new(surface.outputs["BSDF"], output.inputs["Surface"])
+    nodes.clear()
+    output, surface, colors = (
+        nodes.new(kind) for kind in ("ShaderNodeOutputMaterial", "ShaderNodeEmission", "ShaderNodeVertexColor")
+    )
+    for place, node in enumerate((colors, surface, output)):
+        node.location = (220 * place, 0)
+    links.new(colors.outputs["Color"], surface.inputs["Color"])
+    links.new(surface.outputs["Emission"], output.inputs["Surface"])
     return material

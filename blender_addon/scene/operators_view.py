@@ -39,6 +39,10 @@ class UNVEIL_OT_look_through(bpy.types.Operator):
 
     track: StringProperty(options={"SKIP_SAVE"})
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return view.shown_drive(context.scene) is not None
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         collection = view.shown_drive(context.scene)
         tracks = [] if collection is None else drive_scene.tracks_of(collection)

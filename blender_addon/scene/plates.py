@@ -10,7 +10,7 @@ import bpy
 from ..formats.sequences import PictureSequence
 from . import blocks
 
-__all__ = ["KINDS", "files_of", "kinds_of", "set_plate", "show_plate"]
+__all__ = ["KINDS", "files_of", "kinds_of", "set_color_space", "set_plate", "show_plate"]
 
 KINDS: tuple[tuple[str, str, str], ...] = (
     ("original", "Photographs", "The drive's own pictures"),
@@ -25,11 +25,22 @@ KINDS: tuple[tuple[str, str, str], ...] = (
 """(identifier, name, description) of every kind of plate."""
 
 
-def set_plate(camera: bpy.types.Object, drive: str, kind: str, pictures: PictureSequence) -> bpy.types.Image:
-    """Put a sequence behind a track's camera, hidden; brought up to date where it is there already."""
+MASKS = ("removed", "shadows", "unobserved")
+"""Kinds whose values are numbers rather than colours."""
+
+
+def set_plate(
+    camera: bpy.types.Object, drive: str, kind: str, pictures: PictureSequence, start: int
+) -> bpy.types.Image:
+    """Put a sequence behind a track's camera, hidden; brought up to date where it is there already.
+
+    Args:
+        start: frame of the timeline of its first picture.
+    """
     track = camera["unveil_track"]
     role = f"plate:{kind}:{track}"
     image = blocks.ensure_file(bpy.data.images, drive, role, str(pictures.files[0]), f"{track} {kind}")
+    set_color_space(image, kind)
     image.source = "SEQUENCE" if len(pictures) > 1 else "FILE"
     image.reload()  # the files may have been written anew
     backgrounds = camera.data.background_images
@@ -40,10 +51,16 @@ def set_plate(camera: bpy.types.Object, drive: str, kind: str, pictures: Picture
         plate.image, plate.alpha, plate.display_depth, plate.frame_method = image, 1.0, "BACK", "STRETCH"
         plate.show_background_image = plate.show_expanded = False
     user = plate.image_user
-    user.frame_start, user.frame_duration, user.frame_offset = 0, len(pictures), pictures.first - 1
+    user.frame_start, user.frame_duration, user.frame_offset = start, len(pictures), pictures.first - 1
     user.use_auto_refresh = True
     camera.data.show_background_images = True
     return image
+
+
+def set_color_space(image: bpy.types.Image | bpy.types.MovieClip, kind: str) -> None:
+    """Masks are no colours, whatever the configuration calls that; all else keeps what the configuration gives its kind of file."""
+    if kind in MASKS and not image.colorspace_settings.is_data:
+        image.colorspace_settings.is_data = True
 
 
 def kinds_of(camera: bpy.types.Object) -> list[str]:

@@ -13,6 +13,7 @@ from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import own_folder, write_whole
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
+from ..formats.timeline import Timeline, timeline_of
 from . import blocks, drive_scene, meshes, plates, versions, view
 
 __all__ = ["FOLDERS", "load"]
@@ -45,13 +46,15 @@ def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[s
         ValueError: a file is damaged; one line that names it.
         OSError: a file cannot be read, or a link not be made.
     """
-    drive = read_drive(Path(blocks.workspace_of(collection)))
     scene, mark = context.scene, blocks.drive_of(collection)
+    drive = read_drive(Path(blocks.workspace_of(collection)), drive_scene.metre_of(scene))
+    timeline = timeline_of(drive, scene.unveil.start_frame)
     found: list[str] = []
     for camera in drive_scene.tracks_of(collection):
-        found += _plates(camera, mark, drive)
-        _strips(context, camera, mark, drive)
-    _keyframes(scene, mark, drive)
+        found += _plates(camera, mark, drive, timeline)
+        if scene.unveil.set_up_scene:
+            _strips(context, camera, mark, drive, timeline)
+    _keyframes(scene, mark, drive, timeline)
     for state in STATES:
         found += _mesh(collection, mark, drive, state)
         found += _splats(collection, mark, drive, state)
@@ -70,7 +73,7 @@ def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[s
 # ---------------------------------------------------------------------------------------------------------------- pictures
 
 
-def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[str]:
+def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Timeline) -> list[str]:
     """Put each kind of picture that is there behind a track's camera, and make clips of some."""
     track = str(camera["unveil_track"])
     names = [f.name for f in drive.tracks[track]]
@@ -82,10 +85,10 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> list[s
             continue
         if kind == "regions":
             files = _in_color(files, own_folder(drive.workspace, "blender", kind, f"{track}_colours"))
-        pictures = sequences.numbered(files, drive.workspace, "blender", kind, track)
-        plates.set_plate(camera, mark, kind, pictures)
+        pictures = sequences.numbered(timeline.held(track, files), drive.workspace, "blender", kind, track)
+        plates.set_plate(camera, mark, kind, pictures, timeline.first(track))
         if kind in CLIPS:
-            _clip(mark, kind, track, pictures)
+            _clip(mark, kind, track, pictures, timeline.first(track))
         found.append(kind)
     return found
 
@@ -102,14 +105,17 @@ def _in_color(files: list[Path], folder: Path) -> list[Path]:
     return made
 
 
-def _clip(mark: str, kind: str, track: str, pictures: sequences.PictureSequence) -> None:
+def _clip(mark: str, kind: str, track: str, pictures: sequences.PictureSequence, start: int) -> None:
     """A movie clip of a sequence; it stays in the file though nothing uses it."""
     role = f"clip:{kind}:{track}"
     clip = blocks.ensure_file(bpy.data.movieclips, mark, role, str(pictures.files[0]), f"{track} {kind}")
-    clip.use_fake_user, clip.frame_start, clip.frame_offset = True, 0, 0
+    clip.use_fake_user, clip.frame_start, clip.frame_offset = True, start, 0
+    plates.set_color_space(clip, kind)
 
 
-def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str, drive: ImportedDrive) -> None:
+def _strips(
+    context: bpy.types.Context, camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Timeline
+) -> None:
     """The footage and, above it, the delivered frames in the Video Sequencer."""
     scene, track = context.scene, str(camera["unveil_track"])
     frames = drive.tracks[track]
@@ -126,17 +132,22 @@ def _strips(context: bpy.types.Context, camera: bpy.types.Object, mark: str, dri
     versions.show_in_sequencer(context, scene)
     for kind, pictures in shown.items():
         role = f"strip:{kind}:{track}"
-        files = sequences.numbered(pictures, drive.workspace, "blender", f"{kind}{end}", track).files
+        held = timeline.held(track, pictures)
+        files = sequences.numbered(held, drive.workspace, "blender", f"{kind}{end}", track).files
         strip = blocks.find(strips, mark, role)
         if strip is not None and versions.strip_files(strip) == [str(f) for f in files]:
+            strip.frame_start = timeline.first(track)
             continue
         channel = _free_channel(strips) if strip is None else strip.channel
         if strip is not None:
             strips.remove(strip)
-        strip = strips.new_image(name=f"{track} {kind}", filepath=str(files[0]), channel=channel, frame_start=0)
+        strip = strips.new_image(
+            name=f"{track} {kind}", filepath=str(files[0]), channel=channel, frame_start=timeline.first(track)
+        )
         for file in files[1:]:
             strip.elements.append(file.name)
         strip.frame_final_duration = len(files)
+        strip.directory = blocks.as_preferred(str(files[0].parent))
         blocks.mark(strip, mark, role)
 
 
@@ -145,14 +156,14 @@ def _free_channel(strips: object) -> int:
     return max(used, default=0) + 1
 
 
-def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
+def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline: Timeline) -> None:
     """What the keyframes invented, as pictures of their own, and a marker in the timeline for each."""
     wanted = {}
     for track, name in read_keyframes(drive.workspace):
         order = [f.name for f in drive.tracks.get(track, ())]
         file = drive.workspace / "inpainted" / track / f"{name}.png"
         if name in order and file.is_file():
-            wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, order.index(name))
+            wanted[f"keyframe:{track}:{name}"] = (f"Keyframe {name}", file, timeline.frames[track][order.index(name)])
     for image in [i for i in bpy.data.images if i.get(blocks.DRIVE) == mark]:
         if str(image[blocks.ROLE]).startswith("keyframe:") and image[blocks.ROLE] not in wanted:
             bpy.data.images.remove(image)
@@ -161,7 +172,11 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
         image.use_fake_user = True
         image.reload()
     # Markers cannot carry custom properties: one is known by its name and frame, and where any is, none is added.
-    names = [(f"Keyframe {f.name}", i) for frames in drive.tracks.values() for i, f in enumerate(frames)]
+    names = [
+        (f"Keyframe {f.name}", frame)
+        for track, frames in drive.tracks.items()
+        for f, frame in zip(frames, timeline.frames[track], strict=True)
+    ]
     gone = set(names) - {(name, frame) for name, _, frame in wanted.values()}
     for marker in [m for m in scene.timeline_markers if (m.name, m.frame) in gone]:
         scene.timeline_markers.remove(marker)
@@ -174,9 +189,9 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive) -> None:
 # ---------------------------------------------------------------------------------------------------------------- geometry
 
 
-def _stamp(path: Path) -> str:
+def _stamp(path: Path, drive: ImportedDrive) -> str:
     stat = path.stat()
-    return f"{stat.st_size} {stat.st_mtime_ns}"
+    return f"{stat.st_size} {stat.st_mtime_ns} {drive.metre:g}"
 
 
 def _mesh(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
@@ -187,13 +202,13 @@ def _mesh(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, sta
     name = f"Mesh {STATES[state]}"
     mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
     blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
-    if mesh.get("unveil_stamp") == _stamp(path):
+    if mesh.get("unveil_stamp") == _stamp(path, drive):
         return [role]
     ply = read_ply(path)
     meshes.fill_mesh(mesh, drive.from_drive(ply.positions), ply.triangles)
     colors = ply.colors
     meshes.set_colors(mesh, "Col", np.full((len(ply.vertices), 3), 160, np.uint8) if colors is None else colors)
-    _finish(mesh, mark, path)
+    _finish(mesh, mark, _stamp(path, drive))
     return [role]
 
 
@@ -205,7 +220,7 @@ def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, s
     name = f"Gaussians {STATES[state]}"
     mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
     thing = blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
-    if mesh.get("unveil_stamp") == _stamp(path):
+    if mesh.get("unveil_stamp") == _stamp(path, drive):
         return [role]
     ply = read_ply(path)
     try:
@@ -213,18 +228,18 @@ def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, s
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     chosen = splats.fair_share(len(centres), MOST_SPLATS)
-    meshes.fill_mesh(mesh, *splats.discs(centres[chosen], first[chosen], second[chosen]))
+    meshes.fill_mesh(mesh, *splats.discs(*(part[chosen] * drive.metre for part in (centres, first, second))))
     meshes.set_colors(mesh, "Col", np.repeat(colors[chosen], 4, axis=0))
     opacity = 1 / (1 + np.exp(-ply.vertices["opacity"][chosen].astype(np.float64)))
     meshes.set_face_values(mesh, "opacity", opacity)
     meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen])
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
-    _finish(mesh, mark, path)
+    _finish(mesh, mark, _stamp(path, drive))
     return [role]
 
 
-def _finish(mesh: bpy.types.Mesh, mark: str, path: Path) -> None:
+def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:
     meshes.show_colors(mesh, "Col")
     if not mesh.materials:
         mesh.materials.append(meshes.color_material(mark, "Street"))
-    mesh["unveil_stamp"] = _stamp(path)
+    mesh["unveil_stamp"] = stamp

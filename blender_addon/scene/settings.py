@@ -8,17 +8,30 @@ import math
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from . import blocks, versions
+
 __all__ = ["UnveilSettings"]
+
+
+def _workspace_named(self: UnveilSettings, context: bpy.types.Context) -> None:
+    blocks.look_up([self.workspace])
 
 
 class UnveilSettings(bpy.types.PropertyGroup):
     """The settings of a run, as ``unveil run --help`` has them."""
 
     drive: StringProperty(
-        name="Drive", subtype="FILE_PATH", description="What was imported: a transforms.json, a COLMAP folder, …"
+        name="Drive",
+        subtype="FILE_PATH",
+        description="What was imported: a transforms.json, a COLMAP folder, …",
+        options=versions.PATH,
     )
     workspace: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Folder of the results; work goes on there after a break"
+        name="Workspace",
+        subtype="DIR_PATH",
+        description="Folder of the results; work goes on there after a break",
+        update=_workspace_named,
+        options=versions.PATH,
     )
     quality: EnumProperty(
         name="Quality",
@@ -37,6 +50,22 @@ class UnveilSettings(bpy.types.PropertyGroup):
             ("cuda", "GPU", "NVIDIA graphics card"),
         ),
         default="auto",
+    )
+    set_up_scene: BoolProperty(
+        name="Set up scene",
+        default=True,
+        description="Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer; "
+        "off: nothing but the drive's own collection is touched",
+    )
+    start_frame: IntProperty(
+        name="Start frame", default=1001, min=0, max=1_000_000, description="Frame of the timeline of the first picture"
+    )
+    frames: StringProperty(
+        name="Frames", description="Part of the drive as FIRST:END:STEP, counted from 0, as 40:200:2; empty: all"
+    )
+    cameras: StringProperty(
+        name="Cameras",
+        description="Of a rig, as front,left; all: every one; empty: as the drive's kind has it, mostly the front",
     )
     seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
     shadows: EnumProperty(

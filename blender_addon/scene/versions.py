@@ -11,7 +11,12 @@ from typing import Any
 
 import bpy
 
-__all__ = ["fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
+__all__ = ["PATH", "fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
+
+
+_RELATIVE = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
+PATH = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if _RELATIVE else {"ANIMATABLE"}
+"""Options of a property that holds a path: since 5.0 Blender wants to be told that ``//`` may stand in it."""
 
 
 def has_window() -> bool:

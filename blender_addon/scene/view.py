@@ -66,7 +66,7 @@ class UnveilView(bpy.types.PropertyGroup):
 def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of the scene's workspace, None before its import."""
     place = scene.unveil.workspace
-    return blocks.drive_collection(scene, bpy.path.abspath(place)) if place else None
+    return blocks.drive_collection(scene, place) if place else None
 
 
 def apply(scene: bpy.types.Scene) -> None:

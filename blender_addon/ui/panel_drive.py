@@ -46,6 +46,8 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
         column = layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.row().prop(scene.unveil_view, "points", expand=True)
+        column.prop(scene.unveil, "start_frame")
+        column.prop(scene.unveil, "set_up_scene")
 
 
 CLASSES = (UNVEIL_PT_drive,)

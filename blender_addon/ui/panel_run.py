@@ -11,7 +11,7 @@ import bpy
 from ..scene.view import shown_drive
 from ..work import logs
 from ..work.job_operator import progress_lines, stage_line
-from ..work.operators_run import stage_states
+from ..work.stage_states import stage_states
 from ..worker.job_state import duration
 from ..worker.session import session
 from ..worker.workspace_state import STAGES, StageState
@@ -54,9 +54,11 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         column = box.column(align=True)
         for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
             column.label(text=line)
+        if session.waiting:
+            box.label(text=f"Results wait for {session.waiting}", icon="INFO")
         row = box.row()
-        row.enabled = not job.cancelling
-        row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel  (Esc)", icon="CANCEL")
+        row.enabled = not job.cancelling and state.running
+        row.operator("unveil.cancel", text="Cancelling…" if job.cancelling else "Cancel", icon="CANCEL")
 
     def _outcome(self, context: bpy.types.Context) -> None:
         state = session.last
@@ -102,6 +104,8 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
                 "device",
                 "seed",
                 "work_side",
+                "frames",
+                "cameras",
                 "keyframes",
                 "order",
                 "inpainter",
@@ -116,6 +120,8 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
             return
         if found.problem:
             self.layout.label(text=found.problem, icon="INFO")
+        if not found.exists and shown_drive(context.scene) is not None:
+            self.layout.operator("unveil.find_workspace", icon="VIEWZOOM")
         column = self.layout.column(align=True)
         for name, stage in found.stages.items():
             self._stage(column, name, _live(stage))

@@ -73,7 +73,7 @@ class UNVEIL_UL_objects(bpy.types.UIList):
             row.label(text="", icon="ANIM")
         else:
             row.prop(item, "chosen", text="")
-        picture = previews.thumbnail(item.thumbnail) if item.thumbnail else 0
+        picture = previews.thumbnail(item.thumbnail, item.thumbnail_stamp)
         if picture:
             row.label(text=item.name, icon_value=picture)
         else:
@@ -137,7 +137,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         """More of the object whose row is active."""
         box = layout.box()
         row = box.row()
-        picture = previews.thumbnail(thing.thumbnail) if thing.thumbnail else 0
+        picture = previews.thumbnail(thing.thumbnail, thing.thumbnail_stamp)
         if picture:
             row.template_icon(icon_value=picture, scale=4.0)
         column = row.column()

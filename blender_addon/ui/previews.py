@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import bpy
@@ -37,14 +36,11 @@ def chip(class_name: str) -> int:
     return int(_previews[key].icon_id)
 
 
-def thumbnail(path: str) -> int:
-    """Icon number of a picture file, read again when it was written anew; 0 where there is none."""
-    try:
-        key = f"{path} {os.stat(path).st_mtime_ns}"
-    except OSError:
+def thumbnail(path: str, stamp: str) -> int:
+    """Icon number of a picture file, read anew where its stamp is another; 0 where there is none."""
+    if _previews is None or not path or not stamp:
         return 0
-    if _previews is None:
-        return 0
+    key = f"{path} {stamp}"
     if key not in _previews:
         _previews.load(key, path, "IMAGE")
     return int(_previews[key].icon_id)

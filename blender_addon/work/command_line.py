@@ -21,7 +21,7 @@ import bpy
 
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line
-from ..scene import blocks, camera_files
+from ..scene import blocks, camera_files, drive_scene
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.session import interrupts
 from .loading import load
@@ -110,7 +110,7 @@ def _save(path: Path) -> None:
 
 
 def _write_cameras(workspace: Path, path: Path) -> None:
-    drive = read_drive(workspace)
+    drive = read_drive(workspace, drive_scene.metre_of(bpy.context.scene))
     collection = blocks.drive_collection(bpy.context.scene, str(drive.workspace.resolve()))
     assert collection is not None  # it was loaded
     camera_files.write_cameras(bpy.context, collection, drive, path)

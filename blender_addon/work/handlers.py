@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening another file ends the work of the one before, and finds the workspace of a file that was moved with it."""
+"""What happens when files are opened and saved: the work of the file before ends, paths are made to fit, moved workspaces found."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ..worker.session import session
 from .moved_workspace import find_moved_workspaces
+from .paths_in_file import look_up_all, make_absolute, make_relative
 
 __all__: list[str] = []
 
@@ -20,14 +23,36 @@ def _before_load(*_: object) -> None:
 
 @persistent
 def _after_load(*_: object) -> None:
+    make_absolute()
     find_moved_workspaces()
+    look_up_all()
+
+
+@persistent
+def _before_save(blend: object = "", *_: object) -> None:
+    make_relative(blend if isinstance(blend, str) else bpy.data.filepath)
+
+
+@persistent
+def _after_save(blend: object = "", *_: object) -> None:
+    make_absolute(blend if isinstance(blend, str) else "")
+
+
+HANDLERS: dict[str, Callable[..., None]] = {
+    "load_pre": _before_load,
+    "load_post": _after_load,
+    "save_pre": _before_save,
+    "save_post": _after_save,
+    "save_post_fail": _after_save,
+}
 
 
 def register() -> None:
-    bpy.app.handlers.load_pre.append(_before_load)
-    bpy.app.handlers.load_post.append(_after_load)
+    for name, handler in HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
 
 
 def unregister() -> None:
-    bpy.app.handlers.load_post.remove(_after_load)
-    bpy.app.handlers.load_pre.remove(_before_load)
+    for name, handler in HANDLERS.items():
+        if handler in getattr(bpy.app.handlers, name):
+            getattr(bpy.app.handlers, name).remove(handler)

@@ -10,7 +10,7 @@ import bpy
 from ..choice import selection
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line
-from ..scene import drive_scene, results
+from ..scene import blocks, drive_scene, results
 
 __all__ = ["load", "loaded"]
 
@@ -24,10 +24,13 @@ def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
         ValueError: the workspace holds no imported drive, or a file is damaged; one line that names it.
         OSError: a file cannot be read, or a link not be made.
     """
-    drive = read_drive(Path(bpy.path.abspath(str(workspace))))
-    placed = drive_scene.place(context.scene, drive)
-    selection.fill(context.scene, drive)  # the artist's marks go into the drive's collection, so that comes first
-    drive_scene.set_up(context, placed)
+    scene = context.scene
+    blocks.look_up([str(workspace)])
+    drive = read_drive(Path(bpy.path.abspath(str(workspace))), drive_scene.metre_of(scene))
+    placed = drive_scene.place(scene, drive)
+    selection.fill(scene, drive)  # the artist's marks go into the drive's collection, so that comes first
+    if scene.unveil.set_up_scene:
+        drive_scene.set_up(context, placed)
     return results.load(context, placed.collection)
 
 

@@ -11,7 +11,7 @@ import bpy
 
 from ..scene import blocks
 
-__all__ = ["find_moved_workspaces"]
+__all__ = ["find_moved_workspaces", "follow"]
 
 
 def find_moved_workspaces() -> None:
@@ -26,10 +26,12 @@ def find_moved_workspaces() -> None:
         recorded = Path(bpy.path.abspath(name)).absolute()
         moved = beside / recorded.name
         if not (recorded / "workspace.json").is_file() and (moved / "workspace.json").is_file():
-            _follow(scene, recorded, moved)
+            follow(scene, recorded, moved)
 
 
-def _follow(scene: Any, old: Path, new: Path) -> None:
+def follow(scene: Any, old: Path, new: Path) -> None:
+    """Let all that led into the old folder lead into the new one."""
+    blocks.look_up([str(new)])
     places = {str(old), scene.unveil_selection.workspace or str(old)}  # the second has no links in it
     scene.unveil.workspace = str(new)
 
@@ -50,12 +52,13 @@ def _follow(scene: Any, old: Path, new: Path) -> None:
         place = collection.get(blocks.WORKSPACE)
         if place and now(str(place)) != place:
             collection[blocks.WORKSPACE] = os.path.realpath(new)
+            blocks.look_up([os.path.realpath(new)])
     for block in (*bpy.data.images, *bpy.data.movieclips):
-        if block.get(blocks.DRIVE) and now(block.filepath) != block.filepath:
-            block.filepath = now(block.filepath)
+        if block.get(blocks.DRIVE) and blocks.is_own(block) and now(block.filepath) != block.filepath:
+            block.filepath = blocks.as_preferred(now(block.filepath))
     for strip in blocks.strips(scene):
         if strip.get(blocks.DRIVE) and now(strip.directory) != strip.directory:
-            strip.directory = now(strip.directory)
+            strip.directory = blocks.as_preferred(now(strip.directory))
     drive = _within(bpy.path.abspath(scene.unveil.drive), str(old.parent)) if scene.unveil.drive else None
     if drive is not None and (new.parent / drive).exists() and not (old.parent / drive).exists():
         scene.unveil.drive = str(new.parent / drive)  # it lay beside the workspace, and still does

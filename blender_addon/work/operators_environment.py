@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -15,10 +15,15 @@ from ..worker import environment
 from ..worker.interpreter import Candidate, Found, check
 from ..worker.job_state import JobState
 from ..worker.jobs import Job
-from .job_operator import JobOperator, UserError, redraw
+from .job_operator import JobOperator, UserError
 from .preferences import environment_folder, forget, preferences, remember, unveil_interpreter
+from .redrawing import redraw
+from .task import Task
 
 __all__ = ["UNVEIL_OT_check_python", "UNVEIL_OT_create_environment"]
+
+
+LOOK_S = 0.1
 
 
 class Thorough(threading.Thread):
@@ -40,7 +45,6 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
     bl_idname = "unveil.check_python"
     bl_label = "Check"
 
-    _timer: Any = None
     _looking: Thorough | None = None
 
     @classmethod
@@ -60,25 +64,9 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
         if not versions.has_window():
             return self.execute(context)
         UNVEIL_OT_check_python._looking = Thorough(found)
-        self._timer = context.window_manager.event_timer_add(0.1, window=context.window)
-        context.window_manager.modal_handler_add(self)
+        bpy.app.timers.register(_examined, first_interval=LOOK_S)
         redraw(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        looking = UNVEIL_OT_check_python._looking
-        if event.type != "TIMER" or (looking is not None and looking.is_alive()):
-            return {"PASS_THROUGH"}
-        self.cancel(context)
-        if looking is not None and looking.found is not None:
-            remember(context, looking.found)
-        return self._tell(context, looking and looking.found)
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        UNVEIL_OT_check_python._looking = None
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
+        return {"FINISHED"}
 
     def _tell(self, context: bpy.types.Context, found: Found | None) -> set[str]:
         redraw(context)
@@ -93,6 +81,18 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
             return {"CANCELLED"}
         self.report({"INFO"}, "  ".join(found.lines()))
         return {"FINISHED"}
+
+
+def _examined() -> float | None:
+    """What Blender's timer calls until the Python was examined; the preferences tell what was found."""
+    looking = UNVEIL_OT_check_python._looking
+    if looking is not None and looking.is_alive():
+        return LOOK_S
+    UNVEIL_OT_check_python._looking = None
+    if looking is not None and looking.found is not None:
+        remember(bpy.context, looking.found)
+    redraw(bpy.context)
+    return None
 
 
 class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
@@ -127,17 +127,27 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         command += ["--locks", str(locked)] if locked is not None else []
         return Job([*command, "--torch-index", chosen.torch_index])
 
-    def ended(self, context: bpy.types.Context, state: JobState) -> None:
-        folder = environment_folder()
-        if folder is not None:
-            environment.remove_unfinished(folder)
-        forget()
+    def task(self, context: bpy.types.Context) -> Task:
+        return replace(super().task(context), ended=_environment_made)
 
-    def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        chosen = preferences(context)
-        if chosen is not None:
-            chosen.python = ""  # one that is named there would hide the new one
-        unveil_interpreter(context)
+
+def _environment_made(context: bpy.types.Context, state: JobState) -> None:
+    folder = environment_folder()
+    if folder is not None:
+        environment.remove_unfinished(folder)
+    forget()
+    if state.status != "done":
+        return
+    chosen = preferences(context)
+    if chosen is not None:
+        chosen.python = ""  # one that is named there would hide the new one
+    unveil_interpreter(context)
 
 
 CLASSES = (UNVEIL_OT_check_python, UNVEIL_OT_create_environment)
+
+
+def unregister() -> None:
+    UNVEIL_OT_check_python._looking = None
+    if bpy.app.timers.is_registered(_examined):
+        bpy.app.timers.unregister(_examined)

@@ -3,18 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..choice import selection
-from ..formats.object_files import recorded_drive
-from ..worker.job_state import JobState
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
 from .job_operator import JobOperator, UserError
-from .loading import loaded
+from .loading import load
+from .task import Task
 
 __all__: list[str] = []
 
@@ -61,8 +61,8 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         ]
         return ["import", str(drive), "-o", str(place), *options]
 
-    def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, self.workspace_used)
+    def task(self, context: bpy.types.Context) -> Task:
+        return replace(super().task(context), load=load)
 
 
 def _absolute(path: str) -> Path:
@@ -80,14 +80,61 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
     workspace: StringProperty(
         name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
+    set_up_scene: BoolProperty(
+        name="Set up scene",
+        default=True,
+        description="Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer",
+    )
+    start_frame: IntProperty(
+        name="Start frame", default=1001, min=0, max=1_000_000, description="Frame of the timeline of the first picture"
+    )
+    every_nth: IntProperty(
+        name="Every Nth frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
+    )
+    cameras: StringProperty(
+        name="Cameras", description="Of a rig, as front,left; all: every one; empty: mostly the front"
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return bool(bpy.ops.unveil.import_drive.poll())
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        settings = context.scene.unveil
+        self.set_up_scene, self.start_frame = settings.set_up_scene, settings.start_frame
+        if self.properties.is_property_set("filepath"):  # dropped onto the window
+            manager = context.window_manager
+            return manager.invoke_props_dialog(self, width=420, title=self.bl_label, confirm_text="Import")
+        return super().invoke(context, event)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for name in ("set_up_scene", "start_frame", "every_nth", "cameras", "workspace"):
+            layout.prop(self, name)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
+        settings, given = context.scene.unveil, self.properties.is_property_set
+        for name in ("set_up_scene", "start_frame", "cameras"):
+            if given(name):
+                setattr(settings, name, getattr(self, name))
+        if given("every_nth"):
+            settings.frames = "" if self.every_nth == 1 else f"::{self.every_nth}"
         path = _drive_of(_absolute(self.filepath))
         return bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
+
+
+class UNVEIL_FH_drive(bpy.types.FileHandler):
+    """A drive's file dropped onto a 3D view"""
+
+    bl_idname = "UNVEIL_FH_drive"
+    bl_label = "Street drive (Unveil)"
+    bl_import_operator = "unveil.open_drive"
+    bl_file_extensions = ".json;.bin"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
 
 
 def _drive_of(path: Path) -> Path:
@@ -100,51 +147,11 @@ def _drive_of(path: Path) -> Path:
     return folder.parent if folder.name == "sparse" else folder
 
 
-class UNVEIL_OT_load_workspace(bpy.types.Operator):
-    """Bring what the workspace holds into the scene, or up to date where it is there"""
-
-    bl_idname = "unveil.load_workspace"
-    bl_label = "Load workspace"
-    bl_options = {"REGISTER", "UNDO"}
-
-    directory: StringProperty(
-        name="Workspace", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
-    )
-    ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self.ask:
-            return self.execute(context)
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        settings = context.scene.unveil
-        place = self.directory or settings.workspace
-        if not place:
-            self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
-            return {"CANCELLED"}
-        if not (_absolute(place) / "workspace.json").is_file():
-            self.report({"ERROR"}, f"{_absolute(place)}: is no workspace (choose the folder that holds workspace.json)")
-            return {"CANCELLED"}
-        settings.workspace = str(_absolute(place)) if self.directory else place
-        if not loaded(self, context, settings.workspace):
-            return {"CANCELLED"}
-        try:
-            drive = recorded_drive(_absolute(place))
-        except ValueError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        if Path(drive).is_absolute() and (Path(drive).exists() or not settings.drive):
-            settings.drive = drive
-        return {"FINISHED"}
-
-
 def _menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.operator(UNVEIL_OT_open_drive.bl_idname, text="Street drive (Unveil)")
 
 
-CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_OT_load_workspace)
+CLASSES = (UNVEIL_OT_import_drive, UNVEIL_OT_open_drive, UNVEIL_FH_drive)
 
 
 def register() -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -10,17 +11,23 @@ from bpy.props import EnumProperty
 
 from ..choice import selection
 from ..worker import workspace_state
-from ..worker.job_state import JobState
-from ..worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
+from ..worker.job_state import duration
+from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
 from ..worker.session import session
 from . import logs
-from .job_operator import JobOperator, UserError, redraw
-from .loading import loaded
+from .job_operator import JobOperator, UserError
+from .loading import load
+from .redrawing import redraw
+from .task import Task
 
-__all__ = ["stage_states", "workspace_of"]
+__all__ = ["workspace_of"]
 
 NEED_A_SELECTION = ("remove", "inpaint", "reoptimize", "deliver")
 """Stages that are of no use as long as nothing is chosen to go."""
+SHOWN_EARLY = ("objects", "deliver", "mesh")
+"""Stages of a run after which what it has made so far is loaded: the drive, the clean frames, the meshes."""
+ASKED_AFTER_S = 60
+"""Older work is not cancelled without a question: by then a slip of the hand costs more than an answer."""
 
 
 def drive_of(scene: bpy.types.Scene) -> str:
@@ -64,8 +71,8 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
             *selection_arguments(selection.arguments(scene)),
         ]
 
-    def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, self.workspace_used)
+    def task(self, context: bpy.types.Context) -> Task:
+        return replace(super().task(context), load=load, shown_early=SHOWN_EARLY)
 
 
 class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
@@ -93,8 +100,8 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
             return ["import", drive_of(scene), "-o", str(workspace), *settings]
         return [self.stage, str(workspace), *settings]
 
-    def finished(self, context: bpy.types.Context, state: JobState) -> None:
-        loaded(self, context, self.workspace_used)
+    def task(self, context: bpy.types.Context) -> Task:
+        return replace(super().task(context), load=load)
 
 
 class UNVEIL_OT_cancel(bpy.types.Operator):
@@ -106,6 +113,16 @@ class UNVEIL_OT_cancel(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return session.busy
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        age = session.age_s
+        if age < ASKED_AFTER_S:
+            return self.execute(context)
+        message = f"It has run for {duration(age)}. What its finished stages made stays."
+        manager = context.window_manager
+        return manager.invoke_confirm(
+            self, event, title=f"Cancel {session.title}?", message=message, confirm_text="Cancel the work"
+        )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         session.cancel()
@@ -136,36 +153,4 @@ class UNVEIL_OT_show_log(bpy.types.Operator):
         return {"FINISHED"}
 
 
-# --------------------------------------------------------------------------------------------------------- for the panel
-
-_cache: dict[str, tuple[object, workspace_state.WorkspaceState]] = {}
-
-
-def stage_states(scene: bpy.types.Scene) -> workspace_state.WorkspaceState | None:
-    """How the stages stand with the scene's settings; None without a workspace. Quick enough for every redraw."""
-    root = workspace_of(scene)
-    if root is None:
-        return None
-    try:
-        chosen = selection.arguments(scene)
-    except (OSError, ValueError):  # marks that cannot be written: a run says so, a panel goes on
-        chosen = []
-    wanted = recorded(scene.unveil, selection_arguments(chosen), bpy.path.abspath)
-    try:
-        stat = (root / "workspace.json").stat()
-        key: object = (stat.st_mtime_ns, stat.st_size, session.busy, repr(wanted))
-    except OSError:
-        key = None
-    held = _cache.get(str(root))
-    if held is None or key is None or held[0] != key:
-        _cache.clear()
-        held = (key, workspace_state.read(root, wanted))
-        _cache[str(root)] = held
-    return held[1]
-
-
 CLASSES = (UNVEIL_OT_run, UNVEIL_OT_stage, UNVEIL_OT_cancel, UNVEIL_OT_show_log)
-
-
-def unregister() -> None:
-    _cache.clear()

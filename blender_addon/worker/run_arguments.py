@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-__all__ = ["default_workspace", "recorded", "selection_arguments", "settings_arguments"]
+__all__ = ["adopt", "default_workspace", "recorded", "selection_arguments", "settings_arguments"]
 
+PLAIN = ("quality", "device", "seed", "movers", "order", "inpainter")
+"""Settings that the panel has as workspace.json has them."""
 NOTHING = {"--remove": "", "--instances": "", "--marked": "none"}
 """The options of a choice, and how to say that it names none of that kind."""
 
@@ -42,6 +45,10 @@ def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> l
         _file(settings.reference_inpainter, absolute) or "none",
         "--work-side",
         str(settings.work_side) if settings.work_side else "auto",
+        "--cameras",
+        ",".join(_names(settings.cameras)) or "auto",
+        "--frames",
+        settings.frames.strip() or "auto",
     ]
 
 
@@ -74,6 +81,8 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         "inpainter": _inpainter(settings, absolute),
         "reference_inpainter": _file(settings.reference_inpainter, absolute) or None,
         "work_side": settings.work_side or None,
+        "cameras": [] if settings.cameras.strip() == "auto" else _names(settings.cameras),
+        "frames": settings.frames.strip() if settings.frames.strip() not in ("", "auto") else None,
         "marked": None,
     }
     for option, value in zip(selection[::2], selection[1::2], strict=True):
@@ -84,6 +93,44 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         elif option == "--marked":
             found["marked"] = None if value == "none" else value
     return found
+
+
+def adopt(settings: Any, found: Mapping[str, object]) -> None:
+    """Take over what a workspace was made with; what it does not tell, or tells wrongly, stays as it is.
+
+    Args:
+        settings: a ``scene.unveil``.
+        found: settings under their names in workspace.json, from whoever made it.
+    """
+    wanted: dict[str, object] = {name: found[name] for name in PLAIN if name in found}
+    shadows = found.get("shadows")
+    if isinstance(shadows, str):
+        sun = shadows.partition(",")
+        if shadows in ("auto", "off"):
+            wanted["shadows"] = shadows
+        elif all(_is_number(part) for part in sun[::2]):
+            wanted |= {
+                "shadows": "given",
+                "sun_azimuth": math.radians(float(sun[0])),
+                "sun_elevation": math.radians(float(sun[2])),
+            }
+    for name in ("keyframes", "cameras"):
+        if isinstance(listed := found.get(name), list) and all(isinstance(v, str) for v in listed):
+            wanted[name] = ",".join(listed)
+    for name, none in (("reference_inpainter", ""), ("frames", ""), ("work_side", 0)):
+        if name in found:
+            wanted[name] = none if found[name] is None else found[name]
+    for name, value in wanted.items():
+        if type(value) is type(getattr(settings, name)):
+            with suppress(TypeError, ValueError, OverflowError):  # none of the choices, too large a number
+                setattr(settings, name, value)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def default_workspace(drive: str | Path, blend: str = "") -> Path:

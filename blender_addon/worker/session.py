@@ -40,17 +40,24 @@ class Session:
     title: of the job, for people.
     last: state of the latest job, running or ended.
     ticks: of the latest job.
+    waiting: what its results wait for before they can be loaded; empty for nothing.
     """
 
     job: jobs.Job | None = None
     title: str = ""
     last: JobState | None = None
     ticks: Ticks = field(default_factory=Ticks)
+    waiting: str = ""
 
     @property
     def busy(self) -> bool:
         """Whether a job runs."""
         return self.job is not None
+
+    @property
+    def age_s(self) -> float:
+        """How long the job has run, seconds; 0 where none does."""
+        return 0.0 if self.job is None else time.monotonic() - self.job.started
 
     def begin(self, title: str, start: Callable[[], jobs.Job]) -> JobState:
         """Start a job; only one runs at a time.
@@ -95,7 +102,7 @@ class Session:
         self.last.log.append(f"{self.title}: {self.last.status} after {took}")
         if self.ticks.count:
             self.last.log.append(self.ticks.text())
-        self.job = None
+        self.job, self.waiting = None, ""
         return self.last
 
     def end(self) -> None:

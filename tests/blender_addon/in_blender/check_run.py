@@ -23,7 +23,7 @@ def empty(scene, street, tmp_path):  # type: ignore[no-untyped-def]
 
 
 def states(addon, scene) -> dict[str, str]:  # type: ignore[no-untyped-def]
-    found = addon.module("work.operators_run").stage_states(scene)
+    found = addon.module("work.stage_states").stage_states(scene)
     return {name: stage.state for name, stage in found.stages.items()}
 
 
@@ -292,7 +292,7 @@ def drawn(panel) -> list[str]:  # type: ignore[no-untyped-def]
 
     said: list[str] = []
     stand_in = types.SimpleNamespace(layout=Recorder(said))
-    for name in ("_progress", "_outcome", "_stages", "_stage"):
+    for name in ("_progress", "_outcome", "_stages", "_stage", "_active"):
         if hasattr(panel, name):
             setattr(stand_in, name, types.MethodType(getattr(panel, name), stand_in))
     panel.draw(stand_in, bpy.context)

@@ -83,7 +83,7 @@ def greatest_error(addon, camera, workspace: Path, points: np.ndarray) -> float:
     worst = 0.0
     entries = json.loads((workspace / "drive/cameras.json").read_text())["frames"]
     for n, e in enumerate(x for x in entries if x["camera"] == camera["unveil_track"]):
-        scene.frame_set(n)
+        scene.frame_set(scene.unveil.start_frame + n)
         seen = np.array(e["world_to_camera"]) @ np.concatenate([points, np.ones((len(points), 1))], axis=1).T
         u = e["fx"] * seen[0] / seen[2] + e["cx"]
         v = e["fy"] * seen[1] / seen[2] + e["cy"]
@@ -110,14 +110,14 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     camera = scene.camera
     generator = np.random.default_rng(3)
     points = generator.uniform((0, -4, -3), (25, 4, 3), (300, 3))
+    assert (scene.frame_start, scene.frame_end, scene.frame_current) == (1001, 1004, 1001)
     assert greatest_error(addon, camera, ws, points) < 0.01
-    assert (scene.frame_start, scene.frame_end) == (0, 3)
     assert (scene.render.resolution_x, scene.render.resolution_y) == (32, 24)
     # Blender reads sequences by their numbers, which these names are not.
     background = camera.data.background_images[0]
     assert background.show_background_image and background.image.source == "SEQUENCE"
-    user = background.image_user  # frame 0 of the timeline shows file 0
-    assert (user.frame_start, user.frame_duration, user.frame_offset) == (0, 4, -1)
+    user = background.image_user  # frame 1001 of the timeline shows file 0
+    assert (user.frame_start, user.frame_duration, user.frame_offset) == (1001, 4, -1)
     files = addon.module("scene.plates").files_of(camera, "original")
     originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
     assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
@@ -130,7 +130,7 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
 
     bpy.ops.unveil.import_drive(filepath=str(made / "rig/transforms.json"), workspace=str(tmp_path / "ws"))
     tracks = {c["unveil_track"]: c for c in addon.module("scene.drive_scene").tracks_of(scene.collection.children[0])}
-    assert set(tracks) == {"front", "left"} and scene.frame_end == 1
+    assert set(tracks) == {"front", "left"} and scene.frame_end == 1002
     points = np.random.default_rng(3).uniform((0, -4, -3), (25, 4, 3), (300, 3))
     for track, camera in tracks.items():
         bpy.ops.unveil.look_through(track=track)
@@ -143,7 +143,7 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
     bpy.ops.unveil.look_through(track="front")
     assert greatest_error(addon, tracks["front"], tmp_path / "ws", points) < 0.01
     values = []
-    for n in (0, 1):
+    for n in (1001, 1002):
         scene.frame_set(n)
         values.append(tracks["left"].data.lens * 32 / 36)
     assert np.allclose(values, (21, 23), atol=1e-4)
@@ -185,7 +185,7 @@ def test_the_camera_goes_straight_from_frame_to_frame(addon, scene, made: Path) 
     addon.module("work.loading").load(__import__("bpy").context, made / "ws")
     camera = scene.camera
     places = []
-    for frame, part in ((2, 0.0), (2, 0.5), (3, 0.0)):
+    for frame, part in ((1003, 0.0), (1003, 0.5), (1004, 0.0)):
         scene.frame_set(frame, subframe=part)
         places.append(np.array(camera.matrix_world))
     assert np.allclose(places[1][:3, 3], (places[0] + places[2])[:3, 3] / 2, atol=1e-5)
@@ -432,7 +432,7 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
         told = {"keyframes": [{"camera": "camera", "frame": frame}]}
         (tmp_path / "ws/inpaint/keyframes.json").write_text(json.dumps(told))
         bpy.ops.unveil.load_workspace()
-        assert {m.name: m.frame for m in scene.timeline_markers} == {"mine": 6, f"Keyframe {frame}": int(frame)}
+        assert {m.name: m.frame for m in scene.timeline_markers} == {"mine": 6, f"Keyframe {frame}": 1001 + int(frame)}
         kept = {i.name: i.filepath for i in bpy.data.images if str(i.get("unveil_role")).startswith("keyframe:")}
         assert kept == {f"Keyframe {frame}": str(tmp_path / f"ws/inpainted/camera/{frame}.png")}
     # A workspace that was moved is the same drive; a second one beside it is another.

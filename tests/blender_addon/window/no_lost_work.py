@@ -24,7 +24,7 @@ from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import HELPERS, group_of, open_sidebar  # noqa: E402
 from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
 
-STATES = "{n: s.state for n, s in module('work.operators_run').stage_states(bpy.context.scene).stages.items()}"
+STATES = "{n: s.state for n, s in module('work.stage_states').stage_states(bpy.context.scene).stages.items()}"
 ENDED_S = 5
 """Within which a worker must have ended after its Blender was killed."""
 

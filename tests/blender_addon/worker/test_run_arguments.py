@@ -26,6 +26,8 @@ PLAIN = {
     "inpainter": "exemplar",
     "reference_inpainter": "",
     "work_side": 0,
+    "cameras": "",
+    "frames": "",
 }
 
 

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Open a workspace, or find it again where it was moved to."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ..formats.object_files import recorded_drive, recorded_settings
+from ..worker.run_arguments import adopt
+from .loading import loaded
+from .moved_workspace import follow
+
+__all__: list[str] = []
+
+
+def _absolute(path: str) -> Path:
+    return Path(bpy.path.abspath(path)).absolute()
+
+
+class UNVEIL_OT_load_workspace(bpy.types.Operator):
+    """Bring what the workspace holds into the scene, or up to date where it is there"""
+
+    bl_idname = "unveil.load_workspace"
+    bl_label = "Load workspace"
+    bl_options = {"REGISTER", "UNDO"}
+
+    directory: StringProperty(
+        name="Workspace", subtype="DIR_PATH", description="Empty: the scene's", options={"SKIP_SAVE"}
+    )
+    ask: BoolProperty(default=False, options={"HIDDEN", "SKIP_SAVE"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if not self.ask:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _adopt(self, settings: Any, workspace: Path) -> None:
+        """What it was made with is what a run goes on with: otherwise all of it would be stale."""
+        with suppress(ValueError):  # a damaged file is told of below
+            adopt(settings, recorded_settings(workspace))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        settings = context.scene.unveil
+        place = self.directory or settings.workspace
+        if not place:
+            self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
+            return {"CANCELLED"}
+        if not (_absolute(place) / "workspace.json").is_file():
+            self.report({"ERROR"}, f"{_absolute(place)}: is no workspace (choose the folder that holds workspace.json)")
+            return {"CANCELLED"}
+        if self.directory:
+            settings.workspace = str(_absolute(place))
+            self._adopt(settings, _absolute(place))
+        if not loaded(self, context, settings.workspace):
+            return {"CANCELLED"}
+        try:
+            drive = recorded_drive(_absolute(place))
+        except ValueError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if Path(drive).is_absolute() and (Path(drive).exists() or not settings.drive):
+            settings.drive = drive
+        return {"FINISHED"}
+
+
+class UNVEIL_OT_find_workspace(bpy.types.Operator):
+    """Say where the workspace was moved to: pictures, strips and lists lead there again"""
+
+    bl_idname = "unveil.find_workspace"
+    bl_label = "Find workspace…"
+    bl_options = {"REGISTER", "UNDO"}
+
+    directory: StringProperty(name="Workspace", subtype="DIR_PATH", options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not context.scene.unveil.workspace:
+            cls.poll_message_set("No workspace is named yet")
+        return bool(context.scene.unveil.workspace)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        new = _absolute(self.directory)
+        if not (new / "workspace.json").is_file():
+            self.report({"ERROR"}, f"{new}: is no workspace (choose the folder that holds workspace.json)")
+            return {"CANCELLED"}
+        follow(context.scene, _absolute(context.scene.unveil.workspace), new)
+        return {"FINISHED"}
+
+
+CLASSES = (UNVEIL_OT_load_workspace, UNVEIL_OT_find_workspace)
