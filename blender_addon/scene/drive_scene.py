@@ -91,13 +91,13 @@ def set_up(context: bpy.types.Context, placed: Placed) -> None:
     Called where *Set up scene* is on. What the artist has set since the drive was imported stays.
     """
     scene, collection, tracks = context.scene, placed.collection, placed.tracks
-    if placed.new:
-        _first_look(context, placed)
     span = [placed.timeline.start, max(placed.timeline.end, placed.timeline.start + 1)]
     if list(collection.get("unveil_frames", ())) != span:
         collection["unveil_frames"] = span
         scene.frame_start, scene.frame_end = span
         _set_rate(scene, placed.timeline.rate)
+    if placed.new:
+        _first_look(context, placed)
     if scene.camera is None or (cameras.track_of(scene.camera) and scene.camera not in tracks and placed.new):
         scene.camera = tracks[0]
     if scene.camera in placed.resized:
@@ -196,6 +196,19 @@ def _first_look(context: bpy.types.Context, placed: Placed) -> None:
     show_cameras_view(context)
     for area in _areas(context):
         _fill(area, *camera["unveil_size"])
+    _show_range(context)
+
+
+def _show_range(context: bpy.types.Context) -> None:
+    """Let the timelines show the frame range: that of a drive begins far beyond a new file's."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            region = next((r for r in area.regions if r.type == "WINDOW"), None)
+            if window.scene != context.scene or area.type != "DOPESHEET_EDITOR" or region is None:
+                continue
+            with context.temp_override(window=window, area=area, region=region):
+                if bpy.ops.anim.scene_range_frame.poll():
+                    bpy.ops.anim.scene_range_frame()
 
 
 def _fill(area: bpy.types.Area, width: int, height: int) -> None:

@@ -121,7 +121,7 @@ class UNVEIL_OT_cancel(bpy.types.Operator):
         message = f"It has run for {duration(age)}. What its finished stages made stays."
         manager = context.window_manager
         return manager.invoke_confirm(
-            self, event, title=f"Cancel {session.title}?", message=message, confirm_text="Cancel the work"
+            self, event, title=f"End {session.title}?", message=message, confirm_text="End the work"
         )
 
     def execute(self, context: bpy.types.Context) -> set[str]:

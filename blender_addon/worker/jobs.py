@@ -21,7 +21,7 @@ from .workspace_state import stages_of
 
 __all__ = ["Job", "end_all", "unveil_command", "unveil_job", "worker_environment"]
 
-DRAIN_S = 0.004
+DRAIN_S = 0.002
 """Longest time that one drain takes: a tick of the interface has 0.02 s for all it does."""
 GENTLE_S = 1.2
 """What a cancelled worker has to end by itself, before its whole group is killed: with that it is gone within two seconds."""

@@ -2,7 +2,7 @@
 
     python tests/blender_addon/window/click_path.py --blender blender --extension dist/extension/unveil-0.1.0.zip -o OUT
 
-Install, name the Python, Check; File > Import; choose two cars, one by its box and one by its row; Unveil; Esc; Unveil again;
+Install, name the Python, Check; File > Import; choose two cars, one by its box and one by its row; Unveil; Cancel; Unveil again;
 look at the result before and after. What has to be true is asserted on the way; what was measured is in
 ``OUT/blender_window.json``.
 """
@@ -26,7 +26,7 @@ from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
 
 PACKAGE = "bl_ext.user_default.unveil"
 ROW_PX = 29  # between two lines of the preferences
-LONGEST_CALLBACK_MS, LONGEST_CANCEL_S = 20, 2
+LONGEST_CALLBACK_MS, LONGEST_CANCEL_S = 5, 2
 HELPERS = f"""
 import importlib
 def module(name):
@@ -156,7 +156,7 @@ def choose_draft(window: BlenderWindow) -> None:
 
 
 def cancel_once(window: BlenderWindow) -> dict[str, float]:
-    """Unveil, and Esc in the midst of the reconstruction."""
+    """Unveil, and Cancel in the midst of the reconstruction; Esc over the view does nothing to it."""
     window.press_button(r"unveil.run\(")
     window.until("session().busy")
     pid = window.ask("session().job.pid")
@@ -164,18 +164,23 @@ def cancel_once(window: BlenderWindow) -> dict[str, float]:
     left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
     window.move((left + right) / 3, (top + bottom) / 2)
     window.picture("08_running")
-    pressed = time.monotonic()
     window.press("Escape")
+    time.sleep(1)
+    assert window.ask("session().busy and not session().job.cancelling"), "Esc over the view cancelled the work"
+    x, y = window.find(r"unveil.cancel\(")
+    window.tell("session().job.started = __import__('time').monotonic()")  # younger than a minute: no question
+    pressed = time.monotonic()
+    window.click(x, y)
     while group_of(pid):
-        assert time.monotonic() - pressed < 10, "Esc did not end the work"
+        assert time.monotonic() - pressed < 10, "Cancel did not end the work"
         time.sleep(0.01)
     took = time.monotonic() - pressed
     window.until("not session().busy", 10)
     said = window.ask("told()")
     assert said[0] == "cancelled", said
     window.picture("09_cancelled")
-    assert took < LONGEST_CANCEL_S, f"the process group ended {took:.2f} s after Esc"
-    return {"escape_to_end_of_group_s": round(took, 3), **callback(window)}
+    assert took < LONGEST_CANCEL_S, f"the process group ended {took:.2f} s after Cancel"
+    return {"cancel_to_end_of_group_s": round(took, 3), **callback(window)}
 
 
 def resume(window: BlenderWindow) -> dict[str, float]:
