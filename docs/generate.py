@@ -34,6 +34,7 @@ ORDER = {
     "provenance": "origins, certainty",
     "workspace": "files, lock, journal",
     "mesh": "fusion, export",
+    "corrections": "what was mended by hand",
     "delivery": "frames at the footage's size",
     "inpaint": "ground, light, facades, frames",
     "remove": "selection, visibility",

@@ -292,6 +292,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         type=_file_or_none,
         help="objects without labels: a list of {id, class, centre, size, yaw} or {id, mattes: FOLDER}",
     )
+    add(
+        "--corrections",
+        metavar="FILE.json|none",
+        type=_file_or_none,
+        help="clean frames mended by hand, for all frames: a list of {camera, frame, image: FILE.png, invent}",
+    )
     add("--quality", choices=QUALITIES)
     add("--device", choices=("auto", "cpu", "cuda"))
     add("--seed", type=int)

@@ -12,7 +12,7 @@ from unveil_core.drives.drive import Distortion, Footage
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import distorted, undistorted
 
-__all__ = ["footage_positions", "work_positions", "write_st_maps"]
+__all__ = ["footage_positions", "picture_positions", "work_positions", "write_st_maps"]
 
 KEPT_LENSES = 4
 """Lenses whose positions are kept, 8 bytes a pixel: frames of a camera share one, and follow each other."""
@@ -55,6 +55,16 @@ def _positions_of_lens(
     found = _in_pixels(flat, of_picture).reshape(of_file.height, of_file.width, 2).astype(np.float32)
     found.flags.writeable = False
     return found
+
+
+def picture_positions(footage: Footage, camera: Camera, work: Float32) -> Float32:
+    """(…, 2) where the footage shows what its working picture shows at positions (…, 2): the inverse of :func:`work_positions`."""
+    flat = _normalized(work.reshape(-1, 2).astype(np.float64), camera)
+    if footage.distortion is not None:
+        known = np.isfinite(flat[:, 0])
+        lens = footage.distortion
+        flat[known] = distorted(lens.model, lens.coefficients, flat[known])
+    return _in_pixels(flat, footage.camera).reshape(work.shape).astype(np.float32)
 
 
 def footage_positions(footage: Footage, points: Float64) -> tuple[Float64, Float64]:

@@ -14,6 +14,7 @@ from typing import Any
 from unveil_core.pipeline.outside import (
     check_networks,
     check_segmenter,
+    files_of_corrections,
     files_of_drive,
     files_of_marked,
     files_of_networks,
@@ -150,7 +151,8 @@ STAGES: tuple[Stage, ...] = (
             "provenance",
             "certainty",
         ),
-        settings=("quality", "seed"),
+        settings=("quality", "seed", "inpainter", "corrections"),
+        outside=files_of_corrections,
         run_block=later("reoptimize", "run_block"),
     ),
     Stage(
@@ -167,6 +169,8 @@ STAGES: tuple[Stage, ...] = (
             "masks/shadows",
         ),
         outputs=("frames", "st_maps"),
+        settings=("corrections",),
+        outside=files_of_corrections,
     ),
     Stage(
         "mesh",

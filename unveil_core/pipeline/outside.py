@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from unveil_core.base.onnx_files import files_of
+from unveil_core.corrections.files import read_corrections
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import files_named, read_marked
@@ -16,6 +17,7 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = [
     "check_networks",
     "check_segmenter",
+    "files_of_corrections",
     "files_of_drive",
     "files_of_marked",
     "files_of_networks",
@@ -52,6 +54,14 @@ def files_of_marked(workspace: Workspace, settings: RunSettings, drive: Path) ->
     path = Path(settings.marked)
     pictures = [p for m in read_marked(path) if m.mattes is not None for p in files_named(m.mattes)]
     return [(p.name, p) for p in (path, *pictures)]
+
+
+def files_of_corrections(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
+    """See ``Stage.outside``; nothing where the settings name no file."""
+    if settings.corrections is None:
+        return []
+    path = Path(settings.corrections)
+    return [(p.name, p) for p in (path, *(c.image for c in read_corrections(path)))]
 
 
 def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:

@@ -42,6 +42,8 @@ class RunSettings:
         quality: "draft", "standard" or "high".
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
+        corrections: path of a JSON file of clean frames that a person mended (see ``corrections.files``); made absolute; None =
+            none.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
@@ -84,6 +86,7 @@ class RunSettings:
     adapt: bool = True
     reference_inpainter: str | None = None
     marked: str | None = None
+    corrections: str | None = None
     scale: float | None = None
     up: str | None = None
     scene: str | None = None
@@ -99,8 +102,9 @@ class RunSettings:
         if self.segmenter is not None and not is_file(self.segmenter):
             raise SettingsError(f"unknown segmenter {self.segmenter!r}", mend="give FILE.onnx")
         _ = self.drive_options  # which are checked where they are made
-        if self.marked is not None:
-            object.__setattr__(self, "marked", str(Path(self.marked).expanduser().absolute()))
+        for name in ("marked", "corrections"):
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, str(Path(given).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
             object.__setattr__(self, name, str(path.expanduser().absolute()))
         for name, value, known in (
@@ -173,8 +177,8 @@ class RunSettings:
     @property
     def files(self) -> dict[str, Path]:
         """The files that settings name, by setting: of them the content counts."""
-        marked = {} if self.marked is None else {"marked": Path(self.marked)}
-        return {**self.networks, **marked}
+        named = {"marked": self.marked, "corrections": self.corrections}
+        return {**self.networks, **{name: Path(path) for name, path in named.items() if path is not None}}
 
     @property
     def networks(self) -> dict[str, Path]:

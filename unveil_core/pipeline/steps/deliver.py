@@ -10,6 +10,10 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import link_or_copy, read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.types import Mask
+from unveil_core.corrections.carry import StreetView
+from unveil_core.corrections.files import corrections_of
+from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
 from unveil_core.delivery.lens import write_st_maps
@@ -46,6 +50,7 @@ def run(context: StageContext) -> None:
     lenses = context.output("st_maps")
     lenses.mkdir(parents=True, exist_ok=True)  # an attempt that was interrupted made it
     given = _full_size(context, drive) if any(f.footage is not None for f in drive.frames) else None
+    corrections = None if given is None else _corrections(context, drive, given)
     for i, frame in enumerate(drive.frames):
         clean = frame_file(workspace.root / "clean", frame)
         delivered = frame_file(folder, frame)
@@ -57,12 +62,29 @@ def run(context: StageContext) -> None:
             removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
             shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame)) & ~removed
             own = CleanFrame(frame.footage, read_image(frame.image_path), read_image(clean), removed, shadows)
-            write_image_atomic(delivered, full_size_frame(own, i, given, given.footage(i)))
+            picture = full_size_frame(own, i, given, given.footage(i))
+            write_image_atomic(delivered, picture if corrections is None else corrections.full_size(i, picture))
         context.progress(len(drive.frames) + i + 1, 2 * len(drive.frames), "delivering")
     for track in tracks(drive):
         first = drive.frames[track[0]]
         if first.footage is not None and first.footage.distortion is not None:
             write_st_maps(first.footage, first.camera, lenses / first.camera_name)
+
+
+def _corrections(context: StageContext, drive: Drive, given: FullSize) -> Corrections | None:
+    """What a person mended, None where there is nothing; what was invented anew is in the clean frames already."""
+    listed = corrections_of(context.settings.corrections)
+    if not listed:
+        return None
+    folder, frames = context.workspace.root / "clean", drive.frames
+
+    def view(i: int) -> StreetView:
+        return StreetView(frames[i].camera, given.views.frames[i].depth)
+
+    def invented(i: int, mask: Mask) -> NDArray[np.uint8]:
+        return read_image(frame_file(folder, frames[i]))
+
+    return Corrections(listed, frames, given.exposures, view, invented)
 
 
 def _full_size(context: StageContext, drive: Drive) -> FullSize:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,28 +11,36 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.types import Mask
+from unveil_core.corrections.carry import StreetView
+from unveil_core.corrections.files import corrections_of
+from unveil_core.corrections.frames import Corrections
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
-from unveil_core.inpaint.origin import ORIGINAL
+from unveil_core.inpaint.origin import INVENTED, ORIGINAL
+from unveil_core.inpaint.single_image.registry import fill_around, inpainter
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import StageContext
-from unveil_core.provenance.certainty import ORIGINAL_LEVEL, certainty_levels, expected_right
+from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
-from unveil_core.raster.picture import picture_of
+from unveil_core.raster.picture import picture_of, render_numpy
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, load_sky
-from unveil_core.surfels.surfels import concatenate
+from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
 from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
+
+SOLID = 0.5
+"""Alpha of the scene above which a pixel shows a surface."""
 
 
 def run(context: StageContext) -> None:
@@ -41,7 +50,8 @@ def run(context: StageContext) -> None:
     sky = load_sky(workspace.root / "surfels/sky.npz")
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
-    clean = _inpainted(context, drive)
+    corrections = _corrections(context, drive)
+    clean = _inpainted(context, drive, corrections)
     work = _work(context, drive, clean, sky)
     empty = work.whole()
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
@@ -60,7 +70,7 @@ def run(context: StageContext) -> None:
         optimized = optimized_pixels(removed, moving.pixels(frame))
         street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
         delivered = compose_frame(photograph, street, removed | shadows)
-        write_image_atomic(finished, delivered)
+        write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
         context.progress(i + 1, len(frames), "drawing the empty street")
     # What an attempt that was interrupted has told stays: the certainty of a frame is the last that is written of it.
     left = [i for i, f in enumerate(frames) if not frame_file(context.output("certainty"), f).is_file()]
@@ -70,36 +80,78 @@ def run(context: StageContext) -> None:
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
-        write_image_atomic(frame_file(context.output("provenance"), known.frame), known.origin)
+        origin = known.origin
+        if corrections is not None:
+            mended = corrections.at_work(frames.index(known.frame))[1] > 0.5
+            origin = np.where(mended, INVENTED, origin).astype(np.uint8)
+            most = certainty_levels(np.array([CEILINGS[INVENTED]], np.float32))[0]  # nobody saw what a person painted
+            certainty[mended] = np.minimum(certainty[mended], most)
+        write_image_atomic(frame_file(context.output("provenance"), known.frame), origin)
         write_image_atomic(frame_file(context.output("certainty"), known.frame), certainty)
         context.progress(done + 1, len(frames), "telling where pixels come from")
 
 
-def _inpainted(context: StageContext, drive: Drive) -> Sequence[NDArray[np.uint8]]:
-    """(H, W, 3) per frame, what the stage fits the scene to."""
+def _inpainted(context: StageContext, drive: Drive, corrections: Corrections | None) -> Sequence[NDArray[np.uint8]]:
+    """(H, W, 3) per frame in canonical colours, what the stage fits the scene to: corrected, where a person did that."""
     folder, frames = context.workspace.root / "inpainted", drive.frames
-    return context.cache.frames(len(frames), lambda i: read_image(frame_file(folder, frames[i])))
+    exposures = read_exposures(context.workspace.exposure_json)
+
+    def read(i: int) -> NDArray[np.uint8]:
+        inpainted = read_image(frame_file(folder, frames[i]))
+        if corrections is None or not corrections.touches(i):
+            return inpainted
+        exposure = exposures.of(frames[i])
+        return exposure.canonical(corrections.work_size(i, exposure.photographed(inpainted)))
+
+    return context.cache.frames(len(frames), read)
 
 
-def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]], sky: Sky) -> BlockwiseReoptimization:
+def _corrections(context: StageContext, drive: Drive) -> Corrections | None:
+    """What a person mended, None where there is nothing; carried by the scene as it is before it is optimized again."""
+    listed = corrections_of(context.settings.corrections)
+    if not listed:
+        return None
+    root, frames = context.workspace.root, drive.frames
+    exposures = read_exposures(context.workspace.exposure_json)
+    scene = _scene(context)[0]
+
+    def look(i: int) -> tuple[NDArray[Any], ...]:
+        shown = render_numpy(scene, frames[i].camera, near=NEAR_M, far=FAR_M)
+        return (np.where(shown["alpha"] > SOLID, shown["depth"], 0).astype(np.float32),)
+
+    depths = context.cache.stored(context.scratch("street"), len(frames), look)
+
+    def invent(i: int, mask: Mask) -> NDArray[np.uint8]:
+        inpainted = exposures.delivered(frames[i], read_image(frame_file(root / "inpainted", frames[i])))
+        return fill_around(inpainter(context.settings.inpainter), inpainted, mask)
+
+    lights = [exposures.of(f) for f in frames]
+    return Corrections(listed, frames, lights, lambda i: StreetView(frames[i].camera, depths[i][0]), invent)
+
+
+def _scene(context: StageContext) -> tuple[Surfels, Mask]:
+    """The empty scene as it is before it is optimized again, and (N,) which of its surfels may change."""
     workspace = context.workspace
     full = read_surfels(workspace.surfels_full)
     gone, displaced, relit = (
         load_array(workspace.root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
     )
     seeds = read_surfels(workspace.root / "surfels/seeds.ply")
-    preset = REOPTIMIZE_PRESETS[context.settings.quality]
     stays = ~(gone | displaced)
-    near = near_removed(full, gone, preset.near_m)
+    near = near_removed(full, gone, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
+    movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
+    return concatenate([full.select(torch.from_numpy(stays)), seeds]), movable
+
+
+def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]], sky: Sky) -> BlockwiseReoptimization:
     blocks = cut_into_blocks(drive)
     return BlockwiseReoptimization(
-        concatenate([full.select(torch.from_numpy(stays)), seeds]),
-        np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)]),
+        *_scene(context),
         sky,
         Frames(len(clean), lambda i: (drive.frames[i].camera, clean[i])),
-        preset,
+        REOPTIMIZE_PRESETS[context.settings.quality],
         blocks,
-        len(load_labels(workspace).labels),
+        len(load_labels(context.workspace).labels),
         context.settings.seed,
         context.cache,
         context.parts(len(blocks.blocks)),
@@ -112,5 +164,5 @@ def run_block(context: StageContext, number: int) -> None:
     """One block of the drive, kept for the stage."""
     drive = read_imported(context.workspace.drive_dir, points=False)
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
-    work = _work(context, drive, _inpainted(context, drive), sky)
+    work = _work(context, drive, _inpainted(context, drive, _corrections(context, drive)), sky)
     work.block(work.blocks.blocks[number])

@@ -1,0 +1,96 @@
+"""Corrections of clean frames, as a file lists them.
+
+A JSON list; each entry is ``{camera, frame, image: FILE.png}``. The image has transparency and the size of the delivered frame:
+where it is opaque, its colours replace the frame's. With ``"invent": true`` its colours do not count: what it covers is invented
+anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.checks.named_paths import named_path
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_image_as_it_is, read_json
+from unveil_core.base.types import Float32
+from unveil_core.drives.drive import Frame
+
+__all__ = ["Correction", "corrections_of", "read_corrections", "read_paint"]
+
+MEND = "an entry is {camera, frame, image: FILE.png}, the image with transparency"
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One corrected frame.
+
+    Attributes:
+        camera, frame: names of its track and of itself.
+        image: the file.
+        invent: whether what it covers is invented anew, instead of taking its colours.
+    """
+
+    camera: str
+    frame: str
+    image: Path
+    invent: bool = False
+
+
+def read_corrections(path: Path) -> tuple[Correction, ...]:
+    """The checked corrections of a file; images are relative to it.
+
+    Raises:
+        DriveError: no such file, not a list, an entry that is none, or a frame that is corrected twice.
+    """
+    entries = read_json(path)
+    if not isinstance(entries, list):
+        raise DriveError("holds no list of corrections", path=path, mend=MEND)
+    found = [_entry(i, entry, path) for i, entry in enumerate(entries)]
+    places = [(c.camera, c.frame) for c in found]
+    twice = next((place for place in places if places.count(place) > 1), None)
+    if twice is not None:
+        raise DriveError(
+            f"frame {twice[1]} of camera {twice[0]} is corrected twice", path=path, mend="keep one of them"
+        )
+    return tuple(found)
+
+
+def corrections_of(setting: str | None) -> tuple[Correction, ...]:
+    """Those of the file that a run's settings name; none where they name none."""
+    return () if setting is None else read_corrections(Path(setting))
+
+
+def _entry(i: int, entry: Any, path: Path) -> Correction:
+    if not isinstance(entry, dict) or not all(isinstance(entry.get(k), str) for k in ("camera", "frame", "image")):
+        raise DriveError(f"entry {i} is no correction", path=path, mend=MEND)
+    if not isinstance(entry.get("invent", False), bool):
+        raise DriveError(f"entry {i}: invent is neither true nor false", path=path, mend=MEND)
+    image = named_path(path.parent, entry["image"], path, f"image of entry {i}")
+    return Correction(entry["camera"], entry["frame"], image, entry.get("invent", False))
+
+
+def read_paint(correction: Correction, frame: Frame) -> Float32:
+    """(H, W, 4) float32 in [0, 1]: colours as the frame's photograph would show them, and how far they cover it.
+
+    Args:
+        frame: that is corrected.
+    Raises:
+        DriveError: the image is missing or damaged, has no transparency, or another size than the frame's.
+    """
+    picture: NDArray[np.uint8] | NDArray[np.uint16] = read_image_as_it_is(correction.image)
+    if picture.ndim != 3 or picture.shape[2] != 4:
+        raise DriveError("has no transparency that tells what was painted", path=correction.image, mend=MEND)
+    camera = frame.camera if frame.footage is None else frame.footage.camera
+    height, width = picture.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise DriveError(
+            f"is {width}x{height}, frame {frame.name} is {camera.width}x{camera.height}",
+            path=correction.image,
+            mend="paint on the delivered frame at its own size",
+        )
+    return (picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)).astype(np.float32)

@@ -1,0 +1,259 @@
+"""The corrections of a drive in each of its frames, at working size and at that of the footage."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from unveil_core.base.errors import SettingsError
+from unveil_core.base.types import Float32, Mask
+from unveil_core.corrections.carry import StreetView, positions_in
+from unveil_core.corrections.files import Correction, read_paint
+from unveil_core.delivery.full_size import as_color, in_exposure
+from unveil_core.delivery.lens import picture_positions, work_positions
+from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.drives.drive import Footage, Frame
+from unveil_core.drives.exposure import Exposure
+from unveil_core.geometry.images import grow
+
+__all__ = ["Corrections", "corrected_frames"]
+
+COVERED = 1 / 512
+"""Opacity above which a pixel is corrected: less than half a level of 8 bits."""
+Invent = Callable[[int, Mask], NDArray[np.uint8]]
+"""A frame's clean picture (H, W, 3) of working size, with a mask (H, W) of it invented anew."""
+
+
+def corrected_frames(corrections: Sequence[Correction], frames: Sequence[Frame]) -> list[int]:
+    """The index of the frame that each correction is of.
+
+    Raises:
+        SettingsError: the drive has no such frame.
+    """
+    known = {(f.camera_name, f.name): i for i, f in enumerate(frames)}
+    for c in corrections:
+        if (c.camera, c.frame) not in known:
+            raise SettingsError(
+                f"{c.image}: the drive has no frame {c.frame} of camera {c.camera}",
+                mend="correct the names, or take the entry out",
+            )
+    return [known[(c.camera, c.frame)] for c in corrections]
+
+
+@dataclass(frozen=True, eq=False)
+class _Paint:
+    """One correction: colours and opacity (h, w, 4) of the frame's delivered picture, and of its working picture (H, W, 4)."""
+
+    index: int
+    whole: Float32
+    work: Float32
+
+
+class Corrections:
+    """What was mended, carried to all frames: an earlier correction covers a later one, in its own frame each its own first.
+
+    Args:
+        corrections: in order.
+        frames: of the drive; exposures: of all.
+        view: the empty street in a frame, by index.
+        invent: invents a part of a frame anew.
+    Raises:
+        DriveError: an image is damaged, or no picture of its frame.
+        SettingsError: the drive has no such frame.
+    """
+
+    def __init__(
+        self,
+        corrections: Sequence[Correction],
+        frames: Sequence[Frame],
+        exposures: Sequence[Exposure],
+        view: Callable[[int], StreetView],
+        invent: Invent,
+    ) -> None:
+        self._frames, self._exposures, self._view = frames, exposures, view
+        pairs = zip(corrections, corrected_frames(corrections, frames), strict=True)
+        self._paints = [self._paint(c, i, invent) for c, i in pairs]
+
+    def _paint(self, correction: Correction, index: int, invent: Invent) -> _Paint:
+        frame = self._frames[index]
+        whole = read_paint(correction, frame)
+        work = _at_work(whole, frame)
+        if correction.invent:
+            mask = work[..., 3] > COVERED
+            work = np.dstack([as_color(invent(index, mask)), mask.astype(np.float32)])
+            whole = _at_size(work, frame)
+        return _Paint(index, whole, work)
+
+    def at_work(self, i: int) -> tuple[Float32, Float32]:
+        """Colours (H, W, 3) in [0, 1] of frame ``i``'s photograph, and how far they cover its working picture (H, W)."""
+        frame = self._frames[i]
+        size = (frame.camera.height, frame.camera.width)
+        color, cover = np.zeros((*size, 3), np.float32), np.zeros(size, np.float32)
+        for paint in self._in_order(i):
+            if paint.index == i:
+                new, over = paint.work[..., :3], paint.work[..., 3]
+            else:
+                at = self._positions(i, paint)
+                if at is None:
+                    continue
+                new, over = _sampled(paint.work, at)
+                new = in_exposure(new, self._exposures[paint.index], self._exposures[i])
+            color, cover = _under(color, cover, new, over)
+        return color, cover
+
+    def work_size(self, i: int, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The working picture (H, W, 3) of frame ``i``, corrected, likewise."""
+        mixed: NDArray[np.uint8] = _mixed(picture, *self.at_work(i))  # type: ignore[assignment]
+        return mixed
+
+    def full_size(
+        self, i: int, picture: NDArray[np.uint8] | NDArray[np.uint16]
+    ) -> NDArray[np.uint8] | NDArray[np.uint16]:
+        """A delivered picture (H, W), (H, W, 3) or (H, W, 4) of frame ``i``, corrected; elsewhere it is as it was, bit for bit."""
+        frame = self._frames[i]
+        color, cover = np.zeros((*picture.shape[:2], 3), np.float32), np.zeros(picture.shape[:2], np.float32)
+        for paint in self._in_order(i):
+            if paint.index == i:
+                new, over = paint.whole[..., :3], paint.whole[..., 3]
+            else:
+                at = self._positions(i, paint)
+                if at is None:
+                    continue
+                there = _enlarged(at, frame)
+                there = picture_positions(self._footage(paint.index), self._frames[paint.index].camera, there)
+                new, over = _sampled(paint.whole, there)
+                new = in_exposure(new, self._exposures[paint.index], self._exposures[i])
+            color, cover = _under(color, cover, new, over)
+        return _mixed(picture, color, cover)
+
+    def touches(self, i: int) -> bool:
+        """Whether frame ``i`` may show anything that was corrected."""
+        here = self._frames[i].camera.centre
+        return any(np.linalg.norm(self._frames[p.index].camera.centre - here) < ASKED_M for p in self._paints)
+
+    def _in_order(self, i: int) -> list[_Paint]:
+        return sorted(self._paints, key=lambda paint: paint.index != i)
+
+    def _positions(self, i: int, paint: _Paint) -> Float32 | None:
+        """(H, W, 2) of frame ``i``; None where it shows nothing of a correction."""
+        there = self._frames[paint.index].camera
+        if np.linalg.norm(there.centre - self._frames[i].camera.centre) >= ASKED_M:
+            return None
+        found = positions_in(self._view(i), self._view(paint.index), paint.work[..., 3] > COVERED)
+        return found if np.isfinite(found).any() else None
+
+    def _footage(self, i: int) -> Footage:
+        frame = self._frames[i]
+        return frame.footage or Footage(frame.image_path, frame.camera)
+
+
+def _mixed(
+    picture: NDArray[np.uint8] | NDArray[np.uint16], color: Float32, cover: Float32
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """A picture with colours (H, W, 3) over it, as far as they cover it (H, W); elsewhere bit for bit as it was."""
+    changed = cover > COVERED
+    if not changed.any():
+        return picture
+    share = cover[changed, None]
+    mixed = as_color(picture)[changed] * (1 - share) + color[changed] * share
+    levels = np.clip(np.round(mixed * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
+    out = picture.copy()
+    if picture.ndim == 2:
+        out[changed] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
+    else:
+        out[..., :3][changed] = levels.astype(picture.dtype)
+    return out
+
+
+def _at_work(whole: Float32, frame: Frame) -> Float32:
+    """A painting (h, w, 4) of a delivered picture in the working picture (H, W, 4)."""
+    if frame.footage is None:
+        return whole
+    at = picture_positions(frame.footage, frame.camera, _grid(frame.camera.height, frame.camera.width))
+    scale = frame.footage.camera.width / frame.camera.width
+    solid = np.dstack([whole[..., :3] * whole[..., 3:], whole[..., 3]])
+    if scale > 1:  # a pixel of the working picture is the mean of those that it covers
+        solid = cv2.GaussianBlur(solid, (0, 0), 0.4 * scale)
+    color, cover = _unmixed(_remap(solid, at))
+    return np.dstack([color, cover]).astype(np.float32)
+
+
+def _at_size(work: Float32, frame: Frame) -> Float32:
+    """A painting (H, W, 4) of the working picture in the delivered one (h, w, 4)."""
+    if frame.footage is None:
+        return work
+    solid = np.dstack([work[..., :3] * work[..., 3:], work[..., 3]])
+    color, cover = _unmixed(_remap(solid, work_positions(frame.footage, frame.camera)))
+    return np.dstack([color, cover]).astype(np.float32)
+
+
+def _enlarged(at: Float32, frame: Frame) -> Float32:
+    """Positions (H, W, 2) that are known for the pixels of the working picture, for those of the delivered one (h, w, 2)."""
+    if frame.footage is None:
+        return at
+    known = np.isfinite(at[..., 0])
+    where = work_positions(frame.footage, frame.camera)
+    share = np.atleast_3d(_remap(known.astype(np.float32), where))
+    mean = _remap(np.where(known[..., None], at, 0).astype(np.float32), where) / np.maximum(share, 1e-6)
+    # Where neighbours lead to places far from each other, between them there is nothing.
+    torn = np.atleast_3d(_remap(_torn(at, known).astype(np.float32), where)) > 0
+    return np.where((share > 0.5) & ~torn, mean, np.nan).astype(np.float32)
+
+
+def _torn(at: Float32, known: Mask) -> Mask:
+    """(H, W) pixels whose neighbours' positions are far from theirs."""
+    filled = np.where(known[..., None], at, 0).astype(np.float32)
+    torn = np.zeros(known.shape, dtype=bool)
+    for axis in (0, 1):
+        step = np.abs(np.diff(filled, axis=axis)).max(axis=2) > 12
+        both = known[1:] & known[:-1] if axis == 0 else known[:, 1:] & known[:, :-1]
+        edge = step & both
+        if axis == 0:
+            torn[1:] |= edge
+        else:
+            torn[:, 1:] |= edge
+    return torn
+
+
+def _sampled(paint: Float32, at: Float32) -> tuple[Float32, Float32]:
+    """Colours (H, W, 3) and opacity (H, W) of a painting at positions (H, W, 2), nothing where these are NaN."""
+    known = np.isfinite(at[..., 0])
+    solid = np.dstack([paint[..., :3] * paint[..., 3:], paint[..., 3]])
+    color, cover = _unmixed(_remap(solid, np.where(known[..., None], at, -10).astype(np.float32)))
+    # What the edge of the known cuts off ends softly.
+    inward = cv2.distanceTransform(known.astype(np.uint8), cv2.DIST_L2, 3)
+    whole = ~grow(~known & grow(cover > COVERED, 2), 2)
+    return color, (cover * known * np.where(whole, 1.0, np.clip(inward / 3.0, 0, 1))).astype(np.float32)
+
+
+def _remap(plane: Float32, at: Float32) -> Float32:
+    """A plane (h, w[, C]) at positions (H, W, 2), the centre of the first pixel at 0.5; nothing outside of it."""
+    found: Float32 = cv2.remap(
+        plane, at[..., 0] - 0.5, at[..., 1] - 0.5, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+    ).astype(np.float32)
+    return found
+
+
+def _unmixed(solid: Float32) -> tuple[Float32, Float32]:
+    """Colours (H, W, 3) and opacity (H, W) of colours that were multiplied by it."""
+    cover = np.clip(solid[..., 3], 0, 1)
+    cover = np.where(cover > COVERED, cover, 0)
+    return np.clip(solid[..., :3] / np.maximum(solid[..., 3:], 1e-6), 0, 1), cover
+
+
+def _under(color: Float32, cover: Float32, new: Float32, over: Float32) -> tuple[Float32, Float32]:
+    """A layer laid under what is there already."""
+    added = over * (1 - cover)
+    total = cover + added
+    mixed = (color * cover[..., None] + new * added[..., None]) / np.maximum(total, 1e-6)[..., None]
+    return mixed.astype(np.float32), total.astype(np.float32)
+
+
+def _grid(height: int, width: int) -> Float32:
+    """(H, W, 2) positions of the centres of pixels."""
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return np.dstack([x, y]).astype(np.float32)
