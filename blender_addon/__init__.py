@@ -27,7 +27,7 @@ MODULES = (
     "work.operators_workspace",
     "work.operators_run",
     "work.operators_environment",
-    "work.handlers",
+    "work.saved.handlers",
     "work.command_line",
     "ui.previews",
     "ui.panels",

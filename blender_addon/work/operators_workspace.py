@@ -13,7 +13,7 @@ from bpy.props import BoolProperty, StringProperty
 from ..formats.object_files import recorded_drive, recorded_settings
 from ..worker.run_arguments import adopt
 from .loading import loaded
-from .moved_workspace import follow
+from .saved.moved_workspace import follow
 
 __all__: list[str] = []
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -126,3 +128,15 @@ def test_only_cameras_near_a_stretch_are_asked_and_the_way_s_ends() -> None:
         )
     (only,) = fill_of(80, crowd(10, 80.0)).stretches
     assert len(fill_of(80, crowd(10, 80.0))._looking(only)) == 80
+
+
+def test_an_object_whose_shadow_stays_casts_it_though_it_goes() -> None:
+    removal = crowd(4000, 501.0)
+    fill = fill_of(501, removal)
+    kept = fill_of(501, replace(removal, shadow_stays=frozenset({3, 5})))
+    for before, after in zip(fill.stretches, kept.stretches, strict=True):
+        near = fill.near(before)
+        stays = np.isin(removal.instance[near], (3, 5)) & removal.gone[near]
+        (of_all, goes), (of_kept, less) = fill._near(before), kept._near(after)
+        assert stays.any() and len(less) == len(goes) - stays.sum() and len(of_kept) == len(of_all) + stays.sum()
+        assert len(kept.removal.objects(near)) == len(removal.objects(near))  # its place is filled all the same

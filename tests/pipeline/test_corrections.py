@@ -146,3 +146,23 @@ def test_what_is_no_correction_is_told(
     shutil.copytree(done.root, tmp_path / "ws")
     with pytest.raises(error, match=said):
         run_verb("reoptimize", tmp_path / "ws", replace(SETTINGS, corrections=str(tmp_path / "c.json")))
+
+
+# --------------------------------------------------------------------------------------------------------- single objects
+
+
+def test_a_mask_is_enlarged_by_pixels_of_the_delivered_frame(done: Workspace, tmp_path: Path) -> None:
+    """8 of 128 are 6 of 96."""
+    shutil.copytree(done.root, tmp_path / "ws")
+    run_verb("remove", tmp_path / "ws", replace(SETTINGS, per_object=("5:grow=8",)))
+    grown = 0
+    for i in range(8):
+        before, after = (
+            read_label_image(r / f"masks/removed/camera/{i:02d}.png") > 0 for r in (done.root, tmp_path / "ws")
+        )
+        allowed = cv2.dilate(before.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (15, 15))) > 0
+        assert (after | ~before).all() and not (after & ~allowed).any()
+        least = cv2.dilate(before.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))) > 0
+        assert (after & least).sum() > 0.98 * least.sum()
+        grown += int(after.sum()) - int(before.sum())
+    assert grown > 500

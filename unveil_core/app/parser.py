@@ -298,6 +298,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         type=_file_or_none,
         help="clean frames mended by hand, for all frames: a list of {camera, frame, image: FILE.png, invent}",
     )
+    add(
+        "--per-object",
+        metavar="ID:grow=PX,ID:shadow=keep|none",
+        type=_per_object,
+        help="enlarge a single object's mask by pixels of the delivered frame, or leave its shadow",
+    )
     add("--quality", choices=QUALITIES)
     add("--device", choices=("auto", "cpu", "cuda"))
     add("--seed", type=int)
@@ -412,6 +418,10 @@ def _pixels(text: str) -> int | None:
     if text.strip() != "auto" and not text.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r} is no number of pixels, and not auto")
     return None if text.strip() == "auto" else int(text)
+
+
+def _per_object(text: str) -> tuple[str, ...]:
+    return () if text.strip() == "none" else _names(text)
 
 
 def _file_or_none(text: str) -> str | None:

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 
-__all__ = ["StreetView", "positions_in"]
+__all__ = ["StreetView", "positions_in", "shown_in"]
 
 SAME_DEPTH = 0.03
 """Share of its depth by which a place may lie before or behind what the other frame shows there and be it all the same."""
@@ -40,7 +40,20 @@ def positions_in(here: StreetView, there: StreetView, wanted: Mask) -> Float32:
         return found
     depth = np.where(here.depth > 0, here.depth, SKY_M).astype(np.float64)
     points = here.camera.centre + depth[..., None] * here.camera.rays()
-    index, pixels, far = there.camera.shown(points.reshape(-1, 3), nearest=NEAREST_M)
+    index, pixels = shown_in(there, points.reshape(-1, 3), wanted)
+    found.reshape(-1, 2)[index] = pixels
+    return found
+
+
+def shown_in(there: StreetView, points: Float64, wanted: Mask) -> tuple[NDArray[np.int64], Float64]:
+    """Which places a frame shows, itself and not what lies before them.
+
+    Args:
+        points: (N, 3); wanted: (H, W) of the frame: pixels that are asked for.
+    Returns:
+        which (M,), rising, and their positions (M, 2).
+    """
+    index, pixels, far = there.camera.shown(points, nearest=NEAREST_M)
     column, row = pixels.astype(np.int64).T
     # Near the border of what is wanted its colours still count: a sample mixes the pixels around it.
     around = cv2.dilate(wanted.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
@@ -50,8 +63,7 @@ def positions_in(here: StreetView, there: StreetView, wanted: Mask) -> Float32:
     # On a road far off neighbouring pixels lie metres apart.
     spread = _spread(shown)[row, column]
     near = np.abs(shown[row, column] - far) < SAME_DEPTH * far + spread
-    found.reshape(-1, 2)[index[near]] = pixels[near]
-    return found
+    return index[near], pixels[near]
 
 
 def _spread(depth: Float32) -> NDArray[np.float32]:

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.types import Float32, Mask
-from unveil_core.corrections.carry import StreetView, positions_in
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.corrections.carry import StreetView, positions_in, shown_in
 from unveil_core.corrections.files import Correction, read_paint
 from unveil_core.delivery.full_size import as_color, in_exposure
 from unveil_core.delivery.lens import picture_positions, work_positions
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Footage, Frame
-from unveil_core.drives.exposure import Exposure
-from unveil_core.geometry.images import grow
+from unveil_core.drives.exposure import IDENTITY, Exposure
+from unveil_core.geometry.images import grow, sample_at
 
 __all__ = ["Corrections", "corrected_frames"]
 
@@ -129,6 +129,17 @@ class Corrections:
                 new = in_exposure(new, self._exposures[paint.index], self._exposures[i])
             color, cover = _under(color, cover, new, over)
         return _mixed(picture, color, cover)
+
+    def of_points(self, points: Float64) -> tuple[Float32, Float32]:
+        """Canonical colours (N, 3) in [0, 1] of places (N, 3) of the empty street, and how far they are corrected (N,)."""
+        color, cover = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
+        for paint in reversed(self._paints):  # an earlier one covers
+            index, pixels = shown_in(self._view(paint.index), points, paint.work[..., 3] > COVERED)
+            found = sample_at(paint.work, pixels)
+            index, found = index[found[:, 3] > 0.5], found[found[:, 3] > 0.5]
+            color[index] = in_exposure(found[:, :3], self._exposures[paint.index], IDENTITY)
+            cover[index] = found[:, 3]
+        return color, cover
 
     def touches(self, i: int) -> bool:
         """Whether frame ``i`` may show anything that was corrected."""

@@ -273,9 +273,9 @@ class StreetFill:
         return subset(frames, stretch.frames)
 
     def _near(self, stretch: Stretch) -> tuple[Surfels, Surfels]:
-        """Surfels of what stays and of what is removed, near a stretch."""
+        """Surfels whose shadows stay, and those whose shadows go, near a stretch."""
         near, surfels = self.near(stretch), self.removal.surfels
-        gone = self.removal.gone[near]
+        gone = self.removal.casts(near)
         return surfels.select(torch.from_numpy(near[~gone])), surfels.select(torch.from_numpy(near[gone]))
 
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:

@@ -43,11 +43,19 @@ class Removal:
     Attributes:
         surfels: the full scene of N surfels.
         gone: (N,) those that are removed; instance: (N,) the object that each belongs to.
+        shadow_stays: ids of removed objects whose shadows are left in the street.
     """
 
     surfels: Surfels
     gone: Mask
     instance: Labels
+    shadow_stays: frozenset[int] = frozenset()
+
+    def casts(self, near: NDArray[np.int64]) -> Mask:
+        """(K,) which of the surfels at indices ``near`` (K,) cast a shadow that goes."""
+        stays = np.isin(self.instance[near], list(self.shadow_stays))
+        goes: Mask = self.gone[near] & ~stays
+        return goes
 
     def objects(self, near: NDArray[np.int64]) -> list[NDArray[np.float64]]:
         """(M, 3) positions of the removed surfels among those at indices ``near`` (K,), one array per object."""

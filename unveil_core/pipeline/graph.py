@@ -88,7 +88,7 @@ STAGES: tuple[Stage, ...] = (
             "ground",
         ),
         outputs=("surfels/removed.npy", "masks/removed", "masks/unobserved", "regions"),
-        settings=("marked",),
+        settings=("marked", "per_object"),
         outside=files_of_marked,
     ),
     Stage(
@@ -121,7 +121,7 @@ STAGES: tuple[Stage, ...] = (
         ),
         outside=files_of_networks,
         check=check_networks,
-        settings=("quality", "shadows", "inpainter", "reference_inpainter", "order", "keyframes"),
+        settings=("quality", "shadows", "inpainter", "reference_inpainter", "order", "keyframes", "per_object"),
     ),
     Stage(
         "reoptimize",

@@ -21,6 +21,8 @@ UPS = ("x", "y", "z", "-x", "-y", "-z")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
 LEAST_MEMORY = 64 << 20
 """Fewest bytes for the frames of a stage: a few of 1920x1280 with all that training asks of them."""
+MOST_GROWN_PX = 200
+"""By which an object's mask may be enlarged: a tenth of the width of full HD."""
 UNITS = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 
@@ -28,6 +30,13 @@ def bytes_of(size: str) -> int | None:
     """Bytes of a size as people write it, as 4G, 512M or 1.5g; None where it is none."""
     found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,6})?)\s*([KMGT]?)(?:i?B)?\s*", size, re.IGNORECASE)
     return None if found is None else int(float(found[1]) * UNITS.get(found[2].upper(), 1))
+
+
+def _object_setting(entry: str) -> tuple[str, str, str]:
+    """Id, name and value of an entry of ``RunSettings.per_object``."""
+    number, _, told = entry.partition(":")
+    key, _, value = told.partition("=")
+    return number, key, value
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,8 @@ class RunSettings:
         quality: "draft", "standard" or "high".
         device: "auto", "cpu" or "cuda".
         seed: of everything random.
+        per_object: what differs for single objects: "ID:grow=PIXELS" enlarges the object's mask by pixels of the delivered frame,
+            "ID:shadow=keep" leaves its shadow in the street.
         corrections: path of a JSON file of clean frames that a person mended (see ``corrections.files``); made absolute; None =
             none.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
@@ -87,6 +98,7 @@ class RunSettings:
     reference_inpainter: str | None = None
     marked: str | None = None
     corrections: str | None = None
+    per_object: tuple[str, ...] = ()
     scale: float | None = None
     up: str | None = None
     scene: str | None = None
@@ -144,12 +156,32 @@ class RunSettings:
         ):
             if given is not None and not low <= given <= high:
                 raise SettingsError(f"{name} {given} is out of range", mend=f"use {low:,} to {high:,}")
+        for entry in self.per_object:
+            number, key, told = _object_setting(entry)
+            grows = key == "grow" and told.isdigit() and int(told[:9]) <= MOST_GROWN_PX
+            if not number.isdigit() or len(number) > 9 or not (grows or (key, told) == ("shadow", "keep")):
+                raise SettingsError(
+                    f"unknown setting of an object {entry!r}",
+                    mend=f"use ID:grow=PIXELS, up to {MOST_GROWN_PX}, or ID:shadow=keep",
+                )
         if self.seed < 0:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
         if self.seed >= 1 << 63:
             raise SettingsError(f"seed {self.seed} is too large", mend="use less than 2^63")
         if self.device == "cuda":
             raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
+
+    @property
+    def grown_px(self) -> dict[int, int]:
+        """By object, pixels of the delivered frame by which its mask is enlarged."""
+        told = [_object_setting(entry) for entry in self.per_object]
+        return {int(number): int(value) for number, key, value in told if key == "grow" and int(value) > 0}
+
+    @property
+    def shadows_that_stay(self) -> frozenset[int]:
+        """Removed objects whose shadows are left in the street."""
+        told = [_object_setting(entry) for entry in self.per_object]
+        return frozenset(int(number) for number, key, _ in told if key == "shadow")
 
     @property
     def sun(self) -> tuple[float, float] | None:

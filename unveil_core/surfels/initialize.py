@@ -6,6 +6,9 @@ work of finding them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -13,10 +16,19 @@ from numpy.typing import NDArray
 from unveil_core.geometry.cloud import quats_from_normals
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["SH_C0", "surfels_from_points"]
+__all__ = ["SH_C0", "repainted", "surfels_from_points"]
 
 SH_C0 = 0.28209479177387814
 """The constant spherical-harmonic basis function."""
+
+
+def repainted(surfels: Surfels, colors: NDArray[np.floating[Any]], some: NDArray[np.bool_]) -> Surfels:
+    """Surfels of which some, (N,) bool, have other colours (N, 3) in [0, 1], the same from all directions."""
+    sh = surfels.sh.clone()
+    chosen = torch.from_numpy(some)
+    sh[chosen] = 0
+    sh[chosen, 0] = torch.from_numpy(((colors[some] - 0.5) / SH_C0).astype(np.float32))
+    return replace(surfels, sh=sh)
 
 
 def surfels_from_points(

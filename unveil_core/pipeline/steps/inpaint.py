@@ -187,7 +187,8 @@ def _read(context: StageContext) -> _Given:
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
-    removal = Removal(surfels, gone, load_array(workspace.root / "surfels/instances.npy"))
+    instances = load_array(workspace.root / "surfels/instances.npy")
+    removal = Removal(surfels, gone, instances, context.settings.shadows_that_stay)
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
     images = cache.frames(len(frames), lambda i: exposures.read(frames[i]))

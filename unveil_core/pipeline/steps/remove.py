@@ -41,6 +41,8 @@ from unveil_core.workspace.movers import ego_pixels, read_moving
 
 __all__ = ["run"]
 
+OWN_KINDS = 3
+"""What a surfel is drawn as: stays, goes, goes as one that a person marked; then single objects."""
 LOOSE_M = 0.5
 """How far from an object its loose ends may lie, metres."""
 
@@ -60,6 +62,19 @@ def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32])
     elif scene.instances:
         mask |= rendered > 0.5
     return mask | (~known & (rendered > 0.5))
+
+
+def single_object(frame: Frame, number: int, rendered: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(H, W) pixels of one object: by the frame's own instances where these know it, and by its ``rendered`` share."""
+    instances = frame_instances(frame)
+    mask: NDArray[np.bool_] = rendered > 0.5
+    return mask if instances is None else mask | (instances == number)
+
+
+def working_px(frame: Frame, pixels: int) -> int:
+    """Pixels of the working picture that are so many of the delivered one, at least one."""
+    wide = frame.camera.width if frame.footage is None else frame.footage.camera.width
+    return max(1, round(pixels * frame.camera.width / wide))
 
 
 def marked_pixels(
@@ -107,6 +122,9 @@ def run(context: StageContext) -> None:
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
     # No label or instance image tells where these are: they are drawn apart.
     kinds = torch.from_numpy(gone).long() + torch.from_numpy(gone & np.isin(of_surfel, [m.id for m in by_hand])).long()
+    grown = context.settings.grown_px
+    for kind, number in enumerate(grown, start=OWN_KINDS):  # drawn apart, too: their masks are enlarged
+        kinds[torch.from_numpy(gone & (of_surfel == number))] = kind
     told = replace(surfels, labels=kinds)
     moving = read_moving(workspace.root)
     exposures = read_exposures(workspace.exposure_json)
@@ -116,12 +134,21 @@ def run(context: StageContext) -> None:
         frame = frames[i]
         planes = ("rgb", "alpha", "depth", "semantics")
         with torch.no_grad():
-            full = render(near_camera(told, frame.camera), frame.camera, planes, label_count=3, near=NEAR_M, far=FAR_M)
+            near = near_camera(told, frame.camera)
+            full = render(near, frame.camera, planes, label_count=OWN_KINDS + len(grown), near=NEAR_M, far=FAR_M)
         assert full.rgb is not None and full.alpha is not None and full.depth is not None and full.semantics is not None
         share = full.semantics.numpy()
-        own = object_mask(frame, scene, share[..., 1] + share[..., 2]) | moving.pixels(frame)
-        own |= marked_pixels(by_hand, drive, frame, share[..., 2])
-        own |= missed_pixels(exposures.read(frame), full.rgb.numpy(), share[..., 1], own)
+        single = {n: share[..., k] for k, n in enumerate(grown, start=OWN_KINDS)}
+        marked, known = share[..., 2].copy(), share[..., 1].copy()
+        for number, part in single.items():
+            into = marked if number in {m.id for m in by_hand} else known
+            into += part
+        own = object_mask(frame, scene, known + marked) | moving.pixels(frame)
+        own |= marked_pixels(by_hand, drive, frame, marked)
+        own |= missed_pixels(exposures.read(frame), full.rgb.numpy(), known, own)
+        for number, part in single.items():
+            pixels = own & single_object(frame, number, part)
+            own |= grow(pixels, working_px(frame, grown[number])) if pixels.any() else False
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None

@@ -31,6 +31,7 @@ from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty
 from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.raster.picture import picture_of, render_numpy
 from unveil_core.remove.selection import near_removed
+from unveil_core.surfels.initialize import repainted
 from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -52,7 +53,7 @@ def run(context: StageContext) -> None:
     frames, cache = drive.frames, context.cache
     corrections = _corrections(context, drive)
     clean = _inpainted(context, drive, corrections)
-    work = _work(context, drive, clean, sky)
+    work = _work(context, drive, clean, sky, corrections)
     empty = work.whole()
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
@@ -143,10 +144,22 @@ def _scene(context: StageContext) -> tuple[Surfels, Mask]:
     return concatenate([full.select(torch.from_numpy(stays)), seeds]), movable
 
 
-def _work(context: StageContext, drive: Drive, clean: Sequence[NDArray[np.uint8]], sky: Sky) -> BlockwiseReoptimization:
+def _work(
+    context: StageContext,
+    drive: Drive,
+    clean: Sequence[NDArray[np.uint8]],
+    sky: Sky,
+    corrections: Corrections | None,
+) -> BlockwiseReoptimization:
     blocks = cut_into_blocks(drive)
+    surfels, movable = _scene(context)
+    if corrections is not None:  # what was painted is where it starts from
+        color, cover = corrections.of_points(surfels.means.double().numpy())
+        surfels, mended = repainted(surfels, color, cover > 0), cover > 0
+        movable = movable | mended
     return BlockwiseReoptimization(
-        *_scene(context),
+        surfels,
+        movable,
         sky,
         Frames(len(clean), lambda i: (drive.frames[i].camera, clean[i])),
         REOPTIMIZE_PRESETS[context.settings.quality],
@@ -164,5 +177,6 @@ def run_block(context: StageContext, number: int) -> None:
     """One block of the drive, kept for the stage."""
     drive = read_imported(context.workspace.drive_dir, points=False)
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
-    work = _work(context, drive, _inpainted(context, drive, _corrections(context, drive)), sky)
+    corrections = _corrections(context, drive)
+    work = _work(context, drive, _inpainted(context, drive, corrections), sky, corrections)
     work.block(work.blocks.blocks[number])

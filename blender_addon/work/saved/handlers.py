@@ -8,7 +8,7 @@ from collections.abc import Callable
 import bpy
 from bpy.app.handlers import persistent
 
-from ..worker.session import session
+from ...worker.session import session
 from .moved_workspace import find_moved_workspaces
 from .paths_in_file import look_up_all, make_absolute, make_relative
 

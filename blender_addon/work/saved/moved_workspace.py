@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from ..scene import blocks
+from ...scene import blocks
 
 __all__ = ["find_moved_workspaces", "follow"]
 

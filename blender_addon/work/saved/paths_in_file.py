@@ -13,7 +13,7 @@ from typing import Any
 
 import bpy
 
-from ..scene import blocks
+from ...scene import blocks
 
 __all__ = ["look_up_all", "make_absolute", "make_relative"]
 
