@@ -111,6 +111,22 @@ def test_only_what_follows_from_it_is_made_again(painted: tuple[Workspace, np.nd
     assert set(before) - same == {"reoptimize", "deliver"}
 
 
+def test_a_picture_that_was_painted_over_counts_where_it_differs(
+    done: Workspace, painted: tuple[Workspace, np.ndarray], tmp_path: Path
+) -> None:
+    """Not where a program changed it by a level of 8 bits."""
+    before = cv2.imread(str(done.root / f"frames/camera/{OWN}.png"), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(tmp_path / "before.png"), before)
+    generator = np.random.default_rng(0)
+    over = np.clip(before.astype(np.int64) + generator.integers(-256, 257, before.shape), 0, 65535)
+    over[painted[1]] = np.round(PAINT[::-1] * 65535)
+    rgba = cv2.cvtColor(over.astype(np.uint16), cv2.COLOR_BGR2RGBA)
+    ws, _ = mended(done, tmp_path, {"frame": OWN, "over": "before.png"}, rgba)
+    after = delivered(ws, OWN)
+    assert np.abs(after[painted[1]] - PAINT).max() < 2e-5
+    assert np.abs(after - delivered(painted[0], OWN))[~painted[1]].max() < 0.02  # what is optimized anew differs a little
+
+
 def test_what_is_marked_as_wrong_is_invented_anew(done: Workspace, tmp_path: Path) -> None:
     """And not with the colours that marked it."""
     rgba = np.zeros((HEIGHT, WIDTH, 4), np.uint8)

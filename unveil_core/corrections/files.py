@@ -1,8 +1,8 @@
 """Corrections of clean frames, as a file lists them.
 
 A JSON list; each entry is ``{camera, frame, image: FILE.png}``. The image has transparency and the size of the delivered frame:
-where it is opaque, its colours replace the frame's. With ``"invent": true`` its colours do not count: what it covers is invented
-anew.
+where it is opaque, its colours replace the frame's. With ``"over": FILE.png`` it needs no transparency: it counts where it differs
+from that file, which was painted over. With ``"invent": true`` its colours do not count: what it covers is invented anew.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from unveil_core.drives.drive import Frame
 
 __all__ = ["Correction", "corrections_of", "read_corrections", "read_paint"]
 
+SAME = 1.2 / 255
+"""Change of a level, of 1, that a painting program makes by reading and writing a picture; twice as much counts in full."""
 MEND = "an entry is {camera, frame, image: FILE.png}, the image with transparency"
 
 
@@ -31,14 +33,20 @@ class Correction:
 
     Attributes:
         camera, frame: names of its track and of itself.
-        image: the file.
+        image: the file; over: the one that was painted over, None where the image has transparency.
         invent: whether what it covers is invented anew, instead of taking its colours.
     """
 
     camera: str
     frame: str
     image: Path
+    over: Path | None = None
     invent: bool = False
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files of it."""
+        return (self.image,) if self.over is None else (self.image, self.over)
 
 
 def read_corrections(path: Path) -> tuple[Correction, ...]:
@@ -71,7 +79,10 @@ def _entry(i: int, entry: Any, path: Path) -> Correction:
     if not isinstance(entry.get("invent", False), bool):
         raise DriveError(f"entry {i}: invent is neither true nor false", path=path, mend=MEND)
     image = named_path(path.parent, entry["image"], path, f"image of entry {i}")
-    return Correction(entry["camera"], entry["frame"], image, entry.get("invent", False))
+    over = None
+    if entry.get("over") is not None:
+        over = named_path(path.parent, entry["over"], path, f"over of entry {i}")
+    return Correction(entry["camera"], entry["frame"], image, over, entry.get("invent", False))
 
 
 def read_paint(correction: Correction, frame: Frame) -> Float32:
@@ -82,15 +93,29 @@ def read_paint(correction: Correction, frame: Frame) -> Float32:
     Raises:
         DriveError: the image is missing or damaged, has no transparency, or another size than the frame's.
     """
-    picture: NDArray[np.uint8] | NDArray[np.uint16] = read_image_as_it_is(correction.image)
-    if picture.ndim != 3 or picture.shape[2] != 4:
-        raise DriveError("has no transparency that tells what was painted", path=correction.image, mend=MEND)
     camera = frame.camera if frame.footage is None else frame.footage.camera
-    height, width = picture.shape[:2]
-    if (width, height) != (camera.width, camera.height):
+    planes = [_read(path, frame.name, camera.width, camera.height) for path in correction.files]
+    if correction.over is None:
+        if planes[0].shape[2] != 4:
+            raise DriveError("has no transparency that tells what was painted", path=correction.image, mend=MEND)
+        return planes[0]
+    color, before = (_color(plane) for plane in planes)
+    change = np.abs(color - before).max(axis=2)
+    cover = np.clip((change - SAME) / SAME, 0, 1)
+    return np.dstack([color, cover]).astype(np.float32)
+
+
+def _read(path: Path, name: str, width: int, height: int) -> Float32:
+    """(H, W, C) in [0, 1]."""
+    picture: NDArray[np.uint8] | NDArray[np.uint16] = read_image_as_it_is(path)
+    if picture.shape[:2] != (height, width):
         raise DriveError(
-            f"is {width}x{height}, frame {frame.name} is {camera.width}x{camera.height}",
-            path=correction.image,
+            f"is {picture.shape[1]}x{picture.shape[0]}, frame {name} is {width}x{height}",
+            path=path,
             mend="paint on the delivered frame at its own size",
         )
-    return (picture.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)).astype(np.float32)
+    return np.atleast_3d(picture).astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
+
+
+def _color(plane: Float32) -> Float32:
+    return plane[..., :3] if plane.shape[2] >= 3 else plane[..., :1].repeat(3, axis=2)

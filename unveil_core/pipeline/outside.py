@@ -61,7 +61,7 @@ def files_of_corrections(workspace: Workspace, settings: RunSettings, drive: Pat
     if settings.corrections is None:
         return []
     path = Path(settings.corrections)
-    return [(p.name, p) for p in (path, *(c.image for c in read_corrections(path)))]
+    return [(p.name, p) for p in (path, *(file for c in read_corrections(path) for file in c.files))]
 
 
 def files_of_networks(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
