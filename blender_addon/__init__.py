@@ -16,8 +16,10 @@ MODULES = (
     "scene.settings",
     "scene.view",
     "scene.operators_view",
+    "choice.fixes",
     "choice.selection",
     "choice.operators_selection",
+    "choice.operators_fixes",
     "choice.box_gizmos",
     "choice.tool",
     "work.preferences",
@@ -35,6 +37,7 @@ MODULES = (
     "ui.panel_selection",
     "ui.panel_run",
     "ui.panel_results",
+    "ui.panel_fixes",
 )
 """Whatever is registered stands in one of these, in this order: Blender's classes in ``CLASSES``, all else in ``register()`` and
 ``unregister()``, either of which may be missing."""

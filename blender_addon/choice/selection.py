@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,10 @@ from bpy.props import (
 
 from ..formats.boxes import SceneBox
 from ..formats.drive_files import ImportedDrive
-from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving
+from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving, recorded_settings
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, drive_scene, versions
-from . import marks
+from . import fixes, marks
 
 __all__ = [
     "UnveilClass",
@@ -65,6 +66,14 @@ class UnveilObject(bpy.types.PropertyGroup):
     thumbnail: StringProperty()
     thumbnail_stamp: StringProperty(description="When it was written: drawing does not ask the disk")
     marker: PointerProperty(type=bpy.types.Object, description="The wire cube around what nobody labelled")
+    grow: IntProperty(
+        name="Grow mask",
+        subtype="PIXEL",
+        min=0,
+        max=200,
+        description="Enlarge its mask by pixels of the delivered frame, where something of it is left",
+    )
+    keep_shadow: BoolProperty(name="Keep shadow", description="Leave the shadow that it casts in the street")
     mattes: StringProperty(subtype="DIR_PATH", options=versions.PATH)
 
 
@@ -110,6 +119,8 @@ class UnveilSelection(bpy.types.PropertyGroup):
     show_boxes: BoolProperty(
         name="Boxes", default=True, description="Show the objects' boxes in the viewport; a click on one chooses it"
     )
+    fixes: CollectionProperty(type=fixes.UnveilFix)
+    active_fix: IntProperty(name="Fix", default=0)
     all_classes: BoolProperty(name="All classes", description="List classes that are not removed as a rule, too")
 
 
@@ -171,7 +182,9 @@ def arguments(scene: Any) -> list[str]:
     if not current(scene):
         return []
     path = marks.write_marked(Path(scene.unveil_selection.workspace), standing(scene), drive_scene.metre_of(scene))
-    return [*chosen_arguments(scene), *(["--marked", str(path)] if path is not None else [])]
+    mended = fixes.write(scene)
+    files = {"--marked": "" if path is None else str(path), "--corrections": mended}
+    return [*chosen_arguments(scene), *(word for name, file in files.items() if file for word in (name, file))]
 
 
 def marked_file(scene: Any) -> str:
@@ -190,7 +203,13 @@ def chosen_arguments(scene: Any) -> list[str]:
         found += ["--remove", ",".join(classes)]
     if numbers:
         found += ["--instances", ",".join(str(n) for n in numbers)]
-    return found
+    single = [
+        entry
+        for o in scene.unveil_selection.objects
+        for entry, told in ((f"{o.number}:grow={o.grow}", o.grow > 0), (f"{o.number}:shadow=keep", o.keep_shadow))
+        if told
+    ]
+    return [*found, "--per-object", ",".join(single)] if single else found
 
 
 def problem(scene: Any) -> str:
@@ -220,6 +239,11 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     if not same:
         chosen, alone = _recorded(drive.workspace, objects)
     kept = [_keep(o) for o in selection.objects if is_marked(o)] if same else []
+    single = (
+        {o.number: (o.grow, o.keep_shadow) for o in selection.objects} if same else _recorded_single(drive.workspace)
+    )
+    if not same:
+        selection.fixes.clear()
     known = {entry.number: entry for entry in objects}
     if not same:
         kept = marks.restore(scene, drive)
@@ -242,6 +266,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         if thing.number in known:
             _describe(thing, known[thing.number], drive, timeline)
     for thing in selection.objects:
+        thing.grow, thing.keep_shadow = single.get(thing.number, (0, False))
         thing.name = f"{thing.class_name} {thing.number}"
     selection.classes.clear()
     for entry in classes:
@@ -256,6 +281,18 @@ def _recorded(workspace: Path, objects: Sequence[ListedObject]) -> tuple[set[int
     recorded = read_choice(workspace)
     own = {o.number for o in objects if o.class_name in recorded.classes and o.source not in ("box", "mattes")}
     return own | recorded.instances, set(recorded.classes)
+
+
+def _recorded_single(workspace: Path) -> dict[int, tuple[int, bool]]:
+    """By object, how far its mask was enlarged and whether its shadow stayed, as the workspace says."""
+    found: dict[int, tuple[int, bool]] = {}
+    listed = recorded_settings(workspace).get("per_object")
+    for entry in listed if isinstance(listed, list) else ():
+        told = re.fullmatch(r"(\d{1,9}):(?:grow=(\d{1,3})|(shadow)=keep)", entry) if isinstance(entry, str) else None
+        if told:
+            grow, keep = found.get(int(told[1]), (0, False))
+            found[int(told[1])] = (int(told[2]), keep) if told[2] else (grow, True)
+    return found
 
 
 def _keep(thing: UnveilObject) -> dict[str, Any]:

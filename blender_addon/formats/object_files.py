@@ -17,10 +17,12 @@ from .drive_files import FARTHEST, ImportedDrive, file_below, read_json
 __all__ = [
     "Box",
     "Choice",
+    "Fix",
     "ListedClass",
     "ListedObject",
     "Mark",
     "read_choice",
+    "read_fixes",
     "read_keyframes",
     "read_listed",
     "read_marks",
@@ -94,6 +96,15 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Fix:
+    """A clean frame that was mended by hand; ``invent``: what was painted over is invented anew."""
+
+    camera: str
+    frame: str
+    invent: bool
+
+
+@dataclass(frozen=True)
 class Choice:
     """What was chosen: ids of objects, and classes."""
 
@@ -149,6 +160,20 @@ def read_marks(drive: ImportedDrive) -> list[Mark]:
         return [_mark(e, drive) for e in _list(data)]
 
     return _read(drive.workspace / "marked.json", understood, [], "mend it, or remove it to mark objects anew")
+
+
+def read_fixes(drive: ImportedDrive) -> list[Fix]:
+    """``corrections.json``, in its own order."""
+
+    def understood(data: Any) -> list[Fix]:
+        return [Fix(_name_of(e["camera"]), _name_of(e["frame"]), e.get("invent", False) is True) for e in _list(data)]
+
+    return _read(drive.workspace / "corrections.json", understood, [], "mend it, or remove it to paint anew")
+
+
+def _name_of(value: Any) -> str:
+    """The name of one file or folder, which leads nowhere else."""
+    return file_below(Path(), _text(value)).name if "/" not in _text(value) else _text(None)
 
 
 def read_keyframes(workspace: Path) -> list[tuple[str, str]]:

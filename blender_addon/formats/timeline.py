@@ -7,6 +7,7 @@ before a gap stays until the next one. Without time stamps picture n of each cam
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -40,6 +41,10 @@ class Timeline:
     def first(self, track: str) -> int:
         """The frame of a track's first picture."""
         return self.frames[track][0]
+
+    def at(self, track: str, frame: int) -> int:
+        """Number, from 0, of the picture that a track shows at a frame; before its first the first, after its last the last."""
+        return max(bisect_right(self.frames[track], frame) - 1, 0)
 
     def held(self, track: str, things: Sequence[T]) -> list[T]:
         """One thing for each frame from a track's first picture to its last, given one for each picture."""

@@ -151,6 +151,10 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
             column.label(text="moves: goes from every frame")
         elif thing.first_frame:
             column.label(text=f"{thing.frames} frames, {thing.first_frame} to {thing.last_frame}")
+        if thing.chosen or thing.moves:
+            row = box.row(align=True)
+            row.prop(thing, "grow")
+            row.prop(thing, "keep_shadow", toggle=True)
         row = box.row(align=True)
         row.operator(
             "unveil.toggle_object", text="Leave it in" if thing.chosen else "Take it out"

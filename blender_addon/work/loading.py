@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..choice import selection
+from ..choice import fixes, selection
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line
 from ..scene import blocks, drive_scene, results
@@ -28,7 +28,8 @@ def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
     blocks.look_up([str(workspace)])
     drive = read_drive(Path(bpy.path.abspath(str(workspace))), drive_scene.metre_of(scene))
     placed = drive_scene.place(scene, drive)
-    selection.fill(scene, drive)  # the artist's marks go into the drive's collection, so that comes first
+    selection.fill(scene, drive)
+    fixes.restore(scene, drive)  # the artist's marks go into the drive's collection, so that comes first
     if scene.unveil.set_up_scene:
         drive_scene.set_up(context, placed)
     return results.load(context, placed.collection)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from ..choice import marks, selection
+from ..choice import fixes, marks, selection
 from ..scene import versions
 from ..worker import workspace_state
 from ..worker.run_arguments import recorded, selection_arguments
@@ -30,7 +30,8 @@ def stage_states(scene: bpy.types.Scene) -> WorkspaceState | None:
         return None
     chosen = selection.chosen_arguments(scene)
     marked = selection.marked_file(scene) or UNKNOWN
-    wanted = recorded(scene.unveil, selection_arguments([*chosen, "--marked", marked]), bpy.path.abspath)
+    files = ["--marked", marked, "--corrections", fixes.file_of(scene) or "none"]
+    wanted = recorded(scene.unveil, selection_arguments([*chosen, *files]), bpy.path.abspath)
     windows = versions.has_window()
     found = _watch.latest(root, wanted, wait=not windows)
     if windows and _watch.pending and not bpy.app.timers.is_registered(_arrived):

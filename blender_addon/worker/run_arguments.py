@@ -13,7 +13,7 @@ __all__ = ["adopt", "default_workspace", "recorded", "selection_arguments", "set
 
 PLAIN = ("quality", "device", "seed", "movers", "order", "inpainter")
 """Settings that the panel has as workspace.json has them."""
-NOTHING = {"--remove": "", "--instances": "", "--marked": "none"}
+NOTHING = {"--remove": "", "--instances": "", "--marked": "none", "--corrections": "none", "--per-object": "none"}
 """The options of a choice, and how to say that it names none of that kind."""
 
 
@@ -84,14 +84,18 @@ def recorded(settings: Any, selection: Sequence[str] = (), absolute: Callable[[s
         "cameras": [] if settings.cameras.strip() == "auto" else _names(settings.cameras),
         "frames": settings.frames.strip() if settings.frames.strip() not in ("", "auto") else None,
         "marked": None,
+        "corrections": None,
+        "per_object": [],
     }
     for option, value in zip(selection[::2], selection[1::2], strict=True):
         if option == "--remove":
             found["remove"] = _names(value)
         elif option == "--instances":
             found["instances"] = [int(part) for part in _names(value)]
-        elif option == "--marked":
-            found["marked"] = None if value == "none" else value
+        elif option == "--per-object":
+            found["per_object"] = [] if value == "none" else _names(value)
+        elif option in ("--marked", "--corrections"):
+            found[option[2:]] = None if value == "none" else value
     return found
 
 

@@ -29,6 +29,11 @@ def test_a_lost_picture_leaves_a_gap_that_the_one_before_fills() -> None:
     assert found.held("left", "abcde") == list("abbcde") and found.end == 1006 and found.rate == 10.0
 
 
+def test_what_a_frame_shows() -> None:
+    found = timeline_of(drive({"left": [0.0, 0.1, 0.3]}, 10.0), 1001)
+    assert [found.at("left", f) for f in (5, 1001, 1002, 1003, 1004, 2000)] == [0, 0, 1, 1, 2, 2]
+
+
 def test_a_camera_that_began_later_begins_later() -> None:
     found = timeline_of(drive({"front": [0.0, 0.1, 0.2], "left": [0.2, 0.3]}, 10.0), 0)
     assert found.frames["left"] == (2, 3) and found.first("left") == 2 and found.end == 3

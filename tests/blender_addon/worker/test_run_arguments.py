@@ -64,23 +64,34 @@ def test_the_command_records_what_the_add_on_compares_with(changed: dict[str, ob
         (["--remove", "car,person"], (["car", "person"], [], None)),
         (["--instances", "3,7"], ([], [3, 7], None)),
         (["--remove", "car", "--marked", "/ws/marked.json"], (["car"], [], "/ws/marked.json")),
+        (
+            ["--instances", "3", "--corrections", "/ws/c.json", "--per-object", "3:grow=4,3:shadow=keep"],
+            ([], [3], None),
+        ),
     ],
 )
 def test_a_choice_replaces_the_one_before(chosen: list[str], goes: tuple[object, ...]) -> None:
     """Also of the kinds that it does not name: a stage keeps what is recorded unless it is told."""
     options = selection_arguments(chosen)
-    before = RunSettings(remove=("truck",), instances=(9,), marked="/old.json")
+    before = RunSettings(
+        remove=("truck",), instances=(9,), marked="/old.json", corrections="/old.json", per_object=("9:grow=1",)
+    )
     given = settings_of(command_parser().parse_args(["choose", "ws", *options]), before).to_json()
     assert (given["remove"], given["instances"], given["marked"]) == goes
     expected = recorded(SimpleNamespace(**PLAIN), options)
     assert (expected["remove"], expected["instances"], expected["marked"]) == goes
+    assert {name: given[name] for name in expected if name in ("corrections", "per_object")} == {
+        name: expected[name] for name in ("corrections", "per_object")
+    }
+    assert "/old.json" not in given.values() and given["per_object"] != ["9:grow=1"]
     assert selection_arguments([]) == []
 
 
 def test_nothing_recorded_before_comes_through() -> None:
     """Every setting that the panel has is said, whatever a workspace has recorded."""
-    options = [*settings_arguments(SimpleNamespace(**PLAIN)), *selection_arguments(["--remove", "car"])]
-    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN), options[-6:]))
+    chosen = selection_arguments(["--remove", "car"])
+    options = [*settings_arguments(SimpleNamespace(**PLAIN)), *chosen]
+    assert {o[2:].replace("-", "_") for o in options[::2]} == set(recorded(SimpleNamespace(**PLAIN), chosen))
 
 
 def test_where_results_go_if_nobody_says() -> None:

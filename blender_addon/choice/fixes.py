@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Clean frames that the artist mends: copies that are painted over, and the file that tells a run of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
+
+from ..formats.drive_files import DriveFrame, ImportedDrive, read_drive
+from ..formats.files import own_folder, write_whole
+from ..formats.object_files import read_fixes
+from ..formats.timeline import Timeline, timeline_of
+from ..scene import blocks, cameras, view
+
+__all__ = ["FILE", "UnveilFix", "begin", "can_begin", "file_of", "forget", "restore", "write"]
+
+FILE, FOLDER = "corrections.json", "corrections"
+BEFORE = "_before"
+"""Ends the name of the copy that was painted over."""
+
+
+class UnveilFix(bpy.types.PropertyGroup):
+    """One clean frame that was mended."""
+
+    track: StringProperty()
+    frame: StringProperty(description="Name of the frame")
+    time: IntProperty(description="Frame of the timeline")
+    image: PointerProperty(type=bpy.types.Image, description="The copy that is painted on")
+    invent: BoolProperty(
+        name="Invent anew",
+        description="What is painted over is wrong and is invented anew; off: it looks as it was painted",
+    )
+
+
+def can_begin(scene: bpy.types.Scene) -> bool:
+    """Whether the scene looks through a camera of its drive, and that has clean frames."""
+    collection = view.shown_drive(scene)
+    track = cameras.track_of(scene.camera)
+    return collection is not None and track is not None and bool(collection.get("unveil_clean"))
+
+
+def begin(scene: bpy.types.Scene) -> UnveilFix:
+    """The copy of the clean frame that the scene's camera shows now; made where there is none.
+
+    Raises:
+        ValueError: the workspace is damaged, or the frame was not delivered; one line that names the file.
+        OSError: the copy cannot be made.
+    """
+    drive = read_drive(Path(scene.unveil_selection.workspace))
+    track = str(cameras.track_of(scene.camera))
+    timeline = timeline_of(drive, scene.unveil.start_frame)
+    frame = drive.tracks[track][timeline.at(track, scene.frame_current)]
+    fixes = scene.unveil_selection.fixes
+    for i, known in enumerate(fixes):
+        if (known.track, known.frame) == (track, frame.name) and known.image is not None:
+            scene.unveil_selection.active_fix = i
+            return known
+    delivered = drive.workspace / "frames" / track / f"{frame.name}.png"
+    if not delivered.is_file():
+        raise ValueError(f"{delivered}: is not there yet (run Unveil first)")
+    folder = own_folder(drive.workspace, FOLDER, track)
+    for name in (frame.name, frame.name + BEFORE):
+        shutil.copyfile(delivered, folder / f"{name}.png")
+    return _listed(scene, drive, timeline, track, frame, invent=False)
+
+
+def _listed(
+    scene: bpy.types.Scene, drive: ImportedDrive, timeline: Timeline, track: str, frame: DriveFrame, *, invent: bool
+) -> UnveilFix:
+    path = drive.workspace / FOLDER / track / f"{frame.name}.png"
+    collection = view.shown_drive(scene)
+    mark = "" if collection is None else blocks.drive_of(collection)
+    image = blocks.ensure_file(
+        bpy.data.images, mark, f"fix:{track}:{frame.name}", str(path), f"Fix {track} {frame.name}"
+    )
+    image.reload()
+    fixes = scene.unveil_selection.fixes
+    fix = next((f for f in fixes if (f.track, f.frame) == (track, frame.name)), None) or fixes.add()
+    order = [f.name for f in drive.tracks[track]].index(frame.name)
+    fix.name, fix.track, fix.frame, fix.time = f"{track} {frame.name}", track, frame.name, timeline.frames[track][order]
+    fix.image, fix.invent = image, invent
+    scene.unveil_selection.active_fix = len(fixes) - 1
+    return fix
+
+
+def forget(scene: bpy.types.Scene, index: int) -> None:
+    """Take one out of the list and out of the file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    listed = scene.unveil_selection
+    image, file = listed.fixes[index].image, Path(listed.workspace) / FILE
+    listed.fixes.remove(index)
+    listed.active_fix = min(listed.active_fix, max(len(listed.fixes) - 1, 0))
+    blocks.remove(bpy.data.images, image)
+    if not len(listed.fixes):
+        file.unlink(missing_ok=True)
+    else:
+        write(scene)
+
+
+def file_of(scene: Any) -> str:
+    """The file that tells a run of what was mended; empty where nothing was. Touches no disk."""
+    listed = scene.unveil_selection
+    return str(Path(listed.workspace) / FILE) if listed.workspace and len(listed.fixes) else ""
+
+
+def write(scene: Any) -> str:
+    """Save what was painted, and write the file; empty where nothing was mended.
+
+    Raises:
+        OSError: it cannot be written.
+        ValueError: an image cannot be saved; one line that names it.
+    """
+    path = file_of(scene)
+    if not path:
+        return ""
+    entries = []
+    for fix in scene.unveil_selection.fixes:
+        if fix.image is not None and fix.image.is_dirty:
+            try:
+                fix.image.save()
+            except RuntimeError as error:
+                raise ValueError(f"{fix.image.filepath}: cannot be saved: {error}") from error
+        image, over = (f"{FOLDER}/{fix.track}/{fix.frame}{end}.png" for end in ("", BEFORE))
+        entry = {"camera": fix.track, "frame": fix.frame, "image": image, "over": over}
+        entries.append({**entry, "invent": True} if fix.invent else entry)
+    text = json.dumps(entries, indent=1) + "\n"
+    file = Path(path)
+    if not file.is_file() or file.read_text(encoding="utf-8") != text:
+        write_whole(file, text.encode())
+    return path
+
+
+def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
+    """List what was mended in a workspace; what is listed already stays.
+
+    Raises:
+        ValueError: its file is damaged; one line that names it.
+    """
+    timeline = timeline_of(drive, scene.unveil.start_frame)
+    known = {(f.track, f.frame) for f in scene.unveil_selection.fixes}
+    for told in read_fixes(drive):
+        frame = next((f for f in drive.tracks.get(told.camera, ()) if f.name == told.frame), None)
+        copy = drive.workspace / FOLDER / told.camera / f"{told.frame}.png"
+        if frame is not None and (told.camera, told.frame) not in known and copy.is_file():
+            _listed(scene, drive, timeline, told.camera, frame, invent=told.invent)
+
+
+CLASSES = (UnveilFix,)

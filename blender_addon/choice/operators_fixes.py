@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mending clean frames by hand: paint on one, or mark in it what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import IntProperty
+
+from ..formats.files import one_line
+from . import fixes
+
+__all__: list[str] = []
+
+
+class UNVEIL_OT_paint_frame(bpy.types.Operator):
+    """Paint on a copy of this clean frame, in an Image Editor; all other frames will follow"""
+
+    bl_idname = "unveil.paint_frame"
+    bl_label = "Paint this frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        ready = fixes.can_begin(context.scene)
+        if not ready:
+            cls.poll_message_set("Run Unveil first, and look through a camera of the drive")
+        return ready
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            fix = fixes.begin(context.scene)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, one_line(error, Path(context.scene.unveil_selection.workspace)))
+            return {"CANCELLED"}
+        if not bpy.app.background and context.window_manager.windows:
+            _show(context, fix.image)
+        return {"FINISHED"}
+
+
+def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """In an Image Editor that is open, else in a window of its own."""
+    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+    if not areas:
+        bpy.ops.wm.window_new()
+        areas = [context.window_manager.windows[-1].screen.areas[0]]
+        areas[0].type = "IMAGE_EDITOR"
+    space = areas[0].spaces.active
+    space.image = image
+    space.ui_mode = "PAINT"
+
+
+class UNVEIL_OT_forget_fix(bpy.types.Operator):
+    """Forget what was painted on this frame"""
+
+    bl_idname = "unveil.forget_fix"
+    bl_label = "Forget"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return len(context.scene.unveil_selection.fixes) > 0
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        listed = context.scene.unveil_selection
+        if not 0 <= self.index < len(listed.fixes):
+            self.report({"ERROR"}, f"There is no fix {self.index}")
+            return {"CANCELLED"}
+        try:
+            fixes.forget(context.scene, self.index)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, one_line(error, Path(listed.workspace)))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+CLASSES = (UNVEIL_OT_paint_frame, UNVEIL_OT_forget_fix)
