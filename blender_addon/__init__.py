@@ -28,6 +28,7 @@ MODULES = (
     "work.operators_import",
     "work.operators_workspace",
     "work.operators_run",
+    "work.operators_preview",
     "work.operators_environment",
     "work.saved.handlers",
     "work.command_line",

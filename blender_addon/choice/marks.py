@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ from ..scene import blocks
 __all__ = ["FILE", "FIRST_NUMBER", "alive", "box_of_marker", "free_number", "new_marker", "restore", "write_marked"]
 
 FILE = "marked.json"
+AS_MARKED = 40_000
+"""Added to the ids of objects that a preview knows by their boxes: ids go up to 65535."""
 FIRST_NUMBER = 1001
 """Ids of marks begin here, where few drives have ids of their own."""
 
@@ -70,18 +72,27 @@ def _world(thing: bpy.types.Object) -> Matrix:
     return own if thing.parent is None else _world(thing.parent) @ thing.matrix_parent_inverse @ own
 
 
-def write_marked(workspace: Path, objects: Sequence[Any], metre: float = 1.0) -> Path | None:
+def write_marked(
+    workspace: Path,
+    objects: Sequence[Any],
+    metre: float = 1.0,
+    *,
+    boxes: Mapping[int, tuple[str, SceneBox | None]] | None = None,
+    into: Path | None = None,
+) -> Path | None:
     """Write ``marked.json`` of a workspace: all marks among the objects of the list; None where there never were any.
 
     Args:
         metre: units of the scene.
+        boxes: class and place of further objects, by id.
+        into: another file than the workspace's.
     Raises:
         ValueError: the workspace has no imported drive.
         OSError: it cannot be written.
     """
-    path = workspace / FILE
+    path = workspace / FILE if into is None else into
     own = [o for o in objects if o.source in ("box", "mattes")]
-    if not own and not path.is_file():
+    if not own and not boxes and not path.is_file():
         return None
     entries: list[dict[str, object]] = []
     for thing in own:
@@ -89,14 +100,20 @@ def write_marked(workspace: Path, objects: Sequence[Any], metre: float = 1.0) ->
         if thing.source == "mattes":
             entry["mattes"] = os.path.realpath(bpy.path.abspath(thing.mattes))
         else:
-            drive, box = _placed(workspace, metre), box_of_marker(thing.marker)
-            size = [float(max(v, 1e-3)) * drive.units_per_metre / metre for v in box.size]
-            entry |= {"centre": drive.to_drive(np.asarray(box.centre)).tolist(), "size": size, "yaw": box.yaw}
+            entry |= _box_entry(_placed(workspace, metre), box_of_marker(thing.marker))
         entries.append(entry)
+    for number, (name, box) in (boxes or {}).items():
+        if box is not None:
+            entries.append({"id": number, "class": name, **_box_entry(_placed(workspace, metre), box)})
     text = json.dumps(entries, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_whole(path, text.encode())
     return path
+
+
+def _box_entry(drive: ImportedDrive, box: SceneBox) -> dict[str, object]:
+    size = [float(max(v, 1e-3)) * drive.units_per_metre / drive.metre for v in box.size]
+    return {"centre": drive.to_drive(np.asarray(box.centre)).tolist(), "size": size, "yaw": box.yaw}
 
 
 _drives: dict[tuple[str, int, float], ImportedDrive] = {}

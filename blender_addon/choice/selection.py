@@ -187,6 +187,27 @@ def arguments(scene: Any) -> list[str]:
     return [*chosen_arguments(scene), *(word for name, file in files.items() if file for word in (name, file))]
 
 
+def preview_arguments(scene: Any, workspace: Path) -> list[str]:
+    """The same for a preview, which finds objects anew by itself: those that have no label it knows by their boxes.
+
+    Writes ``marked.json`` beside the preview's workspace.
+    """
+    if not current(scene):
+        return []
+    chosen = [o for o in standing(scene) if o.number in set(chosen_numbers(scene))]
+    found = [o for o in chosen if o.source == "clusters" and o.boxed]
+    names = {o.number: marks.AS_MARKED + o.number for o in found}
+    numbers = [names.get(o.number, o.number) for o in chosen]
+    boxes = {names[o.number]: (o.class_name, box_of(o)) for o in found}
+    metre = drive_scene.metre_of(scene)
+    place = Path(scene.unveil_selection.workspace)
+    path = marks.write_marked(place, standing(scene), metre, boxes=boxes, into=workspace.with_suffix(".json"))
+    classes = chosen_classes(scene)
+    options = {"--remove": ",".join(classes), "--instances": ",".join(str(n) for n in numbers)}
+    options["--marked"] = "" if path is None else str(path)
+    return [word for name, value in options.items() if value for word in (name, value)]
+
+
 def marked_file(scene: Any) -> str:
     """The file that tells of the marks in the list; empty where none is there."""
     marked = any(is_marked(o) for o in standing(scene))

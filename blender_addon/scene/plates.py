@@ -15,6 +15,7 @@ __all__ = ["KINDS", "files_of", "kinds_of", "set_color_space", "set_plate", "sho
 KINDS: tuple[tuple[str, str, str], ...] = (
     ("original", "Photographs", "The drive's own pictures"),
     ("clean", "Clean frames", "The delivery: the empty street where something was removed"),
+    ("preview", "Preview", "The frames that were tried at draft quality"),
     ("render", "Empty scene", "The empty 3D scene, rendered"),
     ("inpainted", "Inpainted", "What the keyframes invented, carried to all frames"),
     ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),

@@ -14,7 +14,7 @@ from ..formats.files import own_folder, write_whole
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
-from . import blocks, drive_scene, meshes, plates, versions, view
+from . import blocks, drive_scene, meshes, plates, preview, versions, view
 
 __all__ = ["FOLDERS", "load"]
 
@@ -51,7 +51,7 @@ def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[s
     timeline = timeline_of(drive, scene.unveil.start_frame)
     found: list[str] = []
     for camera in drive_scene.tracks_of(collection):
-        found += _plates(camera, mark, drive, timeline)
+        found += _plates(camera, mark, drive, timeline) + preview.load(camera, mark, drive, timeline)
         if scene.unveil.set_up_scene:
             _strips(context, camera, mark, drive, timeline)
     _keyframes(scene, mark, drive, timeline)

@@ -63,6 +63,10 @@ class UnveilSettings(bpy.types.PropertyGroup):
     frames: StringProperty(
         name="Frames", description="Part of the drive as FIRST:END:STEP, counted from 0, as 40:200:2; empty: all"
     )
+    preview_frames: StringProperty(
+        name="Preview frames",
+        description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one and two others",
+    )
     cameras: StringProperty(
         name="Cameras",
         description="Of a rig, as front,left; all: every one; empty: as the drive's kind has it, mostly the front",

@@ -37,6 +37,8 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             row = self.layout.row()
             row.scale_y = 1.6
             row.operator("unveil.run", icon="PLAY")
+            if shown_drive(context.scene) is not None:
+                row.operator("unveil.preview", text="", icon="HIDE_OFF")
             if _has_results(context):
                 row = self.layout.row(align=True)
                 row.scale_y = 1.2
@@ -106,6 +108,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
                 "work_side",
                 "frames",
                 "cameras",
+                "preview_frames",
                 "keyframes",
                 "order",
                 "inpainter",

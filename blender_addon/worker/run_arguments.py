@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-__all__ = ["adopt", "default_workspace", "recorded", "selection_arguments", "settings_arguments"]
+__all__ = ["adopt", "default_workspace", "recorded", "replaced", "selection_arguments", "settings_arguments"]
 
 PLAIN = ("quality", "device", "seed", "movers", "order", "inpainter")
 """Settings that the panel has as workspace.json has them."""
@@ -50,6 +50,14 @@ def settings_arguments(settings: Any, absolute: Callable[[str], str] = str) -> l
         "--frames",
         settings.frames.strip() or "auto",
     ]
+
+
+def replaced(arguments: Sequence[str], **values: str) -> list[str]:
+    """Options with other values: ``replaced(options, quality="draft")``."""
+    found = list(arguments)
+    for name, value in values.items():
+        found[found.index(f"--{name.replace('_', '-')}") + 1] = value
+    return found
 
 
 def selection_arguments(chosen: Sequence[str]) -> list[str]:

@@ -63,7 +63,16 @@ def test_a_camera_that_is_not_there_is_one_line_with_those_that_are() -> None:
 
 @pytest.mark.parametrize(
     ("text", "kept"),
-    [("2:5", "234"), ("::3", "0369"), ("-3:", "789"), ("7", "7"), ("-1", "9"), ("1:8:2", "1357"), (":", "0123456789")],
+    [
+        ("2:5", "234"),
+        ("::3", "0369"),
+        ("-3:", "789"),
+        ("7", "7"),
+        ("-1", "9"),
+        ("1:8:2", "1357"),
+        (":", "0123456789"),
+        ("8:,1:3, 5,2:4", "123589"),
+    ],
 )
 def test_a_range_counts_as_in_python(text: str, kept: str) -> None:
     for times in ([0.1 * i for i in range(10)], [None] * 10):
@@ -71,7 +80,7 @@ def test_a_range_counts_as_in_python(text: str, kept: str) -> None:
         assert names(found) == {"camera": [f"0{n}" for n in kept]}, text
 
 
-@pytest.mark.parametrize("text", ["", "a", "1:2:3:4", "1:b", "::0", "::-1", "1.5", " "])
+@pytest.mark.parametrize("text", ["", "a", "3,", ",3", "1:2,a", "1:2:3:4", "1:b", "::0", "::-1", "1.5", " "])
 def test_what_is_no_range_is_one_line(text: str) -> None:
     with pytest.raises(SettingsError, match="no range.*A:B:STEP"):
         frame_range(text)

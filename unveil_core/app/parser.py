@@ -321,7 +321,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     add("--up", type=_axis, metavar="x|y|z|-x|-y|-z|auto", help="axis of the drive's coordinates that is up")
     add("--scene", type=_name_or_auto, metavar="NAME", help="of a dataset's folder that holds several drives")
     add("--cameras", type=_cameras, metavar="NAMES|all|auto", help="of a rig; by default a dataset's front camera")
-    add("--frames", type=_name_or_auto, metavar="A:B:STEP|auto", help="part of the drive, counted from 0 as in Python")
+    add(
+        "--frames",
+        type=_name_or_auto,
+        metavar="A:B:STEP|auto",
+        help="part of the drive, counted from 0 as in Python, or several: 3:9,40:46",
+    )
     add("--sweeps", metavar="all|key|N", help="LiDAR sweeps: all, of annotated frames only, or each N-th")
     add(
         "--segmenter",

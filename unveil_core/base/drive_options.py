@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from unveil_core.base.errors import SettingsError
 
-__all__ = ["ALL_SWEEPS", "KEY_SWEEPS", "DriveOptions", "frame_range"]
+__all__ = ["ALL_SWEEPS", "KEY_SWEEPS", "DriveOptions", "frame_numbers", "frame_range"]
 
 ALL_SWEEPS, KEY_SWEEPS = "all", "key"
 
@@ -17,7 +17,7 @@ class DriveOptions:
     """Attributes:
     scene: which drive of a folder that holds several (a nuScenes scene, a Waymo segment, a KITTI-360 or odometry sequence).
     cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
-    frames: "A:B:STEP" as in Python, counted in each camera's order of time, or None for all.
+    frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
 
     Raises:
@@ -31,9 +31,18 @@ class DriveOptions:
 
     def __post_init__(self) -> None:
         if self.frames is not None:
-            frame_range(self.frames)
+            frame_numbers(self.frames, 0)
         if self.sweeps not in (ALL_SWEEPS, KEY_SWEEPS) and not re.fullmatch(r"0*[1-9]\d{0,8}", self.sweeps, re.ASCII):
             raise SettingsError(f"unknown sweeps {self.sweeps!r}", mend="use all, key, or a number N for each N-th")
+
+
+def frame_numbers(text: str, count: int) -> list[int]:
+    """Of so many frames the numbers, rising, of those that "A:B:STEP" means, or several of these with commas between.
+
+    Raises:
+        SettingsError: it is none.
+    """
+    return sorted({i for part in text.split(",") for i in range(count)[frame_range(part)]})
 
 
 def frame_range(text: str) -> slice:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions, frame_range
+from unveil_core.base.drive_options import ALL_SWEEPS, KEY_SWEEPS, DriveOptions, frame_numbers
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.drive import Drive, Frame, Sweep
 
@@ -51,23 +51,23 @@ def select_part(drive: Drive, options: DriveOptions) -> Drive:
         frames = tuple(f for f in frames if f.name in drive.key_frames)
     chosen = tuple(f for n in wanted for f in frames if f.camera_name == n)
     if options.frames is not None:
-        chosen = _frames_of_range(chosen, frame_range(options.frames))
+        chosen = _frames_of_ranges(chosen, options.frames)
         if not chosen:
             raise SettingsError(f"no frame lies in {options.frames}", mend=f"the drive has {len(frames)} frames")
     sweeps = _near_in_time(drive.sweeps, chosen) if options.frames is not None else drive.sweeps
     return replace(drive, frames=chosen, sweeps=_thinned(sweeps, options.sweeps))
 
 
-def _frames_of_range(frames: Sequence[Frame], part: slice) -> tuple[Frame, ...]:
-    """The range counts in the camera with most frames; the others give what was taken at the same times."""
+def _frames_of_ranges(frames: Sequence[Frame], ranges: str) -> tuple[Frame, ...]:
+    """Ranges count in the camera with most frames; the others give what was taken at the same times."""
     names = list(dict.fromkeys(f.camera_name for f in frames))
     tracks = {n: [f for f in frames if f.camera_name == n] for n in names}
     longest = max(tracks.values(), key=len, default=[])
-    kept = longest[part]
+    kept = [longest[i] for i in frame_numbers(ranges, len(longest))]
     if not kept:
         return ()
     if any(f.timestamp is None for f in frames):
-        return tuple(f for n in names for f in tracks[n][part])
+        return tuple(tracks[n][i] for n in names for i in frame_numbers(ranges, len(tracks[n])))
     stamps = np.array([f.timestamp for f in longest], dtype=np.float64)
     half = 0.5 * float(np.median(np.diff(stamps))) if len(stamps) > 1 else np.inf
     times = np.array([f.timestamp for f in kept], dtype=np.float64)

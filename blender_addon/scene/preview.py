@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preview has made: its few clean frames behind the drive's cameras, and nothing where it made none."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import bpy
+
+from ..formats import sequences
+from ..formats.drive_files import ImportedDrive, read_drive
+from ..formats.files import own_folder, write_whole
+from ..formats.timeline import Timeline
+from . import plates
+
+__all__ = ["FOLDER", "load"]
+
+FOLDER = "preview"
+"""Of the workspace: a workspace of its own."""
+
+
+def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Timeline) -> list[str]:
+    """Put a preview's frames behind a track's camera; returns the kind where there are some.
+
+    Raises:
+        ValueError: a file is damaged; one line that names it.
+        OSError: a link cannot be made.
+    """
+    track, place = str(camera["unveil_track"]), drive.workspace / FOLDER
+    if not (place / "frames" / track).is_dir():
+        return []
+    tried = {f.name: f for f in read_drive(place).tracks.get(track, ())}
+    in_lens = any(f.in_lens for f in tried.values())
+    folder = place / ("clean" if in_lens else "frames") / track
+    nothing = own_folder(drive.workspace, "blender", FOLDER) / "nothing.png"
+    write_whole(nothing, _transparent())
+    files = [folder / f"{f.name}.png" for f in drive.tracks[track]]
+    shown = [file if file.stem in tried and file.is_file() else nothing for file in files]
+    if not any(file is not nothing for file in shown):
+        return []
+    frames = timeline.frames[track]
+    whole: list[Path] = [nothing] * (frames[-1] - frames[0] + 1)
+    for frame, file in zip(frames, shown, strict=True):
+        whole[frame - frames[0]] = file
+    pictures = sequences.numbered(whole, drive.workspace, "blender", FOLDER, track)
+    plates.set_plate(camera, mark, "preview", pictures, timeline.first(track))
+    return ["preview"]
+
+
+def _transparent() -> bytes:
+    """A PNG of one pixel that shows nothing."""
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = struct.pack(">IIBBBBB", 1, 1, 8, 6, 0, 0, 0)
+    pixels = zlib.compress(bytes(5))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
