@@ -67,7 +67,7 @@ class UnveilObject(bpy.types.PropertyGroup):
     thumbnail_stamp: StringProperty(description="When it was written: drawing does not ask the disk")
     marker: PointerProperty(type=bpy.types.Object, description="The wire cube around what nobody labelled")
     grow: IntProperty(
-        name="Grow mask",
+        name="Grow",
         subtype="PIXEL",
         min=0,
         max=200,

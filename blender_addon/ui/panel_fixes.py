@@ -17,7 +17,6 @@ class UNVEIL_PT_fixes(Section, bpy.types.Panel):
     bl_idname = "UNVEIL_PT_fixes"
     bl_label = "Fix by hand"
     bl_order = 5
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -38,7 +38,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             row.scale_y = 1.6
             row.operator("unveil.run", icon="PLAY")
             if shown_drive(context.scene) is not None:
-                row.operator("unveil.preview", text="", icon="HIDE_OFF")
+                self.layout.operator("unveil.preview", icon="HIDE_OFF")
             if _has_results(context):
                 row = self.layout.row(align=True)
                 row.scale_y = 1.2

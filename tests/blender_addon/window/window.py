@@ -153,6 +153,17 @@ class BlenderWindow:
         self._events("mousedown", button, "sleep", 0.08, "mouseup", button)
         time.sleep(0.4)
 
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """From one place to another with the left button held, as a brush goes."""
+        self.move(*start)
+        time.sleep(0.3)
+        self._events("mousedown", 1, "sleep", 0.1)
+        for k in range(1, 13):
+            x, y = (a + (b - a) * k / 12 for a, b in zip(start, end, strict=True))
+            self._events("mousemove", round(x), round(y), "sleep", 0.05)
+        self._events("mouseup", 1)
+        time.sleep(0.4)
+
     def press(self, *keys: str) -> None:
         """Press keys one after another, as ``Escape``, ``ctrl+z``."""
         for key in keys:
