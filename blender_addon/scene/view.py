@@ -42,7 +42,7 @@ class UnveilView(bpy.types.PropertyGroup):
         items=(
             ("POINTS", "Points", "LiDAR or structure-from-motion points"),
             ("MESH", "Mesh", "The fused mesh"),
-            ("SPLATS", "Gaussians", "The 2D Gaussian scene, a disc for each"),
+            ("SPLATS", "Gaussians", "The Gaussian scene: native splats where Blender has them, else a square for each"),
         ),
         options={"ENUM_FLAG"},
         default={"POINTS"},
