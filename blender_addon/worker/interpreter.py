@@ -90,7 +90,7 @@ class Found:
         if self.ok and unveil and addon and unveil[:2] != addon[:2]:
             mend = "press Create environment" if unveil < addon else "update the add-on"
             said.append(f"unveil {facts['unveil']} is not of this add-on's version {facts['addon']}: {mend}")
-        if facts.get("gpu_unused"):
+        if facts.get("gpu_unused") and facts.get("runs_use_gpu"):
             said.append("This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment")
         if _less(facts, "memory_gb", LITTLE_MEMORY_GB):
             said.append("Little memory: choose Draft, or a part of the drive in Frames")
@@ -114,12 +114,11 @@ def _machine(facts: dict[str, object]) -> str:
 
 
 def _gpu(facts: dict[str, object]) -> str:
+    if not facts.get("cuda"):
+        return "GPU: none that torch can use; Unveil works on the processor"
     memory = facts.get("gpu_memory_gb")
-    if facts.get("cuda") and isinstance(memory, int | float):
-        return f"GPU: {facts.get('gpu')}, {memory:g} GB"
-    if facts.get("cuda"):
-        return f"GPU: {facts.get('gpu')}"
-    return "GPU: none that torch can use; Unveil works on the processor"
+    known = f"GPU: {facts.get('gpu')}" + (f", {memory:g} GB" if isinstance(memory, int | float) else "")
+    return known if facts.get("runs_use_gpu") else f"{known}; runs of this unveil work on the processor"
 
 
 def _less(facts: dict[str, object], name: str, least: float) -> bool:

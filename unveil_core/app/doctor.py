@@ -45,6 +45,7 @@ def examine() -> dict[str, object]:
             found[name] = None
     found["cpu"], found["cpus"] = _cpu(), os.cpu_count()
     found.update(_gpu())
+    found["runs_use_gpu"] = _runs_use_gpu()
     with suppress(ImportError, OSError):
         import psutil
 
@@ -90,6 +91,18 @@ def _gpu() -> dict[str, object]:
         return {"gpu": "none that torch can use", "gpu_unused": unused}
     except (ImportError, RuntimeError) as error:
         return {"gpu": f"not known: {error}"}
+
+
+def _runs_use_gpu() -> bool:
+    """Whether the stages of a run can be given to the GPU: whether their settings take it."""
+    from unveil_core.base.errors import SettingsError
+    from unveil_core.pipeline.settings import RunSettings
+
+    try:
+        RunSettings(device="cuda")
+    except SettingsError:
+        return False
+    return True
 
 
 def _render_once() -> dict[str, object]:

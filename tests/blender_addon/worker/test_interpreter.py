@@ -85,6 +85,7 @@ def test_what_hinders_is_told_with_what_to_do() -> None:
         "numba": "0.66.0",
     }
     facts |= {"cpu": "A Processor", "cpus": 8, "memory_gb": 32.0, "gpu": "A Card", "gpu_memory_gb": 24.0, "cuda": True}
+    facts["runs_use_gpu"] = True
     facts |= {"work_folder": "/streets", "work_free_gb": 120.5}
     assert Found(Path("/python"), "named", True, facts=facts).lines() == [
         "/python (named)",
@@ -94,6 +95,10 @@ def test_what_hinders_is_told_with_what_to_do() -> None:
         "Free disk: 120.5 GB in /streets",
         "Ready.",
     ]
+    facts["runs_use_gpu"] = False
+    lines = Found(Path("/python"), "named", True, facts=facts).lines()
+    assert "GPU: A Card, 24 GB; runs of this unveil work on the processor" in lines
+    facts["runs_use_gpu"] = True
     facts |= {"unveil": "0.0.1", "cuda": False, "gpu_unused": True, "memory_gb": 4.0, "work_free_gb": 1.0}
     lines = Found(Path("/python"), "named", True, facts=facts).lines()
     assert "GPU: none that torch can use; Unveil works on the processor" in lines
