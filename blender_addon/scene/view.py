@@ -50,7 +50,7 @@ class UnveilView(bpy.types.PropertyGroup):
     )
     points: EnumProperty(
         name="Colour of points",
-        items=(("CLASS", "Class", "By what they are"), ("COLOUR", "Colour", "As photographed")),
+        items=(("CLASS", "Class", "By their semantic class"), ("COLOUR", "Colour", "As photographed")),
         default="CLASS",
         update=_changed,
     )
