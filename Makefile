@@ -8,7 +8,7 @@ export OMP_WAIT_POLICY := PASSIVE
 # Each of the many programs that tests start would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quality test-blender test-window extension lint lock clean
+.PHONY: demo test quality test-blender test-window extension wheels lint lock clean
 
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
@@ -44,6 +44,11 @@ extension: $(VENV)/.installed-test
 	$(BIN)/python $(BLENDER_EXT) build --source-dir build/extension --output-dir dist/extension
 	$(BIN)/python $(BLENDER_EXT) validate dist/extension/unveil-*.zip
 	$(BIN)/python $(BLENDER_EXT) server-generate --repo-dir dist/extension --html
+
+# A folder of wheels for machines without a network, by the lock files: the add-on's preferences name it. See requirements/wheels.py.
+# torch without CUDA: TORCH_INDEX=https://download.pytorch.org/whl/cpu. Another system: FOR="--platform win_amd64".
+wheels:
+	$(PYTHON) requirements/wheels.py "$(FOLDER)" "$(TORCH_INDEX)" "$(FOR)"
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -66,9 +66,9 @@ class UNVEIL_OT_choose(bpy.types.Operator):
         items=(
             ("ALL", "All", "Everything in the list"),
             ("NONE", "None", "Nothing at all"),
-            ("INVERT", "Invert", "What stays now goes, and the other way round"),
+            ("INVERT", "Invert", "Choose what is not chosen, and the other way round"),
             ("VEHICLES", "Vehicles", "Cars, trucks, buses, trains, motorcycles, bicycles"),
-            ("PEOPLE", "People", "On foot or riding"),
+            ("PEOPLE", "People", "Pedestrians and riders"),
             ("CLASS", "Class", "All of one class"),
         ),
     )
@@ -133,7 +133,7 @@ class UNVEIL_OT_add_box(bpy.types.Operator):
     bl_label = "Add box"
     bl_options = {"REGISTER", "UNDO"}
 
-    class_name: StringProperty(name="Name", default="object", description="What it is, for people")
+    class_name: StringProperty(name="Name", default="object", description="Name of the object in the list")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -164,7 +164,7 @@ class UNVEIL_OT_add_mattes(bpy.types.Operator):
     directory: StringProperty(name="Folder", subtype="DIR_PATH")
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
     filter_image: BoolProperty(default=True, options={"HIDDEN"})
-    class_name: StringProperty(name="Name", default="object", description="What it is, for people")
+    class_name: StringProperty(name="Name", default="object", description="Name of the object in the list")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -185,10 +185,10 @@ class UNVEIL_OT_add_mattes(bpy.types.Operator):
 
 
 class UNVEIL_OT_remove_mark(bpy.types.Operator):
-    """Forget an object that was marked by hand"""
+    """Delete a mark that was made by hand; the object stays in the street"""
 
     bl_idname = "unveil.remove_mark"
-    bl_label = "Forget mark"
+    bl_label = "Delete mark"
     bl_options = {"REGISTER", "UNDO"}
 
     number: IntProperty()

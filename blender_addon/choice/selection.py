@@ -45,11 +45,11 @@ __all__ = [
 class UnveilObject(bpy.types.PropertyGroup):
     """One object that can go; its ``name`` is for people and for searching."""
 
-    number: IntProperty(description="The id that --instances takes")
+    number: IntProperty(description="The number of the object in the workspace")
     class_name: StringProperty()
-    source: StringProperty(description="images, clusters, box or mattes")
+    source: StringProperty(description="How it was found: images, clusters, box or mattes")
     chosen: BoolProperty(name="Remove", description="Take this object out of the street")
-    moves: BoolProperty(description="It moves during the drive, and goes in any case")
+    moves: BoolProperty(description="It moves during the drive, and is removed in any case")
     boxed: BoolProperty(
         description="Whether its place is known; of no meaning for a wire cube, which is a place itself"
     )
@@ -101,7 +101,7 @@ class UnveilClass(bpy.types.PropertyGroup):
     chosen: BoolProperty(
         name="Remove", description="Take all of this class out of the street", get=_class_chosen, set=_choose_class
     )
-    alone: BoolProperty(description="Whether it goes where it has no single objects")
+    alone: BoolProperty(description="Whether the class is removed where it has no single objects")
     removable: BoolProperty()
     objects: IntProperty()
     points: IntProperty()
@@ -121,7 +121,7 @@ class UnveilSelection(bpy.types.PropertyGroup):
     )
     fixes: CollectionProperty(type=fixes.UnveilFix)
     active_fix: IntProperty(name="Fix", default=0)
-    all_classes: BoolProperty(name="All classes", description="List classes that are not removed as a rule, too")
+    all_classes: BoolProperty(name="All classes", description="Also list classes that are not usually removed")
 
 
 # ------------------------------------------------------------------------------------------------------------ what it holds

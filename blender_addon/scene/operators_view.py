@@ -31,7 +31,7 @@ class UNVEIL_OT_before_after(bpy.types.Operator):
 
 
 class UNVEIL_OT_look_through(bpy.types.Operator):
-    """Look through this camera, with the size and pixel shape of its pictures"""
+    """Look through this camera, with the resolution and pixel aspect of its pictures"""
 
     bl_idname = "unveil.look_through"
     bl_label = "Look through camera"

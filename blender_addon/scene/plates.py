@@ -17,11 +17,11 @@ KINDS: tuple[tuple[str, str, str], ...] = (
     ("clean", "Clean frames", "The delivery: the empty street where something was removed"),
     ("preview", "Preview", "The frames that were tried at draft quality"),
     ("render", "Empty scene", "The empty 3D scene, rendered"),
-    ("inpainted", "Inpainted", "What the keyframes invented, carried to all frames"),
+    ("inpainted", "Inpainted", "What was inpainted in the keyframes, carried to all frames"),
     ("regions", "Regions", "Blue: seen here, green: seen from other views, red: never seen"),
-    ("removed", "Removed", "Mask of what goes"),
-    ("shadows", "Shadows", "Mask of shadows that go along"),
-    ("unobserved", "Never seen", "Mask of what nobody ever saw"),
+    ("removed", "Removed", "Mask of removed objects"),
+    ("shadows", "Shadows", "Mask of shadows that are removed with them"),
+    ("unobserved", "Unobserved", "Mask of what no frame has seen"),
 )
 """(identifier, name, description) of every kind of plate."""
 

@@ -11,10 +11,11 @@ import numpy as np
 from ..formats import sequences, splats
 from ..formats.drive_files import ImportedDrive, read_drive
 from ..formats.files import own_folder, write_whole
+from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
-from . import blocks, drive_scene, meshes, plates, preview, versions, view
+from . import blocks, drive_scene, meshes, plates, preview, splat_clouds, versions, view
 
 __all__ = ["FOLDERS", "load"]
 
@@ -34,7 +35,7 @@ CLIPS = ("clean", "regions", "removed", "unobserved")
 """Kinds that become movie clips, too, for tracking and compositing."""
 STATES = {"full": "before", "empty": "after"}
 MOST_SPLATS = 150_000
-"""More Gaussians of a scene are thinned evenly."""
+"""More Gaussians of a scene are thinned evenly, where each is a square of a mesh."""
 
 
 def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[str]:
@@ -213,15 +214,57 @@ def _mesh(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, sta
 
 
 def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, state: str) -> list[str]:
-    """The 2D Gaussian scene of a state: a small square for each, with its opacity and label."""
+    """The Gaussians of a state: native ones where this Blender has them, else a small square for each."""
     path, role = drive.workspace / "surfels" / f"{state}.ply", f"splats:{state}"
     if not path.is_file():
         return []
-    name = f"Gaussians {STATES[state]}"
+    native = versions.has_native_splats()
+    _drop_other_kind(mark, role, "POINTCLOUD" if native else "MESH")
+    (_native_splats if native else _square_splats)(collection, mark, drive, role, path)
+    return [role]
+
+
+def _drop_other_kind(mark: str, role: str, kind: str) -> None:
+    """Take away what a Blender of the other sort has made: an object cannot change from a mesh into a point cloud."""
+    thing = blocks.find(bpy.data.objects, mark, role)
+    if thing is not None and thing.type != kind:
+        data, store = thing.data, bpy.data.meshes if thing.type == "MESH" else bpy.data.pointclouds
+        bpy.data.objects.remove(thing)
+        if data is not None and not data.users and blocks.is_own(data):
+            store.remove(data)
+
+
+def _native_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
+    name = f"Gaussians {STATES[path.stem]}"
+    cloud = blocks.find(bpy.data.pointclouds, mark, role)
+    stamp = _stamp(path, drive)
+    if cloud is None or cloud.get("unveil_stamp") != stamp:
+        ply = read_ply(path)
+        chosen = splats.fair_share(len(ply.vertices), splat_clouds.MOST_NATIVE)
+        try:
+            found = gaussians_of(ply, drive.metre, chosen)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        before, cloud = cloud, splat_clouds.make(name, found)
+        blocks.mark(cloud, mark, role)
+        cloud["unveil_stamp"], cloud["unveil_gaussians"] = stamp, len(ply.vertices)
+        if before is not None:
+            for material in before.materials:
+                cloud.materials.append(material)
+            before.user_remap(cloud)
+            bpy.data.pointclouds.remove(before)
+            cloud.name = name
+    thing = blocks.ensure_object(cloud, mark, role, name, blocks.child_collection(collection, role, name))
+    thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = cloud["unveil_gaussians"], len(cloud.points)
+
+
+def _square_splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, role: str, path: Path) -> None:
+    """Each a square with its opacity and label, in one mesh."""
+    name = f"Gaussians {STATES[path.stem]}"
     mesh = blocks.ensure(bpy.data.meshes, mark, role, lambda: bpy.data.meshes.new(name))
     thing = blocks.ensure_object(mesh, mark, role, name, blocks.child_collection(collection, role, name))
     if mesh.get("unveil_stamp") == _stamp(path, drive):
-        return [role]
+        return
     ply = read_ply(path)
     try:
         centres, first, second, colors = splats.surfel_discs(ply)
@@ -235,7 +278,6 @@ def _splats(collection: bpy.types.Collection, mark: str, drive: ImportedDrive, s
     meshes.set_face_values(mesh, "label", ply.vertices["label"][chosen])
     thing["unveil_gaussians"], thing["unveil_gaussians_shown"] = len(centres), len(chosen)
     _finish(mesh, mark, _stamp(path, drive))
-    return [role]
 
 
 def _finish(mesh: bpy.types.Mesh, mark: str, stamp: str) -> None:

@@ -29,7 +29,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
     workspace: StringProperty(
         name="Workspace",
         subtype="DIR_PATH",
-        description="Folder of the results; work goes on there after a break",
+        description="Folder of the results; a run that was cancelled continues from what is finished there",
         update=_workspace_named,
         options=versions.PATH,
     )
@@ -45,9 +45,9 @@ class UnveilSettings(bpy.types.PropertyGroup):
     device: EnumProperty(
         name="Device",
         items=(
-            ("auto", "Automatic", "What the machine has"),
-            ("cpu", "CPU", "Processor only"),
-            ("cuda", "GPU", "NVIDIA graphics card"),
+            ("auto", "Automatic", "The GPU where runs can use it, else the processor; Check in the preferences tells"),
+            ("cpu", "CPU", "The processor alone"),
+            ("cuda", "GPU", "An NVIDIA GPU; refused where runs cannot use one"),
         ),
         default="auto",
     )
@@ -69,15 +69,15 @@ class UnveilSettings(bpy.types.PropertyGroup):
     )
     cameras: StringProperty(
         name="Cameras",
-        description="Of a rig, as front,left; all: every one; empty: as the drive's kind has it, mostly the front",
+        description="Cameras of a rig to use, as front,left; all: every one; empty: mostly the front, by the drive's format",
     )
     seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
     shadows: EnumProperty(
         name="Shadows",
         items=(
-            ("auto", "Automatic", "Shadows of what goes are taken along; the sun is found by its shadows"),
-            ("off", "Leave", "Shadows stay"),
-            ("given", "Sun given", "As automatic, but you say where the sun stands"),
+            ("auto", "Automatic", "Shadows of removed objects are removed too; the sun's direction is estimated"),
+            ("off", "Keep", "Shadows of removed objects stay in the pictures"),
+            ("given", "Given sun", "As Automatic, with the sun's direction from Azimuth and Elevation"),
         ),
         default="auto",
     )
@@ -98,40 +98,45 @@ class UnveilSettings(bpy.types.PropertyGroup):
         description="Height of the sun above the horizon",
     )
     movers: EnumProperty(
-        name="Moving things",
+        name="Dynamic objects",
         items=(
-            ("auto", "Remove", "What moves during the drive goes from every frame"),
-            ("keep", "As static", "Everything is treated as static"),
+            ("auto", "Remove", "Objects that move during the drive are removed from every frame"),
+            ("keep", "As static", "They are treated as static objects"),
         ),
         default="auto",
     )
     order: EnumProperty(
-        name="Order",
+        name="Fill order",
         items=(
-            ("reverse", "Last frame first", "Nearest views invent for those farther away"),
-            ("forward", "First frame first", "For comparison"),
-            ("independent", "Each for itself", "For comparison"),
+            (
+                "reverse",
+                "Last frame first",
+                "Holes are filled in the last frame first, which earlier ones take their fill from",
+            ),
+            ("forward", "First frame first", "The other way round, for comparison"),
+            ("independent", "Each for itself", "No frame takes another's fill, for comparison"),
         ),
         default="reverse",
     )
     keyframes: StringProperty(
-        name="Keyframes", description="Frames that invent what nobody saw, as 3,7; empty: chosen automatically"
+        name="Keyframes",
+        description="Frames in which unobserved content is inpainted for all others, as 3,7; empty: chosen automatically",
     )
     inpainter: StringProperty(
         name="Inpainter",
         default="exemplar",
-        description="For what is neither ground nor seen: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
+        description="Fills what no frame has seen, but ground: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
     )
     reference_inpainter: StringProperty(
         name="Reference inpainter",
         subtype="FILE_PATH",
-        description="ONNX file that paints by a reference; none by default",
+        description="ONNX file of a network that inpaints by a reference picture; empty: none",
     )
     work_side: IntProperty(
-        name="Largest side",
+        name="Longer side",
         min=0,
         subtype="PIXEL",
-        description="Reduce larger images to this side; 0: as the quality says",
+        description="Larger images are reduced until their longer side has so many pixels; 0: as Quality says",
     )
     show_more: BoolProperty(name="More settings", default=False, options={"SKIP_SAVE"})
 

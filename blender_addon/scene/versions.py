@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What differs between Blender 4.2 LTS and 5.2 LTS: the one module that asks which Blender this is.
+"""What differs between Blender 4.2 LTS and 5.3: the one module that asks which Blender this is.
 
 Ask whether something is there rather than for a version where that is possible.
 """
@@ -11,7 +11,17 @@ from typing import Any
 
 import bpy
 
-__all__ = ["PATH", "fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
+__all__ = [
+    "PATH",
+    "fcurve_of",
+    "four_floats",
+    "has_native_splats",
+    "has_window",
+    "new_splat_cloud",
+    "show_in_sequencer",
+    "strip_files",
+    "strips_of",
+]
 
 
 _RELATIVE = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
@@ -60,3 +70,30 @@ def strip_files(strip: Any) -> list[str]:
     """Absolute paths of an image strip's pictures."""
     folder = bpy.path.abspath(strip.directory)
     return [os.path.join(folder, e.filename) for e in strip.elements]
+
+
+def has_native_splats() -> bool:
+    """Whether this Blender draws Gaussians itself: a point cloud can have that type, and what it needs can be set from Python."""
+    return bool(_splat_type()) and four_floats()[0] == "FLOAT4" and "resize" in bpy.types.PointCloud.bl_rna.functions
+
+
+def _splat_type() -> str:
+    """The identifier of Gaussians among the types of point clouds; empty where there is none. 5.3 has GAUSSIAN_SPLAT."""
+    kind = bpy.types.PointCloud.bl_rna.properties.get("type")
+    if kind is None or kind.type != "ENUM" or kind.is_readonly:
+        return ""
+    return next((item.identifier for item in kind.enum_items if "SPLAT" in item.identifier), "")
+
+
+def four_floats() -> tuple[str, str]:
+    """The type of an attribute of four floats, and the name of its value; a colour where there is none for plain numbers."""
+    known = bpy.types.Attribute.bl_rna.properties["data_type"].enum_items
+    return ("FLOAT4", "vector") if "FLOAT4" in known else ("FLOAT_COLOR", "color")
+
+
+def new_splat_cloud(name: str, count: int) -> Any:
+    """A point cloud of Gaussians with so many points, for a Blender that has them."""
+    cloud = bpy.data.pointclouds.new(name)
+    cloud.type = _splat_type()
+    cloud.resize(count)
+    return cloud

@@ -42,7 +42,7 @@ class UnveilView(bpy.types.PropertyGroup):
         items=(
             ("POINTS", "Points", "LiDAR or structure-from-motion points"),
             ("MESH", "Mesh", "The fused mesh"),
-            ("SPLATS", "Gaussians", "The 2D Gaussian scene, a disc for each"),
+            ("SPLATS", "Gaussians", "The Gaussian scene: native splats where Blender has them, else a square for each"),
         ),
         options={"ENUM_FLAG"},
         default={"POINTS"},
@@ -50,7 +50,7 @@ class UnveilView(bpy.types.PropertyGroup):
     )
     points: EnumProperty(
         name="Colour of points",
-        items=(("CLASS", "Class", "By what they are"), ("COLOUR", "Colour", "As photographed")),
+        items=(("CLASS", "Class", "By their semantic class"), ("COLOUR", "Colour", "As photographed")),
         default="CLASS",
         update=_changed,
     )

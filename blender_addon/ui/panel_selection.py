@@ -148,7 +148,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         if thing.distance >= 0:
             column.label(text=f"{thing.distance:.1f} m from the drive")
         if thing.moves:
-            column.label(text="moves: goes from every frame")
+            column.label(text="moves: removed from every frame")
         elif thing.first_frame:
             column.label(text=f"{thing.frames} frames, {thing.first_frame} to {thing.last_frame}")
         if thing.chosen or thing.moves:

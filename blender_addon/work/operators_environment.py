@@ -11,12 +11,21 @@ from pathlib import Path
 import bpy
 
 from ..scene import versions
-from ..worker import environment
+from ..worker import base_python, environment
 from ..worker.interpreter import Candidate, Found, check
 from ..worker.job_state import JobState
 from ..worker.jobs import Job
 from .job_operator import JobOperator, UserError
-from .preferences import environment_folder, forget, preferences, remember, unveil_interpreter
+from .preferences import (
+    OFFLINE,
+    environment_folder,
+    forget,
+    may_install,
+    preferences,
+    remember,
+    unveil_interpreter,
+    work_folder,
+)
 from .redrawing import redraw
 from .task import Task
 
@@ -29,18 +38,18 @@ LOOK_S = 0.1
 class Thorough(threading.Thread):
     """Has a Python examined; what was found is there when it has ended."""
 
-    def __init__(self, quick: Found) -> None:
+    def __init__(self, quick: Found, work: Path) -> None:
         super().__init__(name="unveil-check", daemon=True)
-        self.quick = quick
+        self.quick, self.work = quick, work
         self.found: Found | None = None
         self.start()
 
     def run(self) -> None:
-        self.found = check(Candidate(self.quick.python, self.quick.source))
+        self.found = check(Candidate(self.quick.python, self.quick.source), work=self.work)
 
 
 class UNVEIL_OT_check_python(bpy.types.Operator):
-    """Look for the Python that has unveil and see what it can do; takes some seconds"""
+    """Look for the Python that has unveil; tell its versions, this machine, and what to do about what is wrong"""
 
     bl_idname = "unveil.check_python"
     bl_label = "Check"
@@ -63,7 +72,7 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
             return self._tell(context, found)
         if not versions.has_window():
             return self.execute(context)
-        UNVEIL_OT_check_python._looking = Thorough(found)
+        UNVEIL_OT_check_python._looking = Thorough(found, work_folder(context))
         bpy.app.timers.register(_examined, first_interval=LOOK_S)
         redraw(context)
         return {"FINISHED"}
@@ -96,15 +105,15 @@ def _examined() -> float | None:
 
 
 class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
-    """Make a Python environment in the extension's user folder and install unveil into it (some hundred megabytes)"""
+    """Make a Python environment in the extension's user folder and install unveil into it (2 GB of disk, more with CUDA)"""
 
     bl_idname = "unveil.create_environment"
     bl_label = "Create environment"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not bpy.app.online_access:
-            cls.poll_message_set("Needs online access: Preferences > System > Network")
+        if not may_install(preferences(context)):
+            cls.poll_message_set(f"To install, {OFFLINE}")
             return False
         return super().poll(context)
 
@@ -114,17 +123,22 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
             raise UserError(
                 "Unveil is not installed as an extension: install its zip, or name a Python in its preferences"
             )
-        base = environment.base_python(sys.executable)
-        if base is None:
-            raise UserError("No Python 3.11, 3.12 or 3.13 that can make an environment was found: install one first")
         chosen = preferences(context)
         try:
             wanted = environment.requirement(chosen.install_from)
+            wheels = environment.wheels_folder(bpy.path.abspath(chosen.wheels), wanted)
         except LookupError as error:
             raise UserError(str(error)) from error
+        minors = (environment.minors_of(wheels) if wheels else ()) or base_python.MINORS
+        base = base_python.base_python(sys.executable, minors=minors)
+        if base is None:
+            wanted_versions = " or ".join(f"3.{minor}" for minor in sorted(minors))
+            raise UserError(f"No Python {wanted_versions} that can make an environment was found: install one first")
         command = [base, "-I", "-u", str(Path(environment.__file__)), str(folder), wanted]
         locked = environment.locks()
         command += ["--locks", str(locked)] if locked is not None else []
+        command += ["--wheels", str(wheels)] if wheels is not None else []
+        command += ["--copy-base"] if base_python.lies_in(base, bpy.utils.resource_path("LOCAL")) else []
         return Job([*command, "--torch-index", chosen.torch_index])
 
     def task(self, context: bpy.types.Context) -> Task:

@@ -20,7 +20,7 @@ __all__: list[str] = []
 
 
 class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
-    """Bring the scene's drive into its workspace, and what could be removed into the lists"""
+    """Import the drive into its workspace, and list the objects that could be removed"""
 
     bl_idname = "unveil.import_drive"
     bl_label = "Import drive"
@@ -92,7 +92,7 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
         name="Every Nth frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
     )
     cameras: StringProperty(
-        name="Cameras", description="Of a rig, as front,left; all: every one; empty: mostly the front"
+        name="Cameras", description="Cameras of a rig to use, as front,left; all: every one; empty: mostly the front"
     )
 
     @classmethod

@@ -48,7 +48,7 @@ def workspace_of(scene: bpy.types.Scene) -> Path | None:
 
 
 class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
-    """Take what was chosen out of every frame and out of the scene; does only what is missing or changed"""
+    """Remove the chosen objects from every frame and from the 3D scene; runs only the stages that are to do or stale"""
 
     bl_idname = "unveil.run"
     bl_label = "Unveil"

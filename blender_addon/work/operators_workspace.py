@@ -23,7 +23,7 @@ def _absolute(path: str) -> Path:
 
 
 class UNVEIL_OT_load_workspace(bpy.types.Operator):
-    """Bring what the workspace holds into the scene, or up to date where it is there"""
+    """Load the results of the workspace into the scene; what is there already is brought up to date"""
 
     bl_idname = "unveil.load_workspace"
     bl_label = "Load workspace"
@@ -70,7 +70,7 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
 
 
 class UNVEIL_OT_find_workspace(bpy.types.Operator):
-    """Say where the workspace was moved to: pictures, strips and lists lead there again"""
+    """Choose the folder that the workspace was moved to; pictures, strips and lists are found there again"""
 
     bl_idname = "unveil.find_workspace"
     bl_label = "Find workspace…"

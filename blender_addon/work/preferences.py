@@ -12,13 +12,26 @@ from bpy.props import StringProperty
 
 from .. import __package__ as ADDON  # not this folder: Blender knows the add-on by the package above
 from ..worker import environment
+from ..worker.base_python import lost_base
 from ..worker.interpreter import Candidate, Found, candidates, check, find, venv_python
 from ..worker.session import session
 
-__all__ = ["UnveilPreferences", "environment_folder", "known", "preferences", "remember", "unveil_interpreter"]
+__all__ = [
+    "OFFLINE",
+    "UnveilPreferences",
+    "environment_folder",
+    "known",
+    "may_install",
+    "preferences",
+    "remember",
+    "unveil_interpreter",
+    "work_folder",
+]
 
 PYTORCH_CPU = "https://download.pytorch.org/whl/cpu" if sys.platform.startswith("linux") else ""
 """On Linux the usual index has builds with CUDA, of gigabytes; elsewhere the usual ones are for the processor."""
+
+OFFLINE = "turn on Preferences > System > Network > Online Access, or name a Folder of wheels"
 
 _known: dict[str, Found] = {}
 """By what the preferences name: the interpreter that was found for it."""
@@ -32,16 +45,24 @@ class UnveilPreferences(bpy.types.AddonPreferences):
     python: StringProperty(
         name="Python",
         subtype="FILE_PATH",
-        description="The Python that has unveil, or its virtual environment; empty: found in the usual places",
+        description="The Python that has unveil, or the folder of its virtual environment; empty: looked for in the usual places",
     )
     install_from: StringProperty(
         name="Install from",
-        description="What Create environment installs: a wheel, a source folder, an address; empty: what came with the add-on",
+        description="What Create environment installs: a wheel, a source folder or an address; empty: the unveil that came with "
+        "the add-on",
+    )
+    wheels: StringProperty(
+        name="Folder of wheels",
+        subtype="DIR_PATH",
+        description="Create environment installs from this folder alone, without a network: make wheels fills one; "
+        "empty: from the package index",
     )
     torch_index: StringProperty(
         name="Index for torch",
         default=PYTORCH_CPU,
-        description="Package index that torch comes from; empty: the usual one",
+        description="Package index that torch comes from; empty: the usual one, whose torch for Linux has CUDA. "
+        "Without meaning where a Folder of wheels is named",
     )
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -57,11 +78,9 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         if not bpy.ops.unveil.check_python.poll():  # it is at it
             lines = [*lines[:-1], "Looking at what it can do …"]
         for line in lines:
-            layout.label(text=line, icon="NONE" if not found or found.ok or line != found.problem else "ERROR")
-        if not bpy.app.online_access:
-            layout.label(
-                text="Create environment needs online access: Preferences > System > Network", icon="INTERNET_OFFLINE"
-            )
+            layout.label(text=line, icon=_icon(found, line))
+        if not may_install(self):
+            layout.label(text=f"Create environment: {OFFLINE}", icon="INTERNET_OFFLINE")
         elif session.last is not None and session.last.stage == "environment":
             state = session.last
             if state.running:
@@ -69,8 +88,22 @@ class UnveilPreferences(bpy.types.AddonPreferences):
             elif state.error:
                 layout.label(text=state.error, icon="ERROR")
         column = layout.column()
+        column.prop(self, "wheels")
         column.prop(self, "install_from")
-        column.prop(self, "torch_index")
+        index = column.row()
+        index.enabled = not self.wheels.strip()
+        index.prop(self, "torch_index")
+
+
+def _icon(found: Found | None, line: str) -> str:
+    if found is None:
+        return "NONE"
+    return "ERROR" if line == found.problem else "INFO" if line in found.advice() else "NONE"
+
+
+def may_install(chosen: Any) -> bool:
+    """Whether an environment can be made as things stand: from a folder of wheels, or online."""
+    return bool(bpy.app.online_access or (chosen and chosen.wheels.strip()))
 
 
 def preferences(context: bpy.types.Context) -> Any:
@@ -85,6 +118,13 @@ def environment_folder(*, create: bool = False) -> Path | None:
         return Path(bpy.utils.extension_path_user(ADDON, path="", create=create)) / "environment"
     except ValueError:
         return None
+
+
+def work_folder(context: bpy.types.Context) -> Path:
+    """Where the scene's results lie or will lie; the user's folder before there is a drive."""
+    settings = context.scene.unveil
+    place = bpy.path.abspath(settings.workspace or settings.drive)
+    return Path(place).absolute() if place else Path.home()
 
 
 def _candidates(context: bpy.types.Context) -> list[Candidate]:
@@ -123,10 +163,10 @@ def unveil_interpreter(context: bpy.types.Context, *, full: bool = False) -> Fou
     chosen = preferences(context)
     key = chosen.python if chosen else ""
     found = _known.get(key)
-    if found is None or not found.ok or not found.python.exists():
+    if found is None or not found.ok or not found.python.exists() or lost_base(found.python.parent.parent):
         found = find(_candidates(context))
     if full and found is not None and found.ok:
-        found = check(Candidate(found.python, found.source))
+        found = check(Candidate(found.python, found.source), work=work_folder(context))
     if found is not None:
         _known[key] = found
     return found

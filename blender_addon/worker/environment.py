@@ -3,10 +3,13 @@
 
 The file is also the program that does it, run by the Python that the environment is to have:
 
-    python environment.py FOLDER REQUIREMENT [--locks FOLDER] [--torch-index URL]
+    python environment.py FOLDER REQUIREMENT [--locks FOLDER] [--torch-index URL] [--wheels FOLDER] [--copy-base]
 
 The zip brings in ``core/`` the wheel of unveil_core, its hash, and lock files: every package that it needs, its version and hashes.
 Nothing else is taken from an index. Only of a torch from an index that the preferences name, the version alone is held.
+
+With ``--wheels`` everything comes from that folder, by the same lock files, and no index is asked; ``make wheels`` fills one.
+With ``--copy-base`` the Python that runs this is copied into the environment first: see ``base_python.py``.
 
 It tells of its progress in JSON lines, as ``unveil --json``. Whatever goes wrong, no half-made environment stays, and one that
 was there before is there again.
@@ -25,21 +28,32 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
-__all__ = ["ADDON", "READY", "base_python", "is_ready", "locks", "on_path", "remove_unfinished", "requirement"]
+__all__ = [
+    "ADDON",
+    "READY",
+    "is_ready",
+    "locks",
+    "minors_of",
+    "remove_unfinished",
+    "requirement",
+    "wheels_folder",
+]
 
 ADDON = Path(__file__).absolute().parent.parent
 """The add-on's folder; the wheel that came with it lies in its ``core/``."""
 READY = "unveil-is-installed"
 """File in an environment that was finished."""
-LEAST, MOST = (3, 11), (3, 13)
-"""Versions of Python that torch and numba are built for."""
 LOCKS = ("pip.txt", "core.txt", "torch.txt", "cuda.txt")
 """Lock files: pip itself; what unveil needs, but torch; torch; what torch's build with CUDA loads. See ``requirements/lock.py``."""
 HASH = "unveil_core.hash"
 """File that ``pip hash`` wrote of the wheel when the extension was built."""
+
+
+def minors_of(wheels: Path) -> set[int]:
+    """The versions of Python 3 that a folder's wheels are built for, 11 for 3.11."""
+    return {int(minor) for file in wheels.glob("*.whl") for minor in re.findall(r"-cp3(\d+)-cp3\d+-", file.name)}
 
 
 def is_ready(folder: Path) -> bool:
@@ -85,35 +99,26 @@ def requirement(named: str = "", addon: Path = ADDON) -> str:
     return str(wheels[-1])
 
 
-def base_python(own: str, environ: Mapping[str, str] | None = None) -> str | None:
-    """A Python of a version that the environment can have and that can make one: Blender's own, or one on the path.
+def wheels_folder(named: str, wanted: str) -> Path | None:
+    """The folder of wheels that the user has named, None for none.
 
     Args:
-        own: the interpreter of this process.
+        wanted: what is to be installed; from a folder of wheels nothing is fetched, so no address.
+    Raises:
+        LookupError: it is no folder, or has no wheels.
     """
-    environ = os.environ if environ is None else environ
-    minors = range(LEAST[1], MOST[1] + 1)
-    names = [on_path(f"python3.{minor}", environ) for minor in minors] + [on_path("python3", environ)]
-    for python in (own, *names):
-        if python and _can_make(python):
-            return python
-    return None
-
-
-def on_path(name: str, environ: Mapping[str, str]) -> str | None:
-    """A program in one of the path's folders. Never one in the working folder, where Windows looks first: who opens a .blend works
-    where it lies."""
-    folders = [folder for folder in environ.get("PATH", "").split(os.pathsep) if os.path.isabs(folder)]
-    return next((found for folder in folders if (found := shutil.which(os.path.join(folder, name)))), None)
-
-
-def _can_make(python: str) -> bool:
-    program = "import ensurepip, sys, venv; print(*sys.version_info[:2])"
-    try:
-        done = subprocess.run([python, "-I", "-c", program], capture_output=True, text=True, timeout=20)
-        return LEAST <= tuple(int(n) for n in done.stdout.split()) <= MOST
-    except (OSError, ValueError, subprocess.TimeoutExpired):
-        return False
+    if not named.strip():
+        return None
+    folder = Path(named.strip()).expanduser()
+    if not folder.is_dir():
+        raise LookupError(f"{folder}: there is no such folder of wheels")
+    if not any(folder.glob("*.whl")):
+        raise LookupError(f"{folder} has no wheels: fill it with `make wheels FOLDER=…`, or empty Folder of wheels")
+    if "://" in wanted:
+        raise LookupError(
+            "Install from is an address: with Folder of wheels nothing is fetched, so empty one of the two"
+        )
+    return folder
 
 
 # ----------------------------------------------------------------------------------------------------------------- the program
@@ -145,6 +150,7 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
         _end_commands()
     last, label, reported_at, before = "", what, 0.0, 0
     refused: str | None = None
+    missing = ""
     try:
         for line in process.stdout:
             line = line.strip()
@@ -164,6 +170,8 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
                     refused = re.split(r"\s*(?:@| from | \(|:$)", line)[0]
                 elif "DO NOT MATCH THE HASHES" in line:
                     refused = ""
+                elif not missing and (found := re.search(r"No matching distribution found for ([^\s;(]+)", line)):
+                    missing = found.group(1)
             if line.startswith(("Collecting ", "Downloading ", "Installing ", "Building ", "Processing ")):
                 label = _label(line)
                 tell(step * 100 + _share(before), steps * 100, label)
@@ -176,6 +184,8 @@ def _run(step: int, steps: int, command: list[str], what: str) -> None:
         raise KeyboardInterrupt
     if code and refused:
         raise RuntimeError(f"{refused} is not the file that unveil was built with: its hash is another")
+    if code and missing:
+        raise LookupError(missing)
     if code:
         raise RuntimeError(last or f"{command[0]} ended with exit code {code}")
 
@@ -197,7 +207,9 @@ def _label(line: str) -> str:
     return f"{verb} {file}"[:60]
 
 
-def make(folder: Path, wanted: str, locked: Path | None, torch_index: str) -> None:
+def make(
+    folder: Path, wanted: str, locked: Path | None, torch_index: str, wheels: Path | None = None, copy: bool = False
+) -> None:
     """Make the environment.
 
     Args:
@@ -205,6 +217,8 @@ def make(folder: Path, wanted: str, locked: Path | None, torch_index: str) -> No
         wanted: a requirement for pip, or the path of a wheel or a source folder.
         locked: folder of the lock files; None: pip chooses what ``wanted`` needs.
         torch_index: package index for torch: its own has builds without gigabytes of CUDA; empty for none.
+        wheels: a folder that everything is taken from, and no index asked; ``torch_index`` has no meaning then.
+        copy: copy the Python that runs this into the environment, and make it with that.
     Raises:
         RuntimeError: a step failed, with the last line that it said.
     """
@@ -215,29 +229,78 @@ def make(folder: Path, wanted: str, locked: Path | None, torch_index: str) -> No
     temporary = folder / "temporary"  # pip's downloads: a pip that is killed leaves them, gigabytes maybe
     temporary.mkdir(parents=True)
     os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary)))
-    python = str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
-    pip = [python, "-I", "-m", "pip", "--no-input", "--disable-pip-version-check"]
-    _run(0, 6, [sys.executable, "-I", "-m", "venv", str(folder)], "making the environment")
-    try:  # only a newer pip tells how far a download is
-        newer = ["--upgrade", "pip>=24.2"] if locked is None else [*STRICT, "-r", str(locked / "pip.txt")]
-        _run(1, 6, [*pip, "install", *newer], "updating pip")
-        pip_install = [*pip, "install", "--progress-bar", "raw"]
-    except RuntimeError:
-        pip_install = [*pip, "install", "--progress-bar", "off"]
-    if locked is not None:  # before torch, whose index has some of them too
-        _run(2, 6, [*pip_install, *STRICT, "-r", str(locked / "core.txt")], "installing what unveil needs")
-    if torch_index:
-        _run(3, 6, [*pip_install, "--index-url", torch_index, _torch(locked)], "installing torch")
-    elif locked is not None:
-        _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "torch.txt")], "installing torch")
-        if subprocess.run([python, "-I", "-c", WITH_CUDA], capture_output=True, check=False).returncode == 0:
-            _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "cuda.txt")], "installing CUDA's libraries")
-    _run(4, 6, [*pip_install, *_unveil(wanted, locked, temporary)], "installing unveil")
+    base = _copied(folder / "base") if copy else sys.executable
+    _run(0, 6, [base, "-I", "-m", "venv", str(folder)], "making the environment")
+    try:
+        _install(folder, wanted, locked, torch_index, wheels)
+    except LookupError as error:
+        place = f"has no wheel in {wheels}" if wheels else "was not found in the package index"
+        python = ".".join(map(str, sys.version_info[:2]))
+        mend = "fill it anew with `make wheels`, by this Python's version" if wheels else "is there a network?"
+        raise RuntimeError(f"{error.args[0]} {place} for Python {python} on {sys.platform} ({mend})") from error
+    python = _python(folder)
     _run(5, 6, [python, "-I", "-c", "import unveil_core; print('unveil', unveil_core.__version__)"], "trying it")
     shutil.rmtree(temporary, ignore_errors=True)
     (folder / READY).write_text("")
     shutil.rmtree(_previous(folder), ignore_errors=True)
     tell(1, 1, "done")
+
+
+def _python(folder: Path) -> str:
+    return str(folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python"))
+
+
+def _copied(folder: Path) -> str:
+    """The interpreter of a copy of the Python that runs this. One that cannot be copied makes the environment itself."""
+    program = [sys.executable, "-I", "-u", str(Path(__file__).absolute().with_name("base_python.py")), str(folder)]
+    try:
+        _run(0, 6, program, "copying Blender's Python")
+    except RuntimeError:
+        shutil.rmtree(folder, ignore_errors=True)
+        return sys.executable
+    return str(folder / Path(sys.executable).resolve().relative_to(Path(sys.base_prefix).resolve()))
+
+
+def _install(folder: Path, wanted: str, locked: Path | None, torch_index: str, wheels: Path | None) -> None:
+    """Install unveil and what it needs.
+
+    Raises:
+        LookupError: pip finds no file of a package, which is named.
+        RuntimeError: something else is wrong.
+    """
+    python = _python(folder)
+    pip = [python, "-I", "-m", "pip", "--no-input", "--disable-pip-version-check"]
+    source = ["--no-index", "--find-links", str(wheels.absolute())] if wheels else []
+    if wheels:  # pip's own settings may name other places
+        for name in [n for n in os.environ if n.startswith("PIP_")]:
+            del os.environ[name]
+        os.environ["PIP_CONFIG_FILE"] = os.devnull
+    try:  # only a newer pip tells how far a download is
+        newer = ["--upgrade", "pip>=24.2"] if locked is None else [*STRICT, "-r", str(locked / "pip.txt")]
+        _run(1, 6, [*pip, "install", *source, *newer], "updating pip")
+        pip_install = [*pip, "install", "--progress-bar", "raw", *source]
+    except (RuntimeError, LookupError):
+        pip_install = [*pip, "install", "--progress-bar", "off", *source]
+    if locked is not None:  # before torch, whose index has some of them too
+        _run(2, 6, [*pip_install, *STRICT, "-r", str(locked / "core.txt")], "installing what unveil needs")
+    if torch_index and not wheels:
+        _run(3, 6, [*pip_install, "--index-url", torch_index, _torch(locked)], "installing torch")
+    elif locked is not None and wheels and (local := _local_torch(wheels, _torch(locked))):
+        _run(3, 6, [*pip_install, "--no-deps", "--only-binary", ":all:", local], "installing torch")
+    elif locked is not None:
+        _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "torch.txt")], "installing torch")
+        if subprocess.run([python, "-I", "-c", WITH_CUDA], capture_output=True, check=False).returncode == 0:
+            _run(3, 6, [*pip_install, *STRICT, "-r", str(locked / "cuda.txt")], "installing CUDA's libraries")
+    _run(4, 6, [*pip_install, *_unveil(wanted, locked, folder / "temporary")], "installing unveil")
+
+
+def _local_torch(wheels: Path, torch: str) -> str:
+    """The build of this torch that a folder has and the usual index does not, as ``torch==2.13.0+cpu``; empty if it has none.
+
+    The lock has no hashes of such builds, so the version alone is held, as of a torch from an index of its own.
+    """
+    found = sorted(wheels.glob(f"{torch.replace('==', '-')}+*.whl"))
+    return "==".join(found[0].name.split("-")[:2]) if found else ""
 
 
 STRICT = ("--require-hashes", "--no-deps", "--only-binary", ":all:")
@@ -311,11 +374,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("requirement")
     parser.add_argument("--locks", type=Path)
     parser.add_argument("--torch-index", default="")
+    parser.add_argument("--wheels", type=Path)
+    parser.add_argument("--copy-base", action="store_true")
     given = parser.parse_args(arguments)
     _watch()
     code = 1
     try:
-        make(given.folder, given.requirement, given.locks, given.torch_index)
+        make(given.folder, given.requirement, given.locks, given.torch_index, given.wheels, given.copy_base)
         code = 0
     except KeyboardInterrupt:
         code = 130

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .environment import on_path
+from .base_python import lost_base, on_path
+from .environment import ADDON
 from .jobs import worker_environment
 
-__all__ = ["Candidate", "Found", "candidates", "check", "find", "venv_python"]
+__all__ = ["Candidate", "Found", "addon_version", "candidates", "check", "find", "venv_python"]
 
 WINDOWS = os.name == "nt"
 LEAST_PYTHON, LEAST_UNVEIL = (3, 11), (0, 1)
@@ -30,6 +33,9 @@ except Exception as error:
     found["problem"] = type(error).__name__ + ": " + str(error)
 print(json.dumps(found))
 """
+LITTLE_MEMORY_GB, LITTLE_DISK_GB = 8, 5
+"""Below these *Check* advises. docs/benchmarks.md has a run of 200 frames of 1920x1080 that takes 4.2 GB of memory and 0.9 GB of
+disk, and an environment takes 2 GB; the rest of the machine wants some, too."""
 MEND = "press Create environment, or name another Python above"
 
 
@@ -54,7 +60,7 @@ class Found:
         python, source: as in :class:`Candidate`.
         ok: whether it can do the work.
         problem: one line on what is wrong and what to do, or empty.
-        facts: what it said: python, unveil, and after a full check torch, cpus, memory_gb, gpu and more.
+        facts: what it said: python, unveil, and after a full check torch, cpus, memory_gb, gpu and more; addon: its version.
     """
 
     python: Path
@@ -64,18 +70,60 @@ class Found:
     facts: dict[str, object] = field(default_factory=dict)
 
     def lines(self) -> list[str]:
-        """What people want to know of it."""
+        """What people want to know of it; the last line is what is wrong, or that nothing is."""
+        facts = self.facts
         said = [f"{self.python} ({self.source})"]
         names = (("unveil", "unveil"), ("python", "Python"), ("torch", "torch"), ("numba", "numba"))
-        versions = [f"{label} {self.facts[key]}" for key, label in names if self.facts.get(key)]
+        versions = [f"{label} {facts[key]}" for key, label in names if facts.get(key)]
         if versions:
             said.append(", ".join(versions))
-        if "cpus" in self.facts:
-            memory = self.facts.get("memory_gb")
-            cores = f"{self.facts['cpus']} CPU cores" + (f", {memory:g} GB" if isinstance(memory, int | float) else "")
-            said.append(f"{cores}, GPU: {self.facts.get('gpu', 'not known')}")
-        said.append(self.problem or "Ready.")
+        if "cpus" in facts:
+            said += [_machine(facts), _gpu(facts)]
+        if isinstance(facts.get("work_free_gb"), int | float):
+            said.append(f"Free disk: {facts['work_free_gb']:g} GB in {facts.get('work_folder')}")
+        return [*said, *self.advice(), self.problem or "Ready."]
+
+    def advice(self) -> list[str]:
+        """What hinders it though it works, with what to do: one line each."""
+        facts, said = self.facts, []
+        addon, unveil = _numbers(facts.get("addon")), _numbers(facts.get("unveil"))
+        if self.ok and unveil and addon and unveil[:2] != addon[:2]:
+            mend = "press Create environment" if unveil < addon else "update the add-on"
+            said.append(f"unveil {facts['unveil']} is not of this add-on's version {facts['addon']}: {mend}")
+        if facts.get("gpu_unused") and facts.get("runs_use_gpu"):
+            said.append("This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment")
+        if _less(facts, "memory_gb", LITTLE_MEMORY_GB):
+            said.append("Little memory: choose Draft, or a part of the drive in Frames")
+        if _less(facts, "work_free_gb", LITTLE_DISK_GB):
+            said.append("Little free disk: make room, or choose another Workspace before you import")
         return said
+
+
+def addon_version() -> str:
+    """Of the add-on itself, by its manifest."""
+    try:
+        return str(tomllib.loads((ADDON / "blender_manifest.toml").read_text(encoding="utf-8"))["version"])
+    except (OSError, ValueError, KeyError):
+        return ""
+
+
+def _machine(facts: dict[str, object]) -> str:
+    memory = facts.get("memory_gb")
+    name = f"{facts['cpu']}, " if facts.get("cpu") else ""
+    return f"{name}{facts['cpus']} CPU cores" + (f", {memory:g} GB memory" if isinstance(memory, int | float) else "")
+
+
+def _gpu(facts: dict[str, object]) -> str:
+    if not facts.get("cuda"):
+        return "GPU: none that torch can use; Unveil works on the processor"
+    memory = facts.get("gpu_memory_gb")
+    known = f"GPU: {facts.get('gpu')}" + (f", {memory:g} GB" if isinstance(memory, int | float) else "")
+    return known if facts.get("runs_use_gpu") else f"{known}; runs of this unveil work on the processor"
+
+
+def _less(facts: dict[str, object], name: str, least: float) -> bool:
+    value = facts.get(name)
+    return isinstance(value, int | float) and value < least
 
 
 # ------------------------------------------------------------------------------------------------------------- where it may be
@@ -103,7 +151,9 @@ def candidates(
     found: dict[Path, Candidate] = {}
     for path, source in _places(preferred, own, environ):
         path = venv_python(path) if path.is_dir() else path
-        if path.is_file() and os.access(path, os.X_OK):
+        if (path.is_file() and os.access(path, os.X_OK)) or lost_base(
+            path.parent.parent
+        ):  # whose user is to hear of it
             # Not resolved: a virtual environment is known by its link to the interpreter that it was made with.
             found.setdefault(Path(os.path.abspath(path)), Candidate(Path(os.path.abspath(path)), source))
     return list(found.values())
@@ -147,15 +197,22 @@ def _python_of_script(script: Path) -> Iterator[Path]:
 # ----------------------------------------------------------------------------------------------------------------- what it has
 
 
-def check(candidate: Candidate, *, full: bool = True, timeout_s: float = 120) -> Found:
+def check(candidate: Candidate, *, full: bool = True, timeout_s: float = 120, work: Path | None = None) -> Found:
     """Ask an interpreter what it has.
 
     Args:
         candidate: whom.
         full: also start ``unveil doctor``, which renders once: some seconds, more the first time.
         timeout_s: for each of the questions.
+        work: where results will lie: its free disk is told. It need not be there yet.
     """
+    lost = lost_base(candidate.python.parent.parent)
+    if lost:
+        problem = f"the Python that this environment was made with is gone ({lost}): it was updated, moved or removed"
+        return Found(candidate.python, candidate.source, False, f"{problem} ({MEND})")
     facts, problem = _ask([str(candidate.python), "-P", "-c", PROBE], min(timeout_s, 20))
+    if facts:
+        facts["addon"] = addon_version()
     version = _numbers(facts.get("python"))
     if version and version < LEAST_PYTHON:
         problem = f"this is Python {facts['python']}, unveil needs 3.11 or later"
@@ -170,7 +227,21 @@ def check(candidate: Candidate, *, full: bool = True, timeout_s: float = 120) ->
         facts.update(answer)
         if answer.get("problem"):
             problem = f"unveil does not work there: {answer['problem']}"
+        if work is not None:
+            facts.update(_free_disk(work))
     return Found(candidate.python, candidate.source, not problem, f"{problem} ({MEND})" if problem else "", facts)
+
+
+def _free_disk(folder: Path) -> dict[str, object]:
+    there = next((place for place in (folder, *folder.parents) if place.is_dir()), None)
+    try:
+        return (
+            {"work_folder": str(there), "work_free_gb": round(shutil.disk_usage(there).free / 2**30, 1)}
+            if there
+            else {}
+        )
+    except OSError:
+        return {}
 
 
 def find(places: Iterable[Candidate]) -> Found | None:

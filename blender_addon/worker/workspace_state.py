@@ -18,7 +18,7 @@ __all__ = ["STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
 STAGES = {
     "import": "Import",
     "objects": "Find objects",
-    "segment": "Labels, movers",
+    "segment": "Labels, dynamic objects",
     "choose": "Choose",
     "reconstruct": "Reconstruct",
     "ground": "Ground",

@@ -149,6 +149,9 @@ def test_doctor_renders_for_real(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["ok"] and found["numpy"] and np.isfinite(found["rasterizer_first_call_s"])
+    assert found["cpu"] and found["cpus"] > 0 and found["memory_gb"] > 0 and found["disk_free_gb"] > 0
+    assert found["runs_use_gpu"] is False  # docs/command.md says so of --device
+    assert ("gpu_memory_gb" in found) == found["cuda"]
 
 
 def test_import_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import platform
 import shutil
+import subprocess
+import sys
 import time
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 __all__ = ["examine"]
 
@@ -40,10 +43,13 @@ def examine() -> dict[str, object]:
             found[name] = version(name)
         except PackageNotFoundError:
             found[name] = None
-    found["cpus"] = os.cpu_count()
-    found["gpu"] = _gpu()
-    with suppress(ValueError, OSError, AttributeError):
-        found["memory_gb"] = round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1)
+    found["cpu"], found["cpus"] = _cpu(), os.cpu_count()
+    found.update(_gpu())
+    found["runs_use_gpu"] = _runs_use_gpu()
+    with suppress(ImportError, OSError):
+        import psutil
+
+        found["memory_gb"] = round(psutil.virtual_memory().total / 2**30, 1)
     found["disk_free_gb"] = round(shutil.disk_usage(".").free / 2**30, 1)
     try:
         found.update(_render_once())
@@ -53,14 +59,50 @@ def examine() -> dict[str, object]:
     return found
 
 
-def _gpu() -> str:
-    """The NVIDIA GPU that the triton backend of ``render`` could use."""
+def _cpu() -> str:
+    """The name of the processor, as its maker has it."""
+    with suppress(OSError):
+        if sys.platform.startswith("linux"):
+            lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+            named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+            if named:
+                return named[0]
+        elif sys.platform == "darwin":
+            asked = subprocess.run(
+                ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"], capture_output=True, text=True
+            )
+            if asked.stdout.strip():
+                return asked.stdout.strip()
+    return platform.processor() or platform.machine()
+
+
+def _gpu() -> dict[str, object]:
+    """The NVIDIA GPU that the triton backend of ``render`` could use.
+
+    ``gpu_unused``: the machine has one, by its driver, and this torch is a build without CUDA.
+    """
     try:
         import torch
 
-        return torch.cuda.get_device_name(0) if torch.cuda.is_available() else "none that torch can use"
+        if torch.cuda.is_available():
+            memory = torch.cuda.get_device_properties(0).total_memory
+            return {"gpu": torch.cuda.get_device_name(0), "gpu_memory_gb": round(memory / 2**30, 1)}
+        unused = torch.version.cuda is None and shutil.which("nvidia-smi") is not None
+        return {"gpu": "none that torch can use", "gpu_unused": unused}
     except (ImportError, RuntimeError) as error:
-        return f"not known: {error}"
+        return {"gpu": f"not known: {error}"}
+
+
+def _runs_use_gpu() -> bool:
+    """Whether the stages of a run can be given to the GPU: whether their settings take it."""
+    from unveil_core.base.errors import SettingsError
+    from unveil_core.pipeline.settings import RunSettings
+
+    try:
+        RunSettings(device="cuda")
+    except SettingsError:
+        return False
+    return True
 
 
 def _render_once() -> dict[str, object]:

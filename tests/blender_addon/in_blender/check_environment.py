@@ -24,7 +24,7 @@ def chosen(addon, scene, monkeypatch):  # type: ignore[no-untyped-def]
     found = preferences.preferences(bpy.context)
     found.torch_index = ""
     yield found
-    found.install_from = ""
+    found.install_from = found.wheels = ""
     preferences.forget()
 
 
@@ -65,3 +65,51 @@ def test_it_is_made_and_found(addon, chosen, tmp_path: Path) -> None:
     assert bpy.ops.unveil.create_environment() == {"FINISHED"}
     found = addon.module("work.preferences").unveil_interpreter(bpy.context)
     assert found.ok and found.source == "made by the add-on" and found.facts["unveil"] == "0.1.0"
+
+
+def test_offline_a_folder_of_wheels_will_do(addon, chosen, tmp_path: Path) -> None:
+    import bpy
+
+    from tests.blender_addon.tiny_wheel import tiny_wheel
+
+    bpy.context.preferences.system.use_online_access = False
+    chosen.wheels = str(tmp_path / "wheels")
+    assert bpy.ops.unveil.create_environment.poll()
+    chosen.install_from = str(tiny_wheel(tmp_path, requires=("street-shapes",)))
+    with pytest.raises(RuntimeError, match="there is no such folder of wheels"):
+        bpy.ops.unveil.create_environment()
+    plain = tiny_wheel(tmp_path / "wheels", "", "plain", "1.0")
+    with pytest.raises(RuntimeError, match=f"street-shapes has no wheel in {tmp_path / 'wheels'} for Python 3"):
+        bpy.ops.unveil.create_environment()
+    assert plain.is_file()
+    tiny_wheel(tmp_path / "wheels", "", "street_shapes", "1.0")
+    assert bpy.ops.unveil.create_environment() == {"FINISHED"}
+    assert addon.module("work.preferences").unveil_interpreter(bpy.context).source == "made by the add-on"
+
+
+def test_blenders_own_python_is_copied_and_a_base_that_is_gone_is_told(
+    addon, chosen, tmp_path: Path, monkeypatch
+) -> None:
+    """bpy has no Python of its own, so what lies in Blender's folder is forced."""
+    import shutil
+
+    import bpy
+
+    from tests.blender_addon.tiny_wheel import tiny_wheel
+
+    online()
+    monkeypatch.setattr(addon.module("worker.base_python"), "lies_in", lambda python, folder: bool(folder))
+    chosen.install_from = str(tiny_wheel(tmp_path))
+    assert bpy.ops.unveil.create_environment() == {"FINISHED"}
+    preferences = addon.module("work.preferences")
+    base = preferences.environment_folder() / "base"
+    assert any((base / "lib").glob("python3*/encodings"))
+    assert preferences.unveil_interpreter(bpy.context).ok
+
+    shutil.rmtree(base)
+    with pytest.raises(RuntimeError, match="made with is gone.*press Create environment"):
+        bpy.ops.unveil.check_python()
+    bpy.context.scene.unveil.drive = str(tmp_path)
+    with pytest.raises(RuntimeError, match="made with is gone.*press Create environment"):
+        bpy.ops.unveil.run()
+    assert any("is gone" in line for line in preferences.known(chosen).lines())

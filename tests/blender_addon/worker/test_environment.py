@@ -178,12 +178,60 @@ def test_a_package_of_another_s_is_refused(index: Index, tmp_path: Path) -> None
     assert not (tmp_path / "environment").exists()
 
 
-def test_a_base_that_can_make_one(tmp_path: Path) -> None:
-    assert environment.base_python(sys.executable) == sys.executable
-    old = tmp_path / "python3"
-    old.write_text("#!/bin/sh\necho 3 9\n")
-    old.chmod(0o755)
-    assert environment.base_python(str(old), {"PATH": str(tmp_path)}) is None
-    (tmp_path / "python3.12").write_text("#!/bin/sh\necho 3 12\n")
-    (tmp_path / "python3.12").chmod(0o755)
-    assert environment.base_python(str(old), {"PATH": str(tmp_path)}) == str(tmp_path / "python3.12")
+def offline_job(index: Index, folder: Path, monkeypatch: pytest.MonkeyPatch, *options: str) -> Job:
+    """With pip's settings naming what it must not use: a folder that has everything, and an index that nobody answers at."""
+    for name in ("PIP_NO_INDEX", "PIP_CONFIG_FILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
+    return index.job(folder, "--wheels", str(index.packages), "--torch-index", "http://127.0.0.1:9/simple", *options)
+
+
+def test_a_folder_of_wheels_is_enough(index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PIP_FIND_LINKS")
+    state = offline_job(index, tmp_path / "environment", monkeypatch).wait(90)
+    assert state.status == "done", list(state.log)
+    assert installed(tmp_path / "environment") == LOCKED
+    assert not any("127.0.0.1" in line for line in state.log if not line.startswith("$"))
+
+
+def test_a_wheel_that_is_missing_is_named_with_the_folder(
+    index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Though pip's own settings name a folder that has it."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    next(index.packages.glob("street_shapes-*")).rename(elsewhere / "street_shapes-1.0-py3-none-any.whl")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(elsewhere))
+    state = offline_job(index, tmp_path / "environment", monkeypatch).wait(90)
+    assert state.status == "failed" and "\n" not in state.error
+    assert f"street_shapes==1.0 has no wheel in {index.packages} for Python 3." in state.error
+    assert not (tmp_path / "environment").exists()
+
+
+def test_a_folder_s_wheels_are_held_to_the_lock_but_a_local_build_of_torch(
+    index: Index, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    index.put("torch", "2.13.0+cpu", requires=("street-shapes",))
+    state = offline_job(index, tmp_path / "environment", monkeypatch).wait(90)
+    assert state.status == "done", list(state.log)
+    assert installed(tmp_path / "environment") == {
+        "street-shapes==1.0",
+        "torch==2.13.0+cpu",
+        "unveil-core==0.1.0",
+    }  # none of CUDA's
+    index.put("street_shapes", text="import os\n")
+    state = offline_job(index, tmp_path / "environment", monkeypatch).wait(90)
+    assert state.status == "failed" and "street_shapes==1.0 is not the file that unveil was built with" in state.error
+
+
+def test_the_folder_of_wheels_is_looked_at_before_anything_starts(tmp_path: Path) -> None:
+    assert environment.wheels_folder(" ", "unveil") is None
+    with pytest.raises(LookupError, match="no such folder"):
+        environment.wheels_folder(str(tmp_path / "none"), "unveil")
+    with pytest.raises(LookupError, match="has no wheels"):
+        environment.wheels_folder(str(tmp_path), "unveil")
+    for name in ("numba-1-cp312-cp312-win_amd64.whl", "cv-1-cp37-abi3-win_amd64.whl", "plain-1-py3-none-any.whl"):
+        (tmp_path / name).write_text("")
+    assert environment.wheels_folder(str(tmp_path), "unveil") == tmp_path and environment.minors_of(tmp_path) == {12}
+    with pytest.raises(LookupError, match="is an address"):
+        environment.wheels_folder(str(tmp_path), "git+https://example.org/unveil")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.worker.interpreter import Candidate, candidates, check, find, venv_python
+from blender_addon.worker.interpreter import Candidate, Found, addon_version, candidates, check, find, venv_python
 from tests.blender_addon.run_in_blender import unveil_python
 
 EMPTY: dict[str, str] = {}
@@ -72,7 +72,52 @@ def test_this_one_has_everything(tmp_path: Path) -> None:
     assert found.ok and not found.problem, found
     lines = found.lines()
     assert lines[1].startswith("unveil ") and "torch" in lines[1]
-    assert "CPU cores" in lines[2] and "GPU:" in lines[2] and lines[-1] == "Ready."
+    assert "CPU cores" in lines[2] and "GB memory" in lines[2] and lines[3].startswith("GPU: ")
+    assert lines[-1] == "Ready." and not any(line.startswith("Free disk") for line in lines)
+
+
+def test_what_hinders_is_told_with_what_to_do() -> None:
+    facts: dict[str, object] = {
+        "addon": addon_version(),
+        "unveil": addon_version(),
+        "python": "3.11.7",
+        "torch": "2.13.0",
+        "numba": "0.66.0",
+    }
+    facts |= {"cpu": "A Processor", "cpus": 8, "memory_gb": 32.0, "gpu": "A Card", "gpu_memory_gb": 24.0, "cuda": True}
+    facts["runs_use_gpu"] = True
+    facts |= {"work_folder": "/streets", "work_free_gb": 120.5}
+    assert Found(Path("/python"), "named", True, facts=facts).lines() == [
+        "/python (named)",
+        f"unveil {addon_version()}, Python 3.11.7, torch 2.13.0, numba 0.66.0",
+        "A Processor, 8 CPU cores, 32 GB memory",
+        "GPU: A Card, 24 GB",
+        "Free disk: 120.5 GB in /streets",
+        "Ready.",
+    ]
+    facts["runs_use_gpu"] = False
+    lines = Found(Path("/python"), "named", True, facts=facts).lines()
+    assert "GPU: A Card, 24 GB; runs of this unveil work on the processor" in lines
+    facts["runs_use_gpu"] = True
+    facts |= {"unveil": "0.0.1", "cuda": False, "gpu_unused": True, "memory_gb": 4.0, "work_free_gb": 1.0}
+    lines = Found(Path("/python"), "named", True, facts=facts).lines()
+    assert "GPU: none that torch can use; Unveil works on the processor" in lines
+    older, gpu, memory, disk, ready = lines[-5:]
+    assert older == f"unveil 0.0.1 is not of this add-on's version {addon_version()}: press Create environment"
+    assert gpu == "This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment"
+    assert memory.startswith("Little memory: choose Draft") and disk.startswith("Little free disk: make room")
+    assert ready == "Ready."
+    newer = Found(Path("/python"), "named", True, facts={"addon": addon_version(), "unveil": "99.0.0"})
+    assert newer.advice() == [f"unveil 99.0.0 is not of this add-on's version {addon_version()}: update the add-on"]
+
+
+def test_the_free_disk_is_that_of_the_workspace_to_be(tmp_path: Path) -> None:
+    script = tmp_path / "python"
+    script.write_text('#!/bin/sh\necho \'{"python": "3.11.2", "unveil": "0.1.0"}\'\n')
+    script.chmod(0o755)
+    found = check(Candidate(script, "named"), work=tmp_path / "street/not yet")
+    assert found.ok and found.facts["work_folder"] == str(tmp_path)
+    assert isinstance(found.facts["work_free_gb"], float)
 
 
 def test_what_is_wrong_is_one_line_with_its_mend(tmp_path: Path) -> None:
