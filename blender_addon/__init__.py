@@ -26,6 +26,7 @@ MODULES = (
     "work.operators_import",
     "work.operators_workspace",
     "work.operators_run",
+    "work.operators_plates",
     "work.operators_environment",
     "work.handlers",
     "work.command_line",

@@ -11,7 +11,19 @@ from typing import Any
 
 import bpy
 
-__all__ = ["PATH", "fcurve_of", "has_window", "show_in_sequencer", "strip_files", "strips_of"]
+__all__ = [
+    "MATH_NODE",
+    "MIX_NODE",
+    "PATH",
+    "compositor_of",
+    "fcurve_of",
+    "has_window",
+    "mix_sockets",
+    "set_map_uv_filter",
+    "show_in_sequencer",
+    "strip_files",
+    "strips_of",
+]
 
 
 _RELATIVE = "is_path_supports_blend_relative" in bpy.types.Property.bl_rna.properties
@@ -60,3 +72,51 @@ def strip_files(strip: Any) -> list[str]:
     """Absolute paths of an image strip's pictures."""
     folder = bpy.path.abspath(strip.directory)
     return [os.path.join(folder, e.filename) for e in strip.elements]
+
+
+MATH_NODE, MIX_NODE = (
+    ("CompositorNodeMath", "CompositorNodeMixRGB")
+    if hasattr(bpy.types, "CompositorNodeMixRGB")
+    else ("ShaderNodeMath", "ShaderNodeMix")
+)
+"""Nodes of the compositor: since 5.0 it shares these with shaders."""
+
+
+def mix_sockets(node: Any, blend: str) -> tuple[Any, Any, Any, Any]:
+    """Factor, the two colours and the result of a mix node, set to mix colours in that way."""
+    if node.bl_idname == "ShaderNodeMix":
+        node.data_type = "RGBA"
+    node.blend_type = blend
+    if node.bl_idname != "ShaderNodeMix":
+        return (*node.inputs[:3], node.outputs[0])
+    inputs = {s.identifier: s for s in node.inputs}
+    result = next(s for s in node.outputs if s.identifier == "Result_Color")
+    return inputs["Factor_Float"], inputs["A_Color"], inputs["B_Color"], result
+
+
+def set_map_uv_filter(node: Any, smooth: bool) -> None:
+    """How a Map UV node reads between pixels: as sharply as it can, or the nearest. A property up to 4.5, an input since 5.0."""
+    if hasattr(node, "filter_type"):
+        node.filter_type = "ANISOTROPIC" if smooth else "NEAREST"
+    else:
+        node.inputs["Interpolation"].default_value = "Bicubic" if smooth else "Nearest"
+
+
+def compositor_of(scene: Any) -> Any:
+    """The compositor's node tree of a scene; where there is none, one that gives what was rendered.
+
+    Up to 4.5 a tree may be there and be switched off: so it stays.
+    """
+    if not hasattr(scene, "compositing_node_group"):
+        if scene.node_tree is None:
+            scene.use_nodes = True  # Blender makes the tree
+        return scene.node_tree
+    if scene.compositing_node_group is None:
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
+        rendered.scene = scene
+        result.location.x = 400
+        tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
+        scene.compositing_node_group = tree
+    return scene.compositing_node_group
