@@ -46,11 +46,12 @@ def pictures_in(folder: str | Path) -> list[Path]:
     return sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() in PICTURES and not p.name.startswith("."))
 
 
-NUMBER = re.compile(r"(?:.*\.)?([0-9]+)", re.ASCII)
+NUMBER = re.compile(r"(?:.*[A-Za-z].*\.)?([0-9]+)")
+"""A number, or one after a dot and a name; 1533.25 is a time."""
 
 
 def number_of(stem: str) -> str:
-    """The digits of a file's stem that is a number, or ends with a dot and a number; empty for others."""
+    """The digits of a file's stem that is a number, or a name, a dot and a number; empty for others."""
     found = NUMBER.fullmatch(stem)
     return found[1] if found else ""
 

@@ -98,9 +98,13 @@ def set_group(
     wanted = set()
     for kind, sequence in pictures.items():
         start = timeline.first(track)
-        numbered = sequences.numbered(timeline.held(track, sequence.files), drive.workspace, "blender", sequence.folder, track)
+        numbered = sequences.numbered(
+            timeline.held(track, sequence.files), drive.workspace, "blender", sequence.folder, track
+        )
         own = f"composite:{kind}:{track}"
-        image = blocks.ensure_file(bpy.data.images, mark, own, str(numbered.files[0]), f"{track} {names.get(kind, kind)}")
+        image = blocks.ensure_file(
+            bpy.data.images, mark, own, str(numbered.files[0]), f"{track} {names.get(kind, kind)}"
+        )
         if sequence.is_data:
             image.colorspace_settings.is_data = True
         image.source = "SEQUENCE" if len(numbered) > 1 else "FILE"
@@ -145,14 +149,21 @@ def _set_sockets(group: bpy.types.NodeTree, factors: list[str], outputs: list[st
     for key, item in there.items():
         if key not in wanted:
             group.interface.remove(item)
-    for way, name in wanted:
-        if (way, name) in there:
-            continue
+    for way, name in [key for key in wanted if key not in there]:
         kind = "NodeSocketColor" if name == IMAGE and way == "OUTPUT" else "NodeSocketFloat"
         socket = group.interface.new_socket(name, in_out=way, socket_type=kind)
         if way == "INPUT":
             socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0.0, 1.0, 1.0
             socket.description = "1: removed, 0: as photographed"
+            for node in _nodes_of(group):  # Blender gives them 0, whatever the default is
+                node.inputs[name].default_value = 1.0
+
+
+def _nodes_of(group: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """All nodes that show a group, in this file's own trees."""
+    trees = [*bpy.data.node_groups, *(getattr(scene, "node_tree", None) for scene in bpy.data.scenes)]
+    nodes = [n for tree in trees if tree is not None and blocks.is_own(tree) for n in tree.nodes]
+    return [n for n in nodes if getattr(n, "node_tree", None) == group]
 
 
 def _build(
@@ -241,8 +252,14 @@ class _Tree:
 
 
 def add_to_compositor(scene: bpy.types.Scene, group: bpy.types.NodeTree) -> bpy.types.Node:
-    """One node of the group in the scene's compositor, linked to nothing; the one that is there already where one is."""
+    """One node of the group in the scene's compositor, linked to nothing; the one that is there already where one is.
+
+    Raises:
+        ValueError: the scene's compositor is another file's; one line.
+    """
     tree = versions.compositor_of(scene)
+    if not blocks.is_own(tree):
+        raise ValueError(f"{tree.name}: is linked from another file (make it local to add to it)")
     for node in tree.nodes:
         if getattr(node, "node_tree", None) == group:
             return node

@@ -22,7 +22,7 @@ __all__: list[str] = []
 
 
 class UNVEIL_OT_plates(JobOperator, bpy.types.Operator):
-    """Write clean plates and a matte of each removed object at full size, and a compositor node group that dials each object back"""
+    """Write clean plates and a matte of each removed object at full size, with a node group that dials each object back"""
 
     bl_idname = "unveil.plates"
     bl_label = "Plates for compositing"
@@ -62,7 +62,7 @@ def _show(context: bpy.types.Context, workspace: str, *, lens: str, add: bool) -
     """The groups of all cameras of the scene's drive.
 
     Raises:
-        ValueError: the plates are damaged; one line that names the file.
+        ValueError: the plates are damaged, or the compositor is another file's; one line.
         OSError: a file cannot be read, or a link not be made.
     """
     scene = context.scene
@@ -92,7 +92,11 @@ class UNVEIL_OT_add_to_compositor(bpy.types.Operator):
         return there
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        compositing.add_to_compositor(context.scene, _group(context.scene))
+        try:
+            compositing.add_to_compositor(context.scene, _group(context.scene))
+        except ValueError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 

@@ -14,6 +14,7 @@ pictures are the same; between two objects it is softened likewise.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from unveil_core.base.files import read_label_image, write_image_atomic
+from unveil_core.base.files import read_label_image
 from unveil_core.base.types import Labels, Mask
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Frame
@@ -62,26 +63,38 @@ def write_mattes(job: Job, folder: Path) -> None:
         owners[~changed] = 0
         soft = max(1, round(SOFT_PX * changed.shape[1] / frame.camera.width))
         for who, name in names.items():
-            matte = _softened(owners == who, soft)
-            if who == NO_OBJECT and matte.any():
+            own = owners == who
+            if who == NO_OBJECT and own.any():
                 others.add(camera)
-            write_image_atomic(_file(folder, camera, name, number), matte)
-        write_image_atomic(_file(folder, camera, REMOVED, number), np.where(changed, 255, 0).astype(np.uint8))
+            _write(folder, camera, name, number, _softened(own, soft) if own.any() else _empty(own.shape))
+        _write(folder, camera, REMOVED, number, _encoded(np.where(changed, 255, 0)))
         told = frame_file(job.workspace.root / "provenance", frame)
         if told.is_file():
-            plane = read_label_image(told)
-            plane = plane if at is None else _sampled(plane, at, cv2.INTER_NEAREST).astype(np.uint8)
-            write_image_atomic(_file(folder, camera, PROVENANCE, number), plane)
+            origins = read_label_image(told)
+            shown = _encoded(origins if at is None else _sampled(origins, at, cv2.INTER_NEAREST))
+            _write(folder, camera, PROVENANCE, number, shown)
         job.progress(done + 1, len(frames), "writing mattes")
     _leave_out(folder, {f.camera_name for f in frames} - others)
     mattes = [{"name": names[e["id"]], "id": e["id"], "class": e["class"]} for e in removed]
     tell(folder, "mattes", {"mattes": mattes, "other": sorted(others), "cameras": told_frames(job)})
 
 
-def _file(folder: Path, camera: str, name: str, number: str) -> Path:
+def _write(folder: Path, camera: str, name: str, number: str, content: bytes) -> None:
     path = folder / camera / name / f"{name}.{number}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
-    return path
+    path.write_bytes(content)
+
+
+def _encoded(plane: NDArray[np.generic]) -> bytes:
+    done, content = cv2.imencode(".png", plane.astype(np.uint8))
+    assert done
+    return content.tobytes()
+
+
+@lru_cache(maxsize=4)
+def _empty(shape: tuple[int, int]) -> bytes:
+    """Of an object that the frame does not show, as most frames do with most objects."""
+    return _encoded(np.zeros(shape, np.uint8))
 
 
 def _leave_out(folder: Path, cameras: set[str]) -> None:
@@ -110,13 +123,11 @@ def _owners(goes: Mask, numbers: Labels, moving: Moving, frame: Frame) -> Labels
     return found
 
 
-def _softened(own: Mask, soft: int) -> NDArray[np.uint8]:
+def _softened(own: Mask, soft: int) -> bytes:
     """255 where a matte's own pixels are, falling to 0 beside them."""
     whole = np.where(own, 255, 0).astype(np.uint8)
-    if not own.any():
-        return whole
     side = 2 * soft + 1
-    return np.maximum(whole, cv2.blur(whole, (side, side)))
+    return _encoded(np.maximum(whole, cv2.blur(whole, (side, side))))
 
 
 def _sampled(plane: NDArray[np.generic], at: NDArray[np.float32], mode: int) -> NDArray[np.float32]:
