@@ -16,7 +16,7 @@ from pathlib import Path
 
 from .files import link_or_copy, own_folder, patiently
 
-__all__ = ["REGION_COLORS", "PictureSequence", "numbered", "pictures_in", "with_palette"]
+__all__ = ["REGION_COLORS", "PictureSequence", "number_of", "numbered", "pictures_in", "with_palette"]
 
 REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
 """sRGB of nothing removed, observed, seen from other views, never seen."""
@@ -46,11 +46,22 @@ def pictures_in(folder: str | Path) -> list[Path]:
     return sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() in PICTURES and not p.name.startswith("."))
 
 
+NUMBER = re.compile(r"(?:.*[A-Za-z].*\.)?([0-9]+)")
+"""A number, or one after a dot and a name; 1533.25 is a time."""
+
+
+def number_of(stem: str) -> str:
+    """The digits of a file's stem that is a number, or a name, a dot and a number; empty for others."""
+    found = NUMBER.fullmatch(stem)
+    return found[1] if found else ""
+
+
 def _numbers(files: Sequence[Path]) -> int | None:
     """Number of the first file where they are numbered one by one in one folder, else None."""
-    stems = [f.stem for f in files]
-    alike = len({(len(f.stem), f.suffix, f.parent) for f in files}) == 1
-    if not alike or not all(s.isascii() and s.isdigit() for s in stems):
+    begins = {f.stem[: -len(number_of(f.stem))] for f in files}
+    stems = [number_of(f.stem) for f in files]
+    alike = len({(len(f.stem), f.suffix, f.parent) for f in files}) == len(begins) == 1
+    if not alike or not all(stems):
         return None
     first = int(stems[0])
     if first > 1_000_000 or any(int(s) != first + i for i, s in enumerate(stems)):

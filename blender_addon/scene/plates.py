@@ -7,7 +7,7 @@ import os
 
 import bpy
 
-from ..formats.sequences import PictureSequence
+from ..formats.sequences import PictureSequence, number_of
 from . import blocks
 
 __all__ = ["KINDS", "files_of", "kinds_of", "set_color_space", "set_plate", "show_plate"]
@@ -86,6 +86,8 @@ def files_of(camera: bpy.types.Object, kind: str) -> list[str]:
             first = bpy.path.abspath(plate.image.filepath)
             folder, name = os.path.split(first)
             stem, suffix = os.path.splitext(name)
-            numbers = range(int(stem), int(stem) + plate.image_user.frame_duration)
-            return [os.path.join(folder, f"{n:0{len(stem)}d}{suffix}") for n in numbers]
+            digits = number_of(stem)
+            begin = stem[: -len(digits)] if digits else stem
+            numbers = range(int(digits), int(digits) + plate.image_user.frame_duration)
+            return [os.path.join(folder, f"{begin}{n:0{len(digits)}d}{suffix}") for n in numbers]
     return []

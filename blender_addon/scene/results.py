@@ -79,6 +79,8 @@ def _plates(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline:
     track = str(camera["unveil_track"])
     names = [f.name for f in drive.tracks[track]]
     in_lens = any(f.in_lens for f in drive.tracks[track])
+    delivered = all((drive.workspace / FOLDERS["clean"] / track / f"{name}.png").is_file() for name in names)
+    camera["unveil_in_lens"], camera["unveil_delivered"] = in_lens, delivered  # panels ask, and touch no disk
     found = []
     for kind, place in (WITHOUT_LENS if in_lens else FOLDERS).items():
         files = [drive.workspace / place / track / f"{name}.png" for name in names]

@@ -12,12 +12,17 @@ from typing import Any
 import bpy
 
 __all__ = [
+    "MATH_NODE",
+    "MIX_NODE",
     "PATH",
+    "compositor_of",
     "fcurve_of",
     "four_floats",
     "has_native_splats",
     "has_window",
+    "mix_sockets",
     "new_splat_cloud",
+    "set_map_uv_filter",
     "show_in_sequencer",
     "strip_files",
     "strips_of",
@@ -97,3 +102,55 @@ def new_splat_cloud(name: str, count: int) -> Any:
     cloud.type = _splat_type()
     cloud.resize(count)
     return cloud
+
+
+MATH_NODE, MIX_NODE = (
+    ("CompositorNodeMath", "CompositorNodeMixRGB")
+    if hasattr(bpy.types, "CompositorNodeMixRGB")
+    else ("ShaderNodeMath", "ShaderNodeMix")
+)
+"""Nodes of the compositor: since 5.0 it shares these with shaders."""
+
+
+def mix_sockets(node: Any, blend: str) -> tuple[Any, Any, Any, Any]:
+    """Factor, the two colours and the result of a mix node, set to mix colours in that way."""
+    if node.bl_idname == "ShaderNodeMix":
+        node.data_type = "RGBA"
+    node.blend_type = blend
+    if node.bl_idname != "ShaderNodeMix":
+        return (*node.inputs[:3], node.outputs[0])
+    inputs = {s.identifier: s for s in node.inputs}
+    result = next(s for s in node.outputs if s.identifier == "Result_Color")
+    return inputs["Factor_Float"], inputs["A_Color"], inputs["B_Color"], result
+
+
+def set_map_uv_filter(node: Any, smooth: bool) -> None:
+    """How a Map UV node reads between pixels: as sharply as it can, or the nearest. A property up to 4.5, an input since 5.0.
+
+    Of a wave of 19 pixels bilinear is off by 0.5 % of the amplitude, bicubic by 1.1 %, anisotropic by 2 %: these two smooth.
+    Where the filter is a property, nothing else is as sharp as anisotropic (1.5 %).
+    """
+    if hasattr(node, "filter_type"):
+        node.filter_type = "ANISOTROPIC" if smooth else "NEAREST"
+    else:
+        node.inputs["Interpolation"].default_value = "Bilinear" if smooth else "Nearest"
+
+
+def compositor_of(scene: Any) -> Any:
+    """The compositor's node tree of a scene; where there is none, one that gives what was rendered.
+
+    Up to 4.5 a tree may be there and be switched off: so it stays.
+    """
+    if not hasattr(scene, "compositing_node_group"):
+        if scene.node_tree is None:
+            scene.use_nodes = True  # Blender makes the tree
+        return scene.node_tree
+    if scene.compositing_node_group is None:
+        tree = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        rendered, result = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new("NodeGroupOutput")
+        rendered.scene = scene
+        result.location.x = 400
+        tree.links.new(rendered.outputs["Image"], result.inputs["Image"])
+        scene.compositing_node_group = tree
+    return scene.compositing_node_group

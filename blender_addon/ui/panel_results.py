@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..scene import view
+from ..scene import compositing, view
 from .panels import Section
 
 __all__ = ["UNVEIL_PT_results"]
@@ -29,6 +29,17 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(shown, "background")
         layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
+        _draw_plates(layout.box().column(), context)
+
+
+def _draw_plates(column: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Full-size plates and mattes; where the footage has a lens, the button asks in which."""
+    column.label(text="Compositing", icon="NODE_COMPOSITING")
+    if compositing.in_lens(context.scene):
+        column.operator_menu_enum("unveil.plates", "lens")
+    else:
+        column.operator("unveil.plates")
+    column.operator("unveil.add_to_compositor")
 
 
 CLASSES = (UNVEIL_PT_results,)

@@ -17,6 +17,7 @@ from unveil_core.exports.mapping.las import write_las
 from unveil_core.exports.mapping.objects import write_objects
 from unveil_core.exports.meshes import write_mesh_glb, write_mesh_obj, write_mesh_ply
 from unveil_core.exports.plates.exr import write_exr
+from unveil_core.exports.plates.mattes import write_mattes
 from unveil_core.exports.plates.movie import write_mp4, write_prores
 from unveil_core.exports.plates.png import write_png
 from unveil_core.exports.splats.gltf import write_splat_gltf
@@ -269,6 +270,15 @@ FORMATS: dict[str, ExportFormat] = {
             "OpenEXR",
             "of 16-bit footage the lowest bits",
             "OpenEXR",
+            both_states=False,
+        ),
+        ExportFormat(
+            "mattes",
+            "a matte of each removed object with its border and shadow, and provenance, as PNG sequences",
+            "mattes",
+            write_mattes,
+            "OpenCV: the clean frames come back bit for bit",
+            "where a border or a shadow belongs: the nearest object has it",
             both_states=False,
         ),
         ExportFormat(

@@ -13,15 +13,18 @@ from blender_addon.formats.files import link_or_copy, write_whole
 from blender_addon.formats.sequences import REGION_COLORS, numbered, with_palette
 
 
-def test_numbered_files_are_taken_as_they_are(tmp_path: Path) -> None:
-    files = [tmp_path / f"{i:04d}.png" for i in range(7, 12)]
+@pytest.mark.parametrize("start", ["", "front.", "car_0005."])
+def test_numbered_files_are_taken_as_they_are(tmp_path: Path, start: str) -> None:
+    files = [tmp_path / f"{start}{i:04d}.png" for i in range(7, 12)]
     for f in files:
         f.write_bytes(b"x")
     found = numbered(files, tmp_path, "links")
     assert list(found.files) == files and found.first == 7 and not (tmp_path / "links").exists()
 
 
-@pytest.mark.parametrize("names", [("3", "5"), ("9", "10"), ("a", "b"), ("1533.1", "1533.2"), ("1", "2.jpg")])
+@pytest.mark.parametrize(
+    "names", [("3", "5"), ("9", "10"), ("a", "b"), ("1533.1", "1533.2"), ("a.1", "b.2"), ("1", "2.jpg")]
+)
 def test_other_files_get_numbered_links(names: tuple[str, ...], tmp_path: Path) -> None:
     files = [tmp_path / (n if "." in n[-4:-3] else f"{n}.png") for n in names]
     for f in files:

@@ -18,7 +18,6 @@ The header names the colour space (``unveil:colorspace``, ``colorInteropID``) an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,6 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image_as_it_is, read_label_image
-from unveil_core.base.types import Float32, Labels
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame
@@ -36,11 +34,10 @@ from unveil_core.exports.color import LinearLight, linear_light
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames
+from unveil_core.exports.plates.silhouettes import Silhouettes
 from unveil_core.exports.whole import tell
 from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
-from unveil_core.raster.spec import MAX_LABELS
-from unveil_core.semantics.labels import frame_instances
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_mask
 
@@ -58,11 +55,12 @@ def write_exr(job: Job, folder: Path) -> None:
 
     frames, light = job.drive.frames, linear_light()
     removed = [entry for entry in job.objects if entry.get("removed")]
-    mattes = _Mattes(job, removed)
+    silhouettes = Silhouettes(job, removed)
     empty = job.surfels("empty")
     for done, (frame, name) in enumerate(zip(frames, numbered(job, "exr"), strict=True)):
         channels = _color(job, frame, light)
-        shown = {**_told_pixels(job, frame), **mattes.of(frame), **_surfaces(job, empty, frame)}
+        mattes = {f"{who}.A": share for who, share in silhouettes.of(frame).items()}
+        shown = {**_told_pixels(job, frame), **mattes, **_surfaces(job, empty, frame)}
         channels |= {key: _in_footage(values, frame, key) for key, values in shown.items()}
         header: dict[str, Any] = {
             "compression": OpenEXR.ZIP_COMPRESSION,
@@ -121,43 +119,6 @@ def _surfaces(job: Job, empty: Surfels, frame: Frame) -> Layers:
     normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-6)
     normal = np.where(solid[..., None], normal, 0).astype(np.float32)
     return {"depth.Z": depth, **{f"normal.{axis}": normal[..., k] for k, axis in enumerate("XYZ")}}
-
-
-@dataclass
-class _Mattes:
-    """Mattes of the removed objects: of the drive's instance images where a frame has one, else of the scene's surfels."""
-
-    job: Job
-    removed: list[dict[str, Any]]
-
-    def of(self, frame: Frame) -> Layers:
-        """(H, W) float32 by channel, at working size."""
-        ids = frame_instances(frame)
-        names = [f"{object_name(entry)}.A" for entry in self.removed]
-        if ids is not None:
-            return {name: (ids == e["id"]).astype(np.float32) for name, e in zip(names, self.removed, strict=True)}
-        found: Layers = {}
-        instances = self.job.full_instances
-        full = self.job.full
-        # Label 0 is all else.
-        for first in range(0, len(names), MAX_LABELS - 1):
-            some = self.removed[first : first + MAX_LABELS - 1]
-            weights = _weights(full, instances, [e["id"] for e in some], frame)
-            found |= {names[first + k]: weights[..., k + 1] for k in range(len(some))}
-        return found
-
-
-def _weights(full: Surfels, instances: Labels, ids: list[int], frame: Frame) -> Float32:
-    """(H, W, 1 + len(ids)) the share of light that each object stops; first all else."""
-    labels = np.zeros(len(full), dtype=np.int64)
-    for k, number in enumerate(ids):
-        labels[instances == number] = k + 1
-    marked = Surfels(full.means, full.quats, full.log_scales, full.opacity_logits, full.sh, torch.from_numpy(labels))
-    with torch.no_grad():
-        near = near_camera(marked, frame.camera)
-        out = render(near, frame.camera, ("semantics",), label_count=len(ids) + 1, near=NEAR_M, far=FAR_M)
-    assert out.semantics is not None
-    return out.semantics.numpy()
 
 
 def _in_footage(values: NDArray[np.generic], frame: Frame, name: str) -> NDArray[np.generic]:

@@ -1,0 +1,77 @@
+"""Plates of a workspace: whose files are taken, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from blender_addon.formats.drive_files import ImportedDrive
+from blender_addon.formats.plate_files import read_plates, st_maps_of
+
+
+def drive_of(root: Path) -> ImportedDrive:
+    """A drive of two frames, and its plates."""
+    told: dict[str, Any] = {
+        "mattes": [{"name": "car_0003", "id": 3, "class": "car"}],
+        "other": ["front"],
+        "cameras": {"front": {"9999": {"source": "a"}, "10000": {"source": "b"}}},
+    }
+    for place in ("png/front", "mattes/front/car_0003", "mattes/front/other", "mattes/front/provenance"):
+        folder = root / "plates" / place
+        folder.mkdir(parents=True)
+        for number in ("09999", "10000"):
+            (folder / f"{folder.name}.{number}.png").write_bytes(b"")
+    (root / "plates/mattes/export.json").write_text(json.dumps(told))
+    tracks = {"front": tuple(SimpleNamespace(name=name) for name in "ab")}
+    return cast(ImportedDrive, SimpleNamespace(workspace=root, tracks=tracks))
+
+
+def test_each_matte_is_called_as_its_object(tmp_path: Path) -> None:
+    made = read_plates(drive_of(tmp_path))["front"]
+    assert [(m.name, m.key) for m in made.mattes] == [("car 3", "car_0003"), ("other", "other")]
+    assert [f.name for f in made.clean] == ["front.09999.png", "front.10000.png"]
+    assert [f.name for f in made.provenance] == ["provenance.09999.png", "provenance.10000.png"]
+    assert all(f.is_file() for m in made.mattes for f in m.files)
+
+
+def test_a_lens_has_both_maps_or_none(tmp_path: Path) -> None:
+    drive = drive_of(tmp_path)
+    folder = tmp_path / "st_maps/front"
+    folder.mkdir(parents=True)
+    (folder / "undistort.exr").write_bytes(b"")
+    assert st_maps_of(drive, "front") == {}
+    (folder / "redistort.exr").write_bytes(b"")
+    assert st_maps_of(drive, "front")["undistort"] == folder / "undistort.exr"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d.pop("cameras"), "'cameras' is missing"),
+        (lambda d: d.update(mattes=3), "not iterable"),
+        (lambda d: d.update(cameras=[]), "no attribute"),
+        (lambda d: d["cameras"]["front"].pop("9999"), "other frames of front"),
+        (lambda d: d["cameras"].pop("front"), "other frames of front"),
+        (lambda d: d["mattes"][0].update(name="../../front"), "no name of a file"),
+        (lambda d: d["mattes"][0].update(name="car_0004"), r"car_0004\.09999\.png is missing"),
+        (lambda d: d["mattes"][0].update(id=True), "of no object"),
+        (lambda d: d["mattes"][0].update({"class": None}), "of no object"),
+        (lambda d: d.update(other=7), "not iterable"),
+    ],
+)
+def test_what_is_damaged_is_one_line(tmp_path: Path, change: Callable[[Any], object], said: str) -> None:
+    drive = drive_of(tmp_path)
+    path = tmp_path / "plates/mattes/export.json"
+    told = json.loads(path.read_text())
+    change(told)
+    path.write_text(json.dumps(told))
+    with pytest.raises(ValueError, match=said) as error:
+        read_plates(drive)
+    assert (
+        "\n" not in str(error.value) and str(path) in str(error.value) and "make the plates again" in str(error.value)
+    )
