@@ -23,7 +23,7 @@ MODULES = (
     "choice.box_gizmos",
     "choice.tool",
     "work.preferences",
-    "work.following",
+    "work.job.following",
     "work.stage_states",
     "work.operators_import",
     "work.operators_workspace",

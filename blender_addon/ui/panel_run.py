@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 
 from ..scene.view import shown_drive
-from ..work import logs
-from ..work.job_operator import progress_lines, stage_line
+from ..work.job import logs
+from ..work.job.job_operator import progress_lines, stage_line
 from ..work.stage_states import stage_states
 from ..worker.job_state import duration
 from ..worker.session import session

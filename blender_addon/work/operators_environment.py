@@ -15,7 +15,9 @@ from ..worker import base_python, environment
 from ..worker.interpreter import Candidate, Found, check
 from ..worker.job_state import JobState
 from ..worker.jobs import Job
-from .job_operator import JobOperator, UserError
+from .job.job_operator import JobOperator, UserError
+from .job.redrawing import redraw
+from .job.task import Task
 from .preferences import (
     OFFLINE,
     environment_folder,
@@ -26,8 +28,6 @@ from .preferences import (
     unveil_interpreter,
     work_folder,
 )
-from .redrawing import redraw
-from .task import Task
 
 __all__ = ["UNVEIL_OT_check_python", "UNVEIL_OT_create_environment"]
 

@@ -12,9 +12,9 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..choice import selection
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
-from .job_operator import JobOperator, UserError
+from .job.job_operator import JobOperator, UserError
+from .job.task import Task
 from .loading import load
-from .task import Task
 
 __all__: list[str] = []
 

@@ -14,9 +14,9 @@ from ..formats.drive_files import read_drive
 from ..formats.plate_files import FOLDER, FORMATS, read_plates
 from ..formats.timeline import timeline_of
 from ..scene import blocks, cameras, compositing, drive_scene, view
-from .job_operator import JobOperator, UserError
+from .job.job_operator import JobOperator, UserError
+from .job.task import Task
 from .operators_run import workspace_of
-from .task import Task
 
 __all__: list[str] = []
 

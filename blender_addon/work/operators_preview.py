@@ -14,10 +14,10 @@ from ..formats.timeline import timeline_of
 from ..formats.windows import chosen_pictures, windows
 from ..scene import cameras, preview, view
 from ..worker.run_arguments import replaced, selection_arguments, settings_arguments
-from .job_operator import JobOperator, UserError
+from .job.job_operator import JobOperator, UserError
+from .job.task import Task
 from .loading import load
 from .operators_run import drive_of, workspace_of
-from .task import Task
 
 __all__: list[str] = []
 

@@ -14,11 +14,11 @@ from ..worker import workspace_state
 from ..worker.job_state import duration
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
 from ..worker.session import session
-from . import logs
-from .job_operator import JobOperator, UserError
+from .job import logs
+from .job.job_operator import JobOperator, UserError
+from .job.redrawing import redraw
+from .job.task import Task
 from .loading import load
-from .redrawing import redraw
-from .task import Task
 
 __all__ = ["workspace_of"]
 
@@ -72,7 +72,14 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
         ]
 
     def task(self, context: bpy.types.Context) -> Task:
-        return replace(super().task(context), load=load, shown_early=SHOWN_EARLY)
+        return replace(super().task(context), load=_show, shown_early=SHOWN_EARLY)
+
+
+def _show(context: bpy.types.Context, workspace: str) -> None:
+    """What was run for is what is shown, not what was tried before."""
+    found = load(context, workspace)
+    if "clean" in found and context.scene.unveil_view.background == "preview":
+        context.scene.unveil_view.background = "clean"
 
 
 class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):

@@ -14,8 +14,8 @@ from ..worker import workspace_state
 from ..worker.run_arguments import recorded, selection_arguments
 from ..worker.states_watch import StatesWatch
 from ..worker.workspace_state import WorkspaceState
+from .job.redrawing import redraw
 from .operators_run import workspace_of
-from .redrawing import redraw
 
 __all__ = ["stage_states"]
 

@@ -28,7 +28,7 @@ def states(addon, scene) -> dict[str, str]:  # type: ignore[no-untyped-def]
 
 
 def log(addon) -> str:  # type: ignore[no-untyped-def]
-    text = addon.module("work.logs").log_text()
+    text = addon.module("work.job.logs").log_text()
     return text.as_string() if text else ""
 
 

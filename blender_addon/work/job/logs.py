@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..worker.job_state import JobState
+from ...worker.job_state import JobState
 
 __all__ = ["log_text", "write_log"]
 

@@ -10,8 +10,8 @@ import time
 
 import bpy
 
-from ..worker.job_state import JobState
-from ..worker.session import session
+from ...worker.job_state import JobState
+from ...worker.session import session
 from .redrawing import redraw
 from .task import Task
 

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import bpy
 
-from ..formats.files import one_line
-from ..scene import versions
-from ..worker.job_state import JobState, duration
-from ..worker.jobs import Job, unveil_job
-from ..worker.session import session
-from ..worker.workspace_state import STAGES
+from ...formats.files import one_line
+from ...scene import versions
+from ...worker.job_state import JobState, duration
+from ...worker.jobs import Job, unveil_job
+from ...worker.session import session
+from ...worker.workspace_state import STAGES
+from ..preferences import unveil_interpreter
 from .following import follow
-from .preferences import unveil_interpreter
 from .redrawing import redraw
 from .task import Task
 

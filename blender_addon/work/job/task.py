@@ -12,9 +12,9 @@ from pathlib import Path
 
 import bpy
 
-from ..formats.files import one_line
-from ..worker.job_state import JobState
-from ..worker.session import session
+from ...formats.files import one_line
+from ...worker.job_state import JobState
+from ...worker.session import session
 from . import logs
 
 __all__ = ["Task"]
