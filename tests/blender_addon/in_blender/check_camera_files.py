@@ -15,11 +15,11 @@ def command(addon, scene):  # type: ignore[no-untyped-def]
 
 
 def track(camera, frames: int) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[no-untyped-def]
-    """(N, 4, 4) poses of a camera at frames 0, 1, ..., and (N,) tangents of half its horizontal field of view."""
+    """(N, 4, 4) poses of a camera at frames 1001, 1002, ..., and (N,) tangents of half its horizontal field of view."""
     import bpy
 
     poses, fields = [], []
-    for frame in range(frames):
+    for frame in range(1001, 1001 + frames):
         bpy.context.scene.frame_set(frame)
         seen = camera.evaluated_get(bpy.context.evaluated_depsgraph_get())
         poses.append(np.array(seen.matrix_world))
@@ -59,7 +59,7 @@ def test_cameras_come_back(command, addon, street: Path, workspace: Path, tmp_pa
     for path in files:
         told = json.loads(path.with_name(f"{path.name}.json").read_text())
         (frames,) = (entry["frames"] for entry in told["cameras"].values())
-        assert [f["frame"] for f in frames] == list(range(8)) and told["to_world"]["scale"] == 1
+        assert [f["frame"] for f in frames] == list(range(1001, 1009)) and told["to_world"]["scale"] == 1
         found, angles = track(read_back(path), 8)
         scale = np.linalg.norm(found[:, :3, :1], axis=1, keepdims=True)
         np.testing.assert_allclose(found[:, :3, 3], poses[:, :3, 3], atol=2e-4, err_msg=path.name)

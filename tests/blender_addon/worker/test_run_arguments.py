@@ -8,7 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from blender_addon.worker.run_arguments import default_workspace, recorded, selection_arguments, settings_arguments
+from blender_addon.worker.run_arguments import (
+    adopt,
+    default_workspace,
+    recorded,
+    selection_arguments,
+    settings_arguments,
+)
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import command_parser
 from unveil_core.pipeline.settings import RunSettings
@@ -98,3 +104,32 @@ def test_where_results_go_if_nobody_says() -> None:
     assert default_workspace("/data/street/transforms.json") == Path("/data/street_unveiled")
     assert default_workspace("/data/street") == Path("/data/street_unveiled")
     assert default_workspace("/data/street", "/work/shot.blend") == Path("/work/street_unveiled")
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"quality": "high", "seed": 12, "movers": "keep", "order": "forward", "work_side": 640, "frames": "::2"},
+        {"shadows": "off", "cameras": "front,left", "keyframes": "3,7"},
+        {"shadows": "given", "sun_azimuth": math.radians(135), "sun_elevation": math.radians(40.5)},
+    ],
+)
+def test_what_a_workspace_was_made_with_is_taken_over(changed: dict[str, object]) -> None:
+    """A run then has the same settings, so that nothing is stale."""
+    made = SimpleNamespace(**{**PLAIN, **changed})
+    told = recorded(made)
+    found = SimpleNamespace(
+        **{**PLAIN, "quality": "draft", "seed": 3, "work_side": 99, "frames": "1:2", "cameras": "x"}
+    )
+    adopt(found, told)
+    assert recorded(found) == told
+
+
+@pytest.mark.parametrize(
+    "told", [{"seed": "3"}, {"quality": 3}, {"shadows": "1,2,3"}, {"keyframes": [3]}, {"frames": 7}, {"x": 1}]
+)
+def test_what_is_no_setting_is_left_aside(told: dict[str, object]) -> None:
+    found = SimpleNamespace(**PLAIN)
+    adopt(found, told)
+    assert vars(found) == PLAIN
