@@ -33,7 +33,7 @@ PACKAGE = "bl_ext.user_default.unveil"
 PARTS = {
     "scene.drive_scene": ("read_drive", "_cameras", "_points"),
     "choice.selection": ("fill",),
-    "scene.results": ("_plates", "_strips", "_keyframes", "_mesh", "_splats"),
+    "scene.results": ("_plates", "_strips", "_keyframes", "_mesh", "load_mesh", "_splats"),
 }
 """Functions whose seconds are told, by the module that they are called from."""
 ROUNDS = 30
@@ -75,7 +75,9 @@ def timed_parts(module: Callable[[str], Any]) -> dict[str, float]:
     for owner, names in PARTS.items():
         for name in names:
             if hasattr(module(owner), name):
-                setattr(module(owner), name, watched(name.strip("_"), getattr(module(owner), name)))
+                setattr(
+                    module(owner), name, watched(name.strip("_").removeprefix("load_"), getattr(module(owner), name))
+                )
     return seconds
 
 

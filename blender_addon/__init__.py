@@ -16,6 +16,7 @@ MODULES = (
     "scene.settings",
     "scene.view",
     "scene.operators_view",
+    "scene.operators_detail",
     "choice.selection",
     "choice.operators_selection",
     "choice.box_gizmos",
