@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -106,3 +107,48 @@ def test_what_has_not_changed_is_not_read_again(addon, scene, loaded: Path, monk
     assert {n for n, s in stamps.items() if bpy.data.images[n]["unveil_stamp"] != s} == {"camera regions"}
     shown = addon.module("scene.plates").files_of(scene.camera, "regions")
     assert Path(shown[3]).read_bytes() == Path(shown[4]).read_bytes() != Path(shown[2]).read_bytes()
+
+
+def test_choices_among_hundreds_are_what_one_by_one_would_give(addon, scene, workspace: Path) -> None:
+    """Also in a file of a version that did not keep rows of classes."""
+    import bpy
+
+    document = json.loads((workspace / "objects.json").read_text())
+    (car,) = document["objects"]
+    names = ("car", "person", "building", "tram")  # no class of the last one is listed
+    document["objects"] = [{**car, "id": i + 1, "class": names[i % 4]} for i in range(300)]
+    document["classes"] += [{**document["classes"][-1], "name": name} for name in ("person", "bus")]
+    (workspace / "objects.json").write_text(json.dumps(document))
+    (workspace / "movers/movers.json").write_text(json.dumps([{"id": 2}, {"id": 5}]))
+    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    for name in ("car", "skip"):
+        bpy.ops.unveil.add_box(class_name=name)
+    listed, selection = scene.unveil_selection, addon.module("choice.selection")
+    bpy.data.objects.remove(listed.objects["skip 1002"].marker)  # forgets the object
+
+    def one_by_one() -> tuple[list[str], list[int]]:
+        own = {c.name: [] for c in listed.classes}
+        for o in listed.objects:
+            if not o.moves and o.source != "box" and o.class_name in own:
+                own[o.class_name].append(o.chosen)
+        whole = [name for name, chosen in own.items() if (all(chosen) if chosen else listed.classes[name].alone)]
+        single = [
+            o.number
+            for o in listed.objects
+            if o.chosen and not o.moves and (o.number == 1001 or o.source != "box" and o.class_name not in whole)
+        ]
+        return whole, single
+
+    generator = np.random.default_rng(0)
+    for share in (0.5, 1.0):
+        for thing in listed.objects:
+            thing.chosen = thing.source == "box" or generator.uniform() < share
+        listed.classes["bus"].alone = True
+        for row in (None, selection.UNKNOWN):
+            for thing in listed.objects if row is not None else ():
+                thing.row = row
+            assert (selection.chosen_classes(scene), selection.chosen_numbers(scene)) == one_by_one()
+            assert [c.name for c in listed.classes if c.chosen] == one_by_one()[0]
+    listed.classes["person"].chosen = False
+    assert selection.chosen_classes(scene) == one_by_one()[0] == ["building", "car", "bus"]
+    assert not any(o.chosen for o in listed.objects if o.class_name == "person" and not o.moves)
