@@ -1,6 +1,6 @@
 """A big drive in Blender: seconds to load its workspace, size of the .blend, milliseconds to draw panels and boxes.
 
-    python benchmarks/blender_big.py [--before COMMIT] [--frames N] [--points N] [--triangles N] [--keep FOLDER]
+    python benchmarks/blender_big.py [--before COMMIT] [--rounds N] [--frames N] [--points N] [--triangles N] [--keep FOLDER]
 
 The workspace is that of ``big_workspace.py``. Each version of the add-on is measured in a process of its own, with bpy and user
 folders of its own; an earlier one comes out of git. Drawing is that of Python alone: layouts are stand-ins, and there is no
@@ -175,6 +175,20 @@ def sizes(folder: Path) -> dict[str, Any]:
     return found
 
 
+def full_detail() -> dict[str, Any]:
+    """All triangles of one mesh, and back."""
+    import bpy
+
+    seconds = []
+    for _ in range(2):
+        begun = time.perf_counter()
+        bpy.ops.unveil.full_detail()
+        seconds.append(round(time.perf_counter() - begun, 2))
+        if len(seconds) == 1:
+            triangles = max(len(m.polygons) for m in bpy.data.meshes if m.name.startswith("Mesh"))
+    return {"triangles": triangles, "load_s": seconds[0], "back_s": seconds[1]}
+
+
 def measure(add_on_folder: Path, workspace: Path) -> dict[str, Any]:
     """All of one version, in this process."""
     module = add_on(add_on_folder)
@@ -185,14 +199,17 @@ def measure(add_on_folder: Path, workspace: Path) -> dict[str, Any]:
     seconds, found = timed_parts(module), {}
     for name in ("load", "load_again"):
         seconds.clear()
-        begun = time.perf_counter()
+        begun, used = time.perf_counter(), time.process_time()
         load(bpy.context, workspace)
         found[f"{name}_s"] = round(time.perf_counter() - begun, 2)
+        found[f"{name}_processor_s"] = round(time.process_time() - used, 2)
         found[f"{name}_parts_s"] = {part: round(value, 3) for part, value in seconds.items()}
     found["peak_memory_mb"] = round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     found["triangles"] = {m.name: len(m.polygons) for m in bpy.data.meshes if m.name.startswith("Mesh")}
     found["drawing"] = drawing(module)
     found |= sizes(workspace.parent)
+    if hasattr(module("scene.view"), "FULL_DETAIL"):
+        found["full_detail"] = full_detail()
     return {"blender": bpy.app.version_string, **found}
 
 
@@ -219,6 +236,12 @@ def in_a_child(add_on_folder: Path, workspace: Path) -> dict[str, Any]:
         return json.loads(out.read_text())
 
 
+def typical(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """The run that took the middle of all times to load, with what the others took."""
+    ordered = sorted(runs, key=lambda run: run["load_s"])
+    return {**ordered[len(ordered) // 2], "load_s_of_all_runs": [run["load_s"] for run in ordered]}
+
+
 def main() -> None:
     """Measure the add-on as it is and, where asked for, as it was."""
     if sys.argv[1:2] == ["--measure"]:
@@ -235,6 +258,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="the workspace, made where it is not there")
     for name in ("frames", "points", "triangles"):
         parser.add_argument(f"--{name}", type=int, default=getattr(BigWorkspace, name))
+    parser.add_argument("--rounds", type=int, default=3, help="runs of each version, in turn")
     given = parser.parse_args()
     big = BigWorkspace(given.frames, given.points, given.triangles)
     with tempfile.TemporaryDirectory() as name:
@@ -242,10 +266,13 @@ def main() -> None:
         if not workspace.exists():
             make_big_workspace(workspace, big)
         versions = {given.before: earlier(given.before, Path(name) / "before")} if given.before else {}
-        rows = {}
-        for version, folder in {**versions, "now": ROOT / "blender_addon"}.items():
-            rows["now" if version == "now" else f"before ({version})"] = figures = in_a_child(folder, workspace)
-            print(version, json.dumps(figures, indent=1))
+        runs: dict[str, list[dict[str, Any]]] = {}
+        for _ in range(given.rounds):
+            for version, folder in {**versions, "now": ROOT / "blender_addon"}.items():
+                row = "now" if version == "now" else f"before ({version})"
+                runs.setdefault(row, []).append(in_a_child(folder, workspace))
+                print(row, json.dumps(runs[row][-1], indent=1), flush=True)
+        rows = {row: typical(found) for row, found in runs.items()}
     if big == BigWorkspace() and given.before:
         drive = {"frames": 2 * big.frames, "size": big.size, "points": big.points, "triangles_of_a_mesh": big.triangles}
         drive |= {"surfels_of_a_state": big.surfels, "objects": big.objects}

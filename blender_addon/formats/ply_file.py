@@ -50,8 +50,8 @@ class Ply:
 
     @property
     def positions(self) -> np.ndarray:
-        """(V, 3) float64."""
-        found = np.empty((len(self.vertices), 3))
+        """(V, 3) float64, column by column in memory."""
+        found = np.empty((len(self.vertices), 3), order="F")
         for i, name in enumerate("xyz"):
             found[:, i] = self.vertices[name]
         return found

@@ -174,10 +174,11 @@ def _fill_points(mesh: bpy.types.Mesh, thing: bpy.types.Object, drive: ImportedD
 
 def _nearest(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """(N,) distance of points (N, 3) from the nearest of some centres (M, 3)."""
-    found = np.empty(len(points))
+    found, middle = np.empty(len(points)), centres.mean(axis=0)
     for i in range(0, len(points), 20_000):
-        part = points[i : i + 20_000]
-        found[i : i + 20_000] = np.sqrt(((part[:, None] - centres[None]) ** 2).sum(axis=2).min(axis=1))
+        part, others = points[i : i + 20_000] - middle, centres - middle
+        squares = (part**2).sum(axis=1)[:, None] - 2 * part @ others.T + (others**2).sum(axis=1)
+        found[i : i + 20_000] = np.sqrt(np.maximum(squares.min(axis=1), 0))
     return found
 
 
