@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import outside
 
 CAPS = {"scene.results": {"MOST_TRIANGLES": 2000, "MOST_SPLATS": 700}, "scene.drive_scene": {"MOST_POINTS": 500}}
 
@@ -152,3 +153,24 @@ def test_choices_among_hundreds_are_what_one_by_one_would_give(addon, scene, wor
     listed.classes["person"].chosen = False
     assert selection.chosen_classes(scene) == one_by_one()[0] == ["building", "car", "bus"]
     assert not any(o.chosen for o in listed.objects if o.class_name == "person" and not o.moves)
+
+
+def test_the_workspace_of_the_benchmark_is_read(addon, scene, tmp_path: Path) -> None:
+    import bpy
+
+    program = (
+        "import sys, pathlib; from benchmarks.big_workspace import BigWorkspace, make_big_workspace; "
+        "make_big_workspace(pathlib.Path(sys.argv[1]), BigWorkspace(6, 3000, 20_000, 400, 30, (48, 32)))"
+    )
+    outside("-c", program, str(tmp_path / "ws"))
+    bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))
+    kinds = addon.module("scene.plates").kinds_of(scene.camera)
+    assert len(kinds) == 8 and (scene.frame_start, scene.frame_end) == (1001, 1006)
+    things, listed = bpy.data.objects, scene.unveil_selection
+    assert len(listed.objects) == 30 and addon.module("choice.box_gizmos").lines_of(bpy.context, None)
+    assert (
+        abs(things["Mesh after"]["unveil_triangles"] / 20_000 - 1) < 0.05 and things["Points"]["unveil_points"] == 3000
+    )
+    assert things["Gaussians before"]["unveil_gaussians"] == 400
+    lows = [np.min(places(things[name].data), axis=0) for name in ("Mesh after", "Points", "Gaussians before")]
+    assert np.ptp(lows, axis=0).max() < 1.5  # in the same place
