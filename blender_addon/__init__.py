@@ -16,6 +16,7 @@ MODULES = (
     "scene.settings",
     "scene.view",
     "scene.operators_view",
+    "scene.operators_detail",
     "choice.fixes",
     "choice.selection",
     "choice.operators_selection",

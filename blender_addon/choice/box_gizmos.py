@@ -31,21 +31,14 @@ def _shown(context: bpy.types.Context) -> np.ndarray | None:
     scene = context.scene
     if not scene.unveil_selection.show_boxes or not selection.current(scene) or view.shown_drive(scene) is None:
         return None
-    shown = np.flatnonzero(_column(scene, "boxed", bool))
+    shown = np.flatnonzero(selection.column(scene.unveil_selection, "boxed", bool))
     return shown if len(shown) else None
-
-
-def _column(scene: bpy.types.Scene, name: str, kind: type, width: int = 1) -> np.ndarray:
-    """(N,) or (N, width) of a property of all listed objects: at every move of the pointer there is no time for more."""
-    objects = scene.unveil_selection.objects
-    values = np.zeros(len(objects) * width, {bool: np.bool_, int: np.int32, float: np.float32}[kind])
-    objects.foreach_get(name, values)
-    return values if width == 1 else values.reshape(-1, width)
 
 
 def _corners(scene: bpy.types.Scene, shown: np.ndarray) -> np.ndarray:
     """(N, 8, 3)."""
-    columns = _column(scene, "centre", float, 3), _column(scene, "size", float, 3), _column(scene, "yaw", float)
+    parts = (("centre", 3), ("size", 3), ("yaw", 1))
+    columns = (selection.column(scene.unveil_selection, name, float, width) for name, width in parts)
     return corners_of(*(c[shown].astype(np.float64) for c in columns))
 
 
@@ -57,7 +50,7 @@ def box_at(context: bpy.types.Context, pointer: tuple[float, float]) -> int | No
     perspective = np.array(context.region_data.perspective_matrix, np.float64)
     size = context.region.width, context.region.height
     found = pick(pointer, _corners(context.scene, shown), perspective, size)
-    return None if found is None else int(_column(context.scene, "number", int)[shown[found]])
+    return None if found is None else int(selection.column(context.scene.unveil_selection, "number", int)[shown[found]])
 
 
 def lines_of(context: bpy.types.Context, pointed: int | None) -> list[tuple[np.ndarray, tuple, float]]:
@@ -67,7 +60,8 @@ def lines_of(context: bpy.types.Context, pointed: int | None) -> list[tuple[np.n
         return []
     ends = _corners(scene, shown)[:, np.array(EDGES).ravel()].astype(np.float32)
     number, chosen, moves = (
-        _column(scene, n, k)[shown] for n, k in (("number", int), ("chosen", bool), ("moves", bool))
+        selection.column(scene.unveil_selection, n, k)[shown]
+        for n, k in (("number", int), ("chosen", bool), ("moves", bool))
     )
     is_pointed = number == (-1 if pointed is None else pointed)
     is_active = (shown == scene.unveil_selection.active) & ~is_pointed

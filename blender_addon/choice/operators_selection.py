@@ -230,7 +230,7 @@ def _new_entry(scene: bpy.types.Scene, class_name: str, source: str) -> selectio
     listed = scene.unveil_selection
     number = marks.free_number(o.number for o in listed.objects)
     thing = listed.objects.add()
-    thing.number, thing.class_name, thing.source = number, class_name, source
+    thing.number, thing.class_name, thing.source, thing.row = number, class_name, source, selection.MARKED
     thing.name, thing.chosen, thing.distance, thing.best_frame = f"{class_name} {number}", True, -1.0, -1
     listed.active = len(listed.objects) - 1
     return thing

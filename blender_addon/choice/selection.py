@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy.props import (
     BoolProperty,
     CollectionProperty,
@@ -29,12 +30,14 @@ from ..scene import blocks, drive_scene, versions
 from . import fixes, marks
 
 __all__ = [
+    "MARKED",
     "UnveilClass",
     "UnveilObject",
     "UnveilSelection",
     "arguments",
     "box_of",
     "chosen_arguments",
+    "column",
     "fill",
     "is_marked",
     "marked_file",
@@ -42,11 +45,16 @@ __all__ = [
 ]
 
 
+UNKNOWN, MARKED, UNLISTED = -1, -2, -3
+"""Rows of objects whose row nobody has looked up yet, that a person marked, and whose class is not listed."""
+
+
 class UnveilObject(bpy.types.PropertyGroup):
     """One object that can go; its ``name`` is for people and for searching."""
 
     number: IntProperty(description="The number of the object in the workspace")
     class_name: StringProperty()
+    row: IntProperty(default=UNKNOWN, description="Of its class in the list of classes; negative: it belongs to none")
     source: StringProperty(description="How it was found: images, clusters, box or mattes")
     chosen: BoolProperty(name="Remove", description="Take this object out of the street")
     moves: BoolProperty(description="It moves during the drive, and is removed in any case")
@@ -77,22 +85,43 @@ class UnveilObject(bpy.types.PropertyGroup):
     mattes: StringProperty(subtype="DIR_PATH", options=versions.PATH)
 
 
-def _of_class(self: UnveilClass) -> list[UnveilObject]:
-    """Its objects that can be chosen one by one."""
-    listed = self.id_data.unveil_selection.objects
-    return [o for o in listed if o.class_name == self.name and not o.moves and not is_marked(o)]
+def column(listed: UnveilSelection, name: str, kind: type, width: int = 1) -> np.ndarray:
+    """(N,) or (N, width) of a property of all listed objects: drawing hundreds has no time to ask each."""
+    values = np.zeros(len(listed.objects) * width, {bool: np.bool_, int: np.int32, float: np.float32}[kind])
+    listed.objects.foreach_get(name, values)
+    return values if width == 1 else values.reshape(-1, width)
+
+
+def _rows(listed: UnveilSelection) -> np.ndarray:
+    """(N,) row of each object's class; negative for one that cannot be chosen with its class."""
+    rows = column(listed, "row", int)
+    if (rows == UNKNOWN).any():  # a file of a version that did not keep them
+        rows = np.array([_row_of(o, listed) for o in listed.objects], np.int32)
+    rows[(rows >= 0) & column(listed, "moves", bool)] = UNLISTED
+    return rows
+
+
+def _row_of(thing: UnveilObject, listed: UnveilSelection) -> int:
+    row = MARKED if is_marked(thing) else listed.classes.find(thing.class_name)
+    return UNLISTED if row == -1 else row
+
+
+def _of_class(self: UnveilClass) -> np.ndarray:
+    """Indices of its objects that can be chosen one by one."""
+    listed = self.id_data.unveil_selection
+    return np.flatnonzero(_rows(listed) == listed.classes.find(self.name))
 
 
 def _class_chosen(self: UnveilClass) -> bool:
     own = _of_class(self)
-    return all(o.chosen for o in own) if own else self.alone
+    return bool(column(self.id_data.unveil_selection, "chosen", bool)[own].all()) if len(own) else self.alone
 
 
 def _choose_class(self: UnveilClass, value: bool) -> None:
     own = _of_class(self)
-    self.alone = value and not own
-    for thing in own:
-        thing.chosen = value
+    self.alone = value and not len(own)
+    for i in own:
+        self.id_data.unveil_selection.objects[int(i)].chosen = value
 
 
 class UnveilClass(bpy.types.PropertyGroup):
@@ -148,11 +177,7 @@ def current(scene: Any) -> bool:
 
 def standing(scene: Any) -> list[UnveilObject]:
     """The objects whose choice counts: not those that move, nor marks whose wire cube was deleted."""
-    return [
-        o
-        for o in scene.unveil_selection.objects
-        if not o.moves and not (o.source == "box" and not marks.alive(o.marker))
-    ]
+    return [o for o in scene.unveil_selection.objects if _stands(o)]
 
 
 # ---------------------------------------------------------------------------------------------------------- what a run gets
@@ -160,18 +185,35 @@ def standing(scene: Any) -> list[UnveilObject]:
 
 def chosen_classes(scene: Any) -> list[str]:
     """Names of the classes that go whole."""
-    listed = scene.unveil_selection
-    whole: dict[str, bool] = {}
-    for thing in listed.objects:  # one pass: this is asked for at every redraw
-        if not thing.moves and not is_marked(thing):
-            whole[thing.class_name] = whole.get(thing.class_name, True) and thing.chosen
-    return [c.name for c in listed.classes if whole.get(c.name, c.alone)]
+    return [scene.unveil_selection.classes[row].name for row in _whole_rows(scene.unveil_selection)]
+
+
+def _whole_rows(listed: UnveilSelection) -> list[int]:
+    """Rows of these classes: all of their objects are chosen, or they have none and are chosen themselves."""
+    rows, chosen = _rows(listed), column(listed, "chosen", bool)
+    counts = np.bincount(rows[rows >= 0], minlength=len(listed.classes))
+    left = np.bincount(rows[(rows >= 0) & ~chosen], minlength=len(listed.classes))
+    return [i for i, c in enumerate(listed.classes) if (not left[i] if counts[i] else c.alone)]
 
 
 def chosen_numbers(scene: Any) -> list[int]:
     """Ids of the single objects that go beside these classes."""
-    whole = set(chosen_classes(scene))
-    return [o.number for o in standing(scene) if o.chosen and (is_marked(o) or o.class_name not in whole)]
+    listed = scene.unveil_selection
+    goes = (
+        column(listed, "chosen", bool) & ~column(listed, "moves", bool) & ~np.isin(_rows(listed), _whole_rows(listed))
+    )
+    goes[[i for i in _marked(listed) if not _stands(listed.objects[i])]] = False
+    return [int(number) for number in column(listed, "number", int)[goes]]
+
+
+def _marked(listed: UnveilSelection) -> list[int]:
+    """Indices of the objects that a person marked."""
+    return [int(i) for i in np.flatnonzero(_rows(listed) == MARKED)]
+
+
+def _stands(thing: UnveilObject) -> bool:
+    """Whether the choice of an object counts."""
+    return not thing.moves and not (thing.source == "box" and not marks.alive(thing.marker))
 
 
 def arguments(scene: Any) -> list[str]:
@@ -210,7 +252,8 @@ def preview_arguments(scene: Any, workspace: Path) -> list[str]:
 
 def marked_file(scene: Any) -> str:
     """The file that tells of the marks in the list; empty where none is there."""
-    marked = any(is_marked(o) for o in standing(scene))
+    listed = scene.unveil_selection
+    marked = any(_stands(listed.objects[i]) for i in _marked(listed))
     return str(Path(scene.unveil_selection.workspace) / marks.FILE) if marked else ""
 
 
@@ -251,7 +294,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
     Raises:
         ValueError: a damaged file; one line that names it.
     """
-    selection, timeline = scene.unveil_selection, timeline_of(drive, scene.unveil.start_frame)
+    selection, places = scene.unveil_selection, _places(drive, timeline_of(drive, scene.unveil.start_frame))
     place = str(drive.workspace.resolve())
     classes, objects = read_listed(drive)
     same = selection.workspace == place
@@ -277,7 +320,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         thing = selection.objects.add()
         thing.number, thing.source, thing.class_name = number, entry.source, entry.class_name
         thing.chosen, thing.moves = number in chosen, number in moving
-        _describe(thing, entry, drive, timeline)
+        _describe(thing, entry, drive, places)
     for mark in kept:
         thing = selection.objects.add()
         for name, value in mark.items():
@@ -285,7 +328,7 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         if not same:
             thing.chosen = thing.number in chosen
         if thing.number in known:
-            _describe(thing, known[thing.number], drive, timeline)
+            _describe(thing, known[thing.number], drive, places)
     for thing in selection.objects:
         thing.grow, thing.keep_shadow = single.get(thing.number, (0, False))
         thing.name = f"{thing.class_name} {thing.number}"
@@ -294,6 +337,8 @@ def fill(scene: bpy.types.Scene, drive: ImportedDrive) -> None:
         item = selection.classes.add()
         item.name, item.removable, item.alone = entry.name, entry.removable, entry.name in alone
         item.objects, item.points, item.pixels = entry.objects, entry.points, entry.pixels // 1000
+    for thing in selection.objects:
+        thing.row = _row_of(thing, selection)
     selection.active = min(selection.active, max(len(selection.objects) - 1, 0))
 
 
@@ -322,10 +367,14 @@ def _keep(thing: UnveilObject) -> dict[str, Any]:
     return {name: getattr(thing, name) for name in names}
 
 
-def _describe(thing: UnveilObject, entry: ListedObject, drive: ImportedDrive, timeline: Timeline) -> None:
+def _describe(
+    thing: UnveilObject, entry: ListedObject, drive: ImportedDrive, places: dict[str, dict[str, int]]
+) -> None:
     thing.frames, thing.points = entry.frames, entry.points
     thing.first_frame, thing.last_frame = entry.first_frame, entry.last_frame
-    thing.best_track, thing.best_frame = _place(drive, timeline, entry.best_camera, entry.best_frame)
+    track, frame = entry.best_camera or "", entry.best_frame or ""
+    found = frame in places.get(track, ())
+    thing.best_track, thing.best_frame = (track, places[track][frame]) if found else ("", -1)
     thing.distance = -1.0 if entry.distance_m is None else entry.distance_m
     thing.thumbnail = "" if entry.thumbnail is None else str(entry.thumbnail)
     thing.thumbnail_stamp = _stamp(thing.thumbnail)
@@ -342,10 +391,12 @@ def _stamp(path: str) -> str:
         return ""
 
 
-def _place(drive: ImportedDrive, timeline: Timeline, track: str | None, name: str | None) -> tuple[str, int]:
-    """Track and frame of the timeline of a frame of the drive."""
-    names = [f.name for f in drive.tracks.get(track or "", ())]
-    return (track or "", timeline.frames[track or ""][names.index(name)]) if name in names else ("", -1)
+def _places(drive: ImportedDrive, timeline: Timeline) -> dict[str, dict[str, int]]:
+    """By track and name of a picture, the frame of the timeline that shows it."""
+    return {
+        track: {f.name: frame for f, frame in zip(frames, timeline.frames[track], strict=True)}
+        for track, frames in drive.tracks.items()
+    }
 
 
 CLASSES = (UnveilObject, UnveilClass, UnveilSelection)

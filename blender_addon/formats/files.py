@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-__all__ = ["link_or_copy", "move", "one_line", "own_folder", "patiently", "write_whole"]
+__all__ = ["file_stamp", "files_stamp", "link_or_copy", "move", "one_line", "own_folder", "patiently", "write_whole"]
 
 HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
@@ -40,6 +41,20 @@ def patiently(act: Callable[..., object], *arguments: object) -> None:
 def move(source: Path, target: Path) -> None:
     """Rename a file, in the place of another one; see :func:`patiently`."""
     patiently(os.replace, source, target)
+
+
+def file_stamp(path: str | Path) -> str:
+    """Size and time of a file, which change when it is written anew; empty where it is not there."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return ""
+    return f"{stat.st_size} {stat.st_mtime_ns}"
+
+
+def files_stamp(paths: Iterable[str | Path]) -> str:
+    """The same of many files, in few characters."""
+    return hashlib.sha256("\n".join(file_stamp(path) for path in paths).encode()).hexdigest()[:32]
 
 
 def _partial(path: Path) -> Path:

@@ -50,8 +50,11 @@ class Ply:
 
     @property
     def positions(self) -> np.ndarray:
-        """(V, 3) float64."""
-        return np.stack([self.vertices[n].astype(np.float64) for n in "xyz"], axis=1)
+        """(V, 3) float64, column by column in memory."""
+        found = np.empty((len(self.vertices), 3), order="F")
+        for i, name in enumerate("xyz"):
+            found[:, i] = self.vertices[name]
+        return found
 
     @property
     def colors(self) -> np.ndarray | None:
@@ -60,6 +63,10 @@ class Ply:
         if not {"red", "green", "blue"} <= set(names):
             return None
         return np.stack([self.vertices[n] for n in ("red", "green", "blue")], axis=1).astype(np.uint8)
+
+    def some(self, chosen: np.ndarray) -> Ply:
+        """Some of its vertices, by their indices, without triangles."""
+        return Ply(self.vertices[chosen], np.zeros((0, 3), np.int32), self.comments)
 
     def comment(self, name: str) -> str | None:
         """What follows ``name`` in the comment that begins with it."""

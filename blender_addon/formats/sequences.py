@@ -7,16 +7,18 @@ workspace.
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import link_or_copy, own_folder, patiently
+from .files import link_or_copy, own_folder, patiently, write_whole
 
-__all__ = ["REGION_COLORS", "PictureSequence", "number_of", "numbered", "pictures_in", "with_palette"]
+__all__ = ["REGION_COLORS", "PictureSequence", "in_color", "number_of", "numbered", "pictures_in", "with_palette"]
 
 REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
 """sRGB of nothing removed, observed, seen from other views, never seen."""
@@ -103,6 +105,26 @@ def _same(target: Path, file: Path) -> bool:
     except OSError:
         return False
     return (a.st_ino, a.st_dev) == (b.st_ino, b.st_dev) or (a.st_size, a.st_mtime_ns) == (b.st_size, b.st_mtime_ns)
+
+
+def in_color(regions: Path, target: Path) -> None:
+    """Write a copy of a picture of regions that shows their numbers in colours; one that has the picture's time is left as it is.
+
+    Raises:
+        ValueError: it is no picture of regions; one line that names it.
+        OSError: one cannot be read or written.
+    """
+    times = regions.stat()
+    with suppress(OSError):  # it is not there yet
+        if target.stat().st_mtime_ns == times.st_mtime_ns:
+            return
+    try:
+        content = with_palette(regions.read_bytes(), REGION_COLORS)
+    except ValueError as error:
+        raise ValueError(f"{regions}: {error}") from error
+    write_whole(target, content)
+    with suppress(OSError):  # where times cannot be set, it is written at each load
+        os.utime(target, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..formats import classes, sequences, splats
 from ..formats.drive_files import ImportedDrive
+from ..formats.files import file_stamp
 from ..formats.object_files import read_source
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
@@ -28,7 +29,9 @@ __all__ = [
 ]
 
 MOST_POINTS = 150_000
-"""More points of a drive are thinned evenly: each is a little tetrahedron in one mesh."""
+"""More points of a drive are thinned evenly: each is a little tetrahedron in one mesh, which takes 47 MB of a .blend."""
+POINTS_FROM = ("drive/points.ply", "drive/cameras.json", "objects/point_labels.npy", "objects.json")
+"""Files that the mesh of points is made from."""
 RADIUS_PER_METRE, RADIUS_M = 0.005, (0.03, 0.35)
 """Size of a shown point by its distance from the drive: LiDAR thins out with it."""
 
@@ -136,37 +139,46 @@ def _cameras(
 
 
 def _points(collection: bpy.types.Collection, mark: str, drive: ImportedDrive) -> None:
-    ply = read_ply(drive.workspace / "drive" / "points.ply")
-    chosen = splats.fair_share(len(ply.vertices), MOST_POINTS)
-    places = ply.positions[chosen] * drive.metre
+    mesh = blocks.ensure(bpy.data.meshes, mark, "points", lambda: bpy.data.meshes.new("Points"))
+    place = blocks.child_collection(collection, "points", "Points")
+    thing = blocks.ensure_object(mesh, mark, "points", "Points", place)
+    stamps = [file_stamp(drive.workspace / name) for name in POINTS_FROM]
+    stamp = " ".join([*stamps, f"{drive.metre:g}", str(MOST_POINTS)])
+    if mesh.get("unveil_stamp") != stamp or "unveil_points" not in thing:
+        _fill_points(mesh, thing, drive)
+        mesh["unveil_stamp"] = stamp
+    if not mesh.materials:
+        mesh.materials.append(meshes.color_material(mark, "Points"))
+    thing.hide_select = True  # they are everywhere, and a click means something else
+    meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
+
+
+def _fill_points(mesh: bpy.types.Mesh, thing: bpy.types.Object, drive: ImportedDrive) -> None:
+    whole = read_ply(drive.workspace / "drive" / "points.ply")
+    chosen = splats.fair_share(len(whole.vertices), MOST_POINTS)
+    ply = whole.some(chosen)
+    places = ply.positions * drive.metre
     centres = np.array([f.camera_to_scene[:3, 3] for frames in drive.tracks.values() for f in frames])
     distance = _nearest(places, centres[splats.fair_share(len(centres), 64)])
     radius = np.clip(distance * RADIUS_PER_METRE, *(r * drive.metre for r in RADIUS_M))
-    mesh = blocks.ensure(bpy.data.meshes, mark, "points", lambda: bpy.data.meshes.new("Points"))
     meshes.fill_mesh(mesh, *splats.tetrahedra(places, radius))
     colors = ply.colors
-    plain = np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors[chosen]
-    labels = _point_labels(drive.workspace, len(ply.vertices))[chosen]
+    plain = np.full((len(chosen), 3), 160, np.uint8) if colors is None else colors
+    labels = _point_labels(drive.workspace, len(whole.vertices))[chosen]
     source = read_source(drive)
     meshes.set_colors(mesh, "Colour", np.repeat(plain, 4, axis=0))
     meshes.set_colors(mesh, "Class", np.repeat(classes.color_table(source)[labels], 4, axis=0))
     meshes.set_face_values(mesh, "label", np.repeat(labels.astype(np.int32), 4))
-    thing = blocks.ensure_object(
-        mesh, mark, "points", "Points", blocks.child_collection(collection, "points", "Points")
-    )
-    if not mesh.materials:
-        mesh.materials.append(meshes.color_material(mark, "Points"))
-    thing.hide_select = True  # they are everywhere, and a click means something else
-    thing["unveil_points"], thing["unveil_points_shown"] = len(ply.vertices), len(chosen)
-    meshes.show_colors(mesh, "Class" if bpy.context.scene.unveil_view.points == "CLASS" else "Colour")
+    thing["unveil_points"], thing["unveil_points_shown"] = len(whole.vertices), len(chosen)
 
 
 def _nearest(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """(N,) distance of points (N, 3) from the nearest of some centres (M, 3)."""
-    found = np.empty(len(points))
+    found, middle = np.empty(len(points)), centres.mean(axis=0)
     for i in range(0, len(points), 20_000):
-        part = points[i : i + 20_000]
-        found[i : i + 20_000] = np.sqrt(((part[:, None] - centres[None]) ** 2).sum(axis=2).min(axis=1))
+        part, others = points[i : i + 20_000] - middle, centres - middle
+        squares = (part**2).sum(axis=1)[:, None] - 2 * part @ others.T + (others**2).sum(axis=1)
+        found[i : i + 20_000] = np.sqrt(np.maximum(squares.min(axis=1), 0))
     return found
 
 

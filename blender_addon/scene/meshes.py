@@ -18,12 +18,14 @@ def fill_mesh(mesh: bpy.types.Mesh, vertices: np.ndarray, faces: np.ndarray) -> 
         vertices: (V, 3); faces: (F, K) with K corners each, indices that are not checked.
     """
     mesh.clear_geometry()
-    mesh.vertices.add(len(vertices))
-    mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, np.float32).ravel())
+    # Attributes are copied as they are; "co" and "vertex_index" are set one by one.
+    if len(vertices):
+        mesh.vertices.add(len(vertices))
+        mesh.attributes["position"].data.foreach_set("vector", np.ascontiguousarray(vertices, np.float32).ravel())
     if len(faces):
         corners = faces.shape[1]
         mesh.loops.add(faces.size)
-        mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(faces, np.int32).ravel())
+        mesh.attributes[".corner_vert"].data.foreach_set("value", np.ascontiguousarray(faces, np.int32).ravel())
         mesh.polygons.add(len(faces))
         mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, corners, dtype=np.int32))
     mesh.update(calc_edges=True)

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
+from pathlib import Path
 
 import bpy
 
+from ..formats.files import files_stamp
 from ..formats.sequences import PictureSequence, number_of
 from . import blocks
 
-__all__ = ["KINDS", "files_of", "kinds_of", "set_color_space", "set_plate", "show_plate"]
+__all__ = ["KINDS", "files_of", "kinds_of", "reload_changed", "set_color_space", "set_plate", "show_plate"]
 
 KINDS: tuple[tuple[str, str, str], ...] = (
     ("original", "Photographs", "The drive's own pictures"),
@@ -43,7 +46,7 @@ def set_plate(
     image = blocks.ensure_file(bpy.data.images, drive, role, str(pictures.files[0]), f"{track} {kind}")
     set_color_space(image, kind)
     image.source = "SEQUENCE" if len(pictures) > 1 else "FILE"
-    image.reload()  # the files may have been written anew
+    reload_changed(image, pictures.files)
     backgrounds = camera.data.background_images
     plate = next((b for b in backgrounds if b.image == image), None)
     if plate is None:
@@ -56,6 +59,14 @@ def set_plate(
     user.use_auto_refresh = True
     camera.data.show_background_images = True
     return image
+
+
+def reload_changed(image: bpy.types.Image, files: Iterable[Path]) -> None:
+    """Let Blender forget what it has read of a picture's files where one was written anew since this was last asked."""
+    stamp = files_stamp(files)
+    if image.get("unveil_stamp") != stamp:
+        image.reload()
+        image["unveil_stamp"] = stamp
 
 
 def set_color_space(image: bpy.types.Image | bpy.types.MovieClip, kind: str) -> None:

@@ -8,10 +8,12 @@ from bpy.props import EnumProperty, PointerProperty
 
 from . import blocks, cameras, meshes, plates
 
-__all__ = ["UnveilView", "apply", "shown_drive"]
+__all__ = ["FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
 
 ROLES = {"POINTS": ("points",), "MESH": ("mesh",), "SPLATS": ("splats",)}
 STATES = {"BEFORE": "full", "AFTER": "empty"}
+FULL_DETAIL = "unveil_full_detail"
+"""Custom property of a mesh's object: whether all of its file is shown."""
 
 
 def _state_changed(self: UnveilView, context: bpy.types.Context) -> None:
@@ -67,6 +69,20 @@ def shown_drive(scene: bpy.types.Scene) -> bpy.types.Collection | None:
     """The collection of the scene's workspace, None before its import."""
     place = scene.unveil.workspace
     return blocks.drive_collection(scene, place) if place else None
+
+
+def shown_mesh(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The object of the fused mesh of the state that is looked at, None where there is none."""
+    collection = shown_drive(scene)
+    if collection is None:
+        return None
+    role = f"mesh:{STATES[scene.unveil_view.state]}"
+    return blocks.find(bpy.data.objects, blocks.drive_of(collection), role)
+
+
+def is_decimated(mesh: bpy.types.Object) -> bool:
+    """Whether a mesh's object shows fewer triangles than its file has."""
+    return int(mesh.get("unveil_triangles", 0)) > int(mesh.get("unveil_triangles_shown", 0))
 
 
 def apply(scene: bpy.types.Scene) -> None:

@@ -28,6 +28,10 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
         column = layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(shown, "background")
+        mesh = view.shown_mesh(context.scene)
+        if mesh is not None and (view.is_decimated(mesh) or mesh.get(view.FULL_DETAIL)):
+            detail = f"Full detail: {mesh['unveil_triangles']:,} triangles"
+            layout.operator("unveil.full_detail", text=detail, depress=bool(mesh.get(view.FULL_DETAIL)))
         layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
         _draw_plates(layout.box().column(), context)
 

@@ -24,15 +24,21 @@ def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
         ValueError: the workspace holds no imported drive, or a file is damaged; one line that names it.
         OSError: a file cannot be read, or a link not be made.
     """
-    scene = context.scene
-    blocks.look_up([str(workspace)])
-    drive = read_drive(Path(bpy.path.abspath(str(workspace))), drive_scene.metre_of(scene))
-    placed = drive_scene.place(scene, drive)
-    selection.fill(scene, drive)
-    fixes.restore(scene, drive)  # the artist's marks go into the drive's collection, so that comes first
-    if scene.unveil.set_up_scene:
-        drive_scene.set_up(context, placed)
-    return results.load(context, placed.collection)
+    scene, progress = context.scene, context.window_manager
+    progress.progress_begin(0, 3)  # shown by the pointer: Blender waits for seconds where a drive is big
+    try:
+        blocks.look_up([str(workspace)])
+        drive = read_drive(Path(bpy.path.abspath(str(workspace))), drive_scene.metre_of(scene))
+        placed = drive_scene.place(scene, drive)
+        progress.progress_update(1)
+        selection.fill(scene, drive)  # the artist's marks go into the drive's collection, so that comes first
+        fixes.restore(scene, drive)
+        if scene.unveil.set_up_scene:
+            drive_scene.set_up(context, placed)
+        progress.progress_update(2)
+        return results.load(context, placed.collection)
+    finally:
+        progress.progress_end()
 
 
 def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: str) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.formats.files import link_or_copy, write_whole
+from blender_addon.formats.files import file_stamp, files_stamp, link_or_copy, write_whole
 
 
 class Holder:
@@ -56,3 +56,16 @@ def test_it_does_not_wait_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_name_may_be_as_long_as_the_system_allows(tmp_path: Path) -> None:
     write_whole(tmp_path / ("x" * 251 + ".obj"), b"content")
     assert [p.name for p in tmp_path.iterdir()] == ["x" * 251 + ".obj"]
+
+
+def test_a_stamp_is_another_when_a_file_is_written_anew(tmp_path: Path) -> None:
+    paths = [tmp_path / "a", tmp_path / "b"]
+    assert file_stamp(paths[0]) == ""
+    found = {files_stamp(paths)}
+    for path, content in zip([*paths, paths[0]], ("1", "2", "22"), strict=True):
+        path.write_text(content)
+        assert file_stamp(path).startswith(f"{len(content)} ")
+        found.add(files_stamp(paths))
+    os.utime(paths[0], ns=(0, 5))
+    assert len(found | {files_stamp(paths)}) == 5 and file_stamp(paths[0]) == "2 5"
+    assert files_stamp(paths) == files_stamp(iter(paths))

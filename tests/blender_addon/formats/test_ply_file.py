@@ -22,6 +22,8 @@ def test_files_are_read_as_they_were_written(tmp_path: Path) -> None:
     write_points(points, tmp_path / "points.ply")
     ply = read_ply(tmp_path / "points.ply")
     assert np.array_equal(ply.positions, points.positions) and np.array_equal(ply.colors, points.colors)
+    some = ply.some(np.array([7, 3]))
+    assert np.array_equal(some.positions, points.positions[[7, 3]]) and len(some.triangles) == 0
     vertices, faces = generator.normal(size=(30, 3)), generator.integers(0, 30, (12, 3))
     colors = generator.integers(0, 256, (30, 3), dtype=np.uint8)
     write_ply(Mesh(vertices, faces, colors), tmp_path / "mesh.ply", Similarity(translation=np.array([1e6, 0, 0.5])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from blender_addon.formats.files import link_or_copy, write_whole
-from blender_addon.formats.sequences import REGION_COLORS, numbered, with_palette
+from blender_addon.formats.sequences import REGION_COLORS, in_color, numbered, with_palette
 
 
 @pytest.mark.parametrize("start", ["", "front.", "car_0005."])
@@ -84,3 +85,23 @@ def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:
     for bad in (b"", b"GIF89a", cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes()):
         with pytest.raises(ValueError, match="no grey 8-bit PNG"):
             with_palette(bad, REGION_COLORS)
+
+
+def test_regions_in_colour_are_written_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And anew when the regions were, also by older ones that were put back."""
+    regions, shown = tmp_path / "00.png", tmp_path / "shown.png"
+    cv2.imwrite(str(regions), np.array([[0, 1], [2, 3]], np.uint8))
+    in_color(regions, shown)
+    assert np.array_equal(cv2.imread(str(shown))[..., ::-1].reshape(4, 3), REGION_COLORS)
+    read: list[Path] = []
+    whole = Path.read_bytes
+    monkeypatch.setattr(Path, "read_bytes", lambda self: (read.append(self), whole(self))[1])
+    in_color(regions, shown)
+    assert read == []
+    cv2.imwrite(str(regions), np.full((2, 2), 3, np.uint8))
+    os.utime(regions, ns=(0, 1_000_000_000))
+    in_color(regions, shown)
+    assert read == [regions] and (cv2.imread(str(shown))[..., ::-1] == REGION_COLORS[3]).all()
+    regions.write_bytes(b"no picture")
+    with pytest.raises(ValueError, match="00.png: is no grey 8-bit PNG"):
+        in_color(regions, shown)
