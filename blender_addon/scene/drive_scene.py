@@ -15,7 +15,8 @@ from ..formats.files import file_stamp
 from ..formats.object_files import read_source
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
-from . import blocks, cameras, meshes, plates
+from . import blocks, cameras, meshes
+from .images import plates
 
 __all__ = [
     "MOST_POINTS",

@@ -16,7 +16,8 @@ from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
-from . import blocks, drive_scene, meshes, plates, preview, splat_clouds, versions, view
+from . import blocks, drive_scene, meshes, splat_clouds, versions, view
+from .images import plates, preview
 
 __all__ = ["FOLDERS", "load", "load_mesh"]
 

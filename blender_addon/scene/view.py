@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, PointerProperty
 
-from . import blocks, cameras, meshes, plates
+from . import blocks, cameras, meshes
+from .images import plates
 
 __all__ = ["FULL_DETAIL", "UnveilView", "apply", "is_decimated", "shown_drive", "shown_mesh"]
 

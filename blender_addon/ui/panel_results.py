@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..scene import compositing, view
+from ..scene import view
+from ..scene.images import compositing
 from .panels import Section
 
 __all__ = ["UNVEIL_PT_results"]

@@ -13,7 +13,8 @@ from bpy.props import BoolProperty, EnumProperty
 from ..formats.drive_files import read_drive
 from ..formats.plate_files import FOLDER, FORMATS, read_plates
 from ..formats.timeline import timeline_of
-from ..scene import blocks, cameras, compositing, drive_scene, view
+from ..scene import blocks, cameras, drive_scene, view
+from ..scene.images import compositing
 from .job.job_operator import JobOperator, UserError
 from .job.task import Task
 from .operators_run import workspace_of

@@ -12,7 +12,8 @@ from ..choice import selection
 from ..formats.drive_files import read_drive
 from ..formats.timeline import timeline_of
 from ..formats.windows import chosen_pictures, windows
-from ..scene import cameras, preview, view
+from ..scene import cameras, view
+from ..scene.images import preview
 from ..worker.run_arguments import replaced, selection_arguments, settings_arguments
 from .job.job_operator import JobOperator, UserError
 from .job.task import Task

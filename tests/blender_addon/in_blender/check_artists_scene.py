@@ -113,7 +113,7 @@ def test_a_rig_stays_in_step_though_a_picture_is_missing(addon, scene, street, t
     cameras = {c["unveil_track"]: c for c in addon.module("scene.drive_scene").tracks_of(scene.collection.children[0])}
     names = ("00", "02", "04", "06"), ("01", "01", "05", "07")  # the one before stays in the gap
     for track, stems in zip(("front", "left"), names, strict=True):
-        files = addon.module("scene.plates").files_of(cameras[track], "original")
+        files = addon.module("scene.images.plates").files_of(cameras[track], "original")
         expected = [tmp_path / f"drive/images/{stem}.png" for stem in stems]
         assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in expected]
         entries = json.loads((tmp_path / "ws/drive/cameras.json").read_text())["frames"]

@@ -106,7 +106,7 @@ def test_what_has_not_changed_is_not_read_again(addon, scene, loaded: Path, monk
     bpy.ops.unveil.load_workspace()
     assert read == ["03.png", "full.ply"]
     assert {n for n, s in stamps.items() if bpy.data.images[n]["unveil_stamp"] != s} == {"camera regions"}
-    shown = addon.module("scene.plates").files_of(scene.camera, "regions")
+    shown = addon.module("scene.images.plates").files_of(scene.camera, "regions")
     assert Path(shown[3]).read_bytes() == Path(shown[4]).read_bytes() != Path(shown[2]).read_bytes()
 
 
@@ -164,7 +164,7 @@ def test_the_workspace_of_the_benchmark_is_read(addon, scene, tmp_path: Path) ->
     )
     outside("-c", program, str(tmp_path / "ws"))
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))
-    kinds = addon.module("scene.plates").kinds_of(scene.camera)
+    kinds = addon.module("scene.images.plates").kinds_of(scene.camera)
     assert len(kinds) == 8 and (scene.frame_start, scene.frame_end) == (1001, 1006)
     things, listed = bpy.data.objects, scene.unveil_selection
     assert len(listed.objects) == 30 and addon.module("choice.box_gizmos").lines_of(bpy.context, None)

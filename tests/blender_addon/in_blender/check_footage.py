@@ -38,7 +38,7 @@ def test_what_is_delivered_fits(addon, scene, reduced: tuple[Path, bool]) -> Non
 
     workspace, in_lens = reduced
     bpy.ops.unveil.load_workspace(directory=str(workspace))
-    plates, versions = addon.module("scene.plates"), addon.module("scene.versions")
+    plates, versions = addon.module("scene.images.plates"), addon.module("scene.versions")
     camera = scene.camera
     entry = json.loads((workspace / "drive/cameras.json").read_text())["frames"][0]
     shown = entry if in_lens else entry["footage"]

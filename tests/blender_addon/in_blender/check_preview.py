@@ -32,7 +32,7 @@ def test_a_preview_shows_frames_and_leaves_the_workspace_alone(addon, scene, str
     made = json.loads((workspace / "preview/workspace.json").read_text())["settings"]
     assert (made["quality"], made["frames"], made["remove"]) == ("draft", "1:8:2", ["car"])
     assert scene.unveil_view.background == "preview" and scene.unveil.quality == "standard"
-    files = [Path(f) for f in addon.module("scene.plates").files_of(scene.camera, "preview")]
+    files = [Path(f) for f in addon.module("scene.images.plates").files_of(scene.camera, "preview")]
     names = ["1", "3", "5", "7"]
     assert len(files) == 8 and [i for i, f in enumerate(files) if f.stat().st_size > 200] == [int(n) for n in names]
     for name in names:

@@ -118,7 +118,7 @@ def test_import_shows_the_drive_as_it_is(addon, scene, made: Path, tmp_path: Pat
     assert background.show_background_image and background.image.source == "SEQUENCE"
     user = background.image_user  # frame 1001 of the timeline shows file 0
     assert (user.frame_start, user.frame_duration, user.frame_offset) == (1001, 4, -1)
-    files = addon.module("scene.plates").files_of(camera, "original")
+    files = addon.module("scene.images.plates").files_of(camera, "original")
     originals = [made / f"tiny/images/{n}.png" for n in ("1533.10", "1533.25", "1533.31", "1533.42")]
     assert [Path(f).read_bytes() for f in files] == [f.read_bytes() for f in originals]
     assert [Path(f).name for f in files] == [f"{i:06d}.png" for i in range(4)]
@@ -135,7 +135,7 @@ def test_a_rig_has_a_camera_per_track(addon, scene, made: Path, tmp_path: Path) 
     for track, camera in tracks.items():
         bpy.ops.unveil.look_through(track=track)
         assert scene.camera == camera
-        files = addon.module("scene.plates").files_of(camera, "original")
+        files = addon.module("scene.images.plates").files_of(camera, "original")
         assert (
             len(files) == 2
             and Path(files[0]).read_bytes() == (made / f"rig/images/0{track == 'left':d}.png").read_bytes()
@@ -331,7 +331,7 @@ def test_results_are_ordinary_blender_data(addon, scene, made: Path) -> None:
     import bpy
 
     bpy.ops.unveil.load_workspace(directory=str(made / "ws"))
-    plates, versions = addon.module("scene.plates"), addon.module("scene.versions")
+    plates, versions = addon.module("scene.images.plates"), addon.module("scene.versions")
     camera = scene.camera
     kinds = ["original", "clean", "render", "inpainted", "regions", "removed", "shadows", "unobserved"]
     assert plates.kinds_of(camera) == kinds
@@ -416,7 +416,10 @@ def test_new_results_replace_the_old_ones(addon, scene, made: Path, tmp_path: Pa
     shutil.rmtree(tmp_path / "ws/frames")
     shutil.rmtree(tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace(directory=str(tmp_path / "ws"))  # what is there of an unfinished run
-    assert "clean" not in addon.module("scene.plates").kinds_of(scene.camera) and "Mesh after" not in bpy.data.objects
+    assert (
+        "clean" not in addon.module("scene.images.plates").kinds_of(scene.camera)
+        and "Mesh after" not in bpy.data.objects
+    )
     shutil.copytree(made / "ws/frames", tmp_path / "ws/frames")
     shutil.copytree(made / "ws/meshes", tmp_path / "ws/meshes")
     bpy.ops.unveil.load_workspace()

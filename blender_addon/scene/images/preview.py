@@ -9,10 +9,10 @@ from pathlib import Path
 
 import bpy
 
-from ..formats import sequences
-from ..formats.drive_files import ImportedDrive, read_drive
-from ..formats.files import own_folder, write_whole
-from ..formats.timeline import Timeline
+from ...formats import sequences
+from ...formats.drive_files import ImportedDrive, read_drive
+from ...formats.files import own_folder, write_whole
+from ...formats.timeline import Timeline
 from . import plates
 
 __all__ = ["FOLDER", "load"]

@@ -13,11 +13,11 @@ from typing import Any
 
 import bpy
 
-from ..formats import sequences
-from ..formats.drive_files import ImportedDrive
-from ..formats.plate_files import TrackPlates, st_maps_of
-from ..formats.timeline import Timeline
-from . import blocks, drive_scene, versions, view
+from ...formats import sequences
+from ...formats.drive_files import ImportedDrive
+from ...formats.plate_files import TrackPlates, st_maps_of
+from ...formats.timeline import Timeline
+from .. import blocks, drive_scene, versions, view
 
 __all__ = ["LENSES", "add_to_compositor", "group_of", "has_delivered", "in_lens", "set_group", "tracks_of"]
 

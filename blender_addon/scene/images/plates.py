@@ -9,9 +9,9 @@ from pathlib import Path
 
 import bpy
 
-from ..formats.files import files_stamp
-from ..formats.sequences import PictureSequence, number_of
-from . import blocks
+from ...formats.files import files_stamp
+from ...formats.sequences import PictureSequence, number_of
+from .. import blocks
 
 __all__ = ["KINDS", "files_of", "kinds_of", "reload_changed", "set_color_space", "set_plate", "show_plate"]
 
