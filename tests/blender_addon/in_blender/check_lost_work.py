@@ -143,7 +143,7 @@ def test_a_full_disk_is_one_line_and_nothing_is_lost(
     with pytest.raises(RuntimeError, match="the disk is full .free some space"):
         bpy.ops.unveil.run()
     assert not (root / "marked.json").exists() and not list(root.rglob("*.partial*"))
-    addon.module("work.operators_run").stage_states(scene)  # the panel goes on
+    addon.module("work.stage_states").stage_states(scene)  # the panel goes on
     # A .blend: the old one stays as it is.
     save = small_disk / "street.blend"
     filler.unlink()
