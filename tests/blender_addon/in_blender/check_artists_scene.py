@@ -43,6 +43,7 @@ def test_nothing_is_changed_unasked(addon, scene, workspace) -> None:
     assert bpy.ops.unveil.load_workspace(directory=str(workspace)) == {"FINISHED"}
     assert own(scene) == before and len(scene.collection.children) == 1
     other = bpy.data.scenes.new("asked")
+    before = own(other)
     bpy.context.window_manager.windows[0].scene = other
     assert bpy.ops.unveil.load_workspace(directory=str(workspace)) == {"FINISHED"}
     asked = own(other)

@@ -96,6 +96,7 @@ def main() -> int:
     parser.add_argument("--drive", type=Path, default=ROOT / "sample_scenes/parked_street/transforms.json")
     parser.add_argument("--workspace", type=Path, help="of that drive and quality, run before: it is gone on with")
     parser.add_argument("--quality", default="draft", choices=("draft", "standard", "high"))
+    parser.add_argument("--frames", default="", help="part of the drive, as the command takes it")
     parser.add_argument(
         "--frame", type=int, default=0, help="number of the frame that is mended; by default the middle one"
     )
@@ -111,7 +112,7 @@ def main() -> int:
     with BlenderWindow(given.blender, out, environ=environ, size=(1920, 1200)) as window:
         ready(window, given.extension.absolute(), python)
         window.tell(HELPERS)
-        window.tell("bpy.data.batch_remove(bpy.data.objects)")
+        window.tell(f"bpy.data.batch_remove(bpy.data.objects); bpy.context.scene.unveil.frames = {given.frames!r}")
         window.tell(
             "window, area, region = region_of('VIEW_3D', 'WINDOW')\n"
             "with bpy.context.temp_override(window=window, area=area, region=region):\n"
