@@ -46,6 +46,11 @@ def middle_of(path):
     mask = levels(path)[..., 0] > 0.5
     rows, columns = np.nonzero(mask)
     return [float(np.median(columns)) / mask.shape[1], 1 - float(np.percentile(rows, 70)) / mask.shape[0]]
+def brush(pixels, color):
+    paint = bpy.context.scene.tool_settings
+    own = getattr(paint.image_paint, "unified_paint_settings", None) or paint.unified_paint_settings
+    own.use_unified_size, own.use_unified_color, own.size = True, True, pixels
+    own.color = color
 def image_on_screen(x, y):
     left, top, right, bottom = rectangle("IMAGE_EDITOR", "WINDOW")
     at = region_of("IMAGE_EDITOR", "WINDOW")[2].view2d.view_to_region(x, y, clip=False)
@@ -74,6 +79,7 @@ def painted(window: BlenderWindow, mask: Path) -> None:
         "with bpy.context.temp_override(window=window, area=area, region=region):\n    bpy.ops.image.view_all(fit_view=True)"
     )
     time.sleep(1)
+    window.tell("brush(46, (0.32, 0.33, 0.36))")
     x, y = window.ask(f"middle_of({str(mask)!r})")
     left, across = window.ask(f"image_on_screen({x}, {y})"), window.ask(f"image_on_screen({min(x + 0.08, 0.98)}, {y})")
     window.picture("05_paint")
