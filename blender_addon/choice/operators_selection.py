@@ -40,18 +40,9 @@ class UNVEIL_OT_toggle_object(bpy.types.Operator):
             if thing.number == self.number:
                 thing.chosen, listed.active = not thing.chosen, i
                 self.report({"INFO"}, f"{thing.name} {'goes' if thing.chosen or thing.moves else 'stays'}")
-                _redraw(context)
                 return {"FINISHED"}
         self.report({"ERROR"}, f"There is no object {self.number}")
         return {"CANCELLED"}
-
-
-def _redraw(context: bpy.types.Context) -> None:
-    """The lists, after a click on a box: nothing tells them of it."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 class UNVEIL_OT_choose(bpy.types.Operator):

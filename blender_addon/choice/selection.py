@@ -49,6 +49,14 @@ UNKNOWN, MARKED, UNLISTED = -1, -2, -3
 """Rows of objects whose row nobody has looked up yet, that a person marked, and whose class is not listed."""
 
 
+def _redraw_views(self: UnveilObject, context: bpy.types.Context) -> None:
+    """Their boxes have another colour now, and nothing else tells a view of it."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 class UnveilObject(bpy.types.PropertyGroup):
     """One object that can go; its ``name`` is for people and for searching."""
 
@@ -56,7 +64,7 @@ class UnveilObject(bpy.types.PropertyGroup):
     class_name: StringProperty()
     row: IntProperty(default=UNKNOWN, description="Of its class in the list of classes; negative: it belongs to none")
     source: StringProperty(description="How it was found: images, clusters, box or mattes")
-    chosen: BoolProperty(name="Remove", description="Take this object out of the street")
+    chosen: BoolProperty(name="Remove", description="Take this object out of the street", update=_redraw_views)
     moves: BoolProperty(description="It moves during the drive, and is removed in any case")
     boxed: BoolProperty(
         description="Whether its place is known; of no meaning for a wire cube, which is a place itself"

@@ -29,11 +29,10 @@ def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Ti
         OSError: a link cannot be made.
     """
     track, place = str(camera["unveil_track"]), drive.workspace / FOLDER
-    if not (place / "frames" / track).is_dir():
+    folder = place / "clean" / track  # of working size: delivery at that of the footage would take as long again
+    if not folder.is_dir():
         return []
-    tried = {f.name: f for f in read_drive(place).tracks.get(track, ())}
-    in_lens = any(f.in_lens for f in tried.values())
-    folder = place / ("clean" if in_lens else "frames") / track
+    tried = {f.name for f in read_drive(place).tracks.get(track, ())}
     nothing = own_folder(drive.workspace, "blender", FOLDER) / "nothing.png"
     write_whole(nothing, _transparent())
     files = [folder / f"{f.name}.png" for f in drive.tracks[track]]

@@ -36,7 +36,7 @@ def test_a_preview_shows_frames_and_leaves_the_workspace_alone(addon, scene, str
     names = ["1", "3", "5", "7"]
     assert len(files) == 8 and [i for i, f in enumerate(files) if f.stat().st_size > 200] == [int(n) for n in names]
     for name in names:
-        assert files[int(name)].read_bytes() == (workspace / f"preview/frames/camera/0{name}.png").read_bytes()
+        assert files[int(name)].read_bytes() == (workspace / f"preview/clean/camera/0{name}.png").read_bytes()
 
 
 def test_objects_that_only_their_points_tell_are_previewed_by_their_boxes(addon, scene, workspace) -> None:

@@ -3,7 +3,8 @@
     python tests/blender_addon/window/redraws.py --blender blender --extension ZIP -o OUT [--workspace WS]
 
 WS: that ``benchmarks/big_workspace.py`` wrote; made where it is not named. ``OUT/redraws.json`` tells milliseconds of a redraw of
-the sidebar and of the 3D view, of a new file and of the drive; without a graphics card the view's pixels are drawn by the processor.
+the sidebar and of the 3D view, of a new file and of the drive; without a graphics card the view is drawn by the
+processor.
 """
 
 from __future__ import annotations
