@@ -43,6 +43,14 @@ def objects():
     return bpy.context.scene.unveil_selection.objects
 def chosen():
     return sorted(o.number for o in objects() if o.chosen)
+def boxes_answer():
+    window, area, region = region_of("VIEW_3D", "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        return bool(module("choice.box_gizmos").UNVEIL_GGT_boxes.poll(bpy.context))
+def take_tool(name):
+    window, area, region = region_of("VIEW_3D", "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.wm.tool_set_by_id(name=name)
 def place_of_box(number):
     # a point of the screen where the box of this object, and no other, takes the click
     window, area, region = region_of("VIEW_3D", "WINDOW")
@@ -148,6 +156,22 @@ def choose_two(window: BlenderWindow) -> list[int]:
     return sorted(both, key=lambda number: number != first)
 
 
+def boxes_leave_clicks_alone(window: BlenderWindow) -> None:
+    """With the tab closed they answer in their own tool alone."""
+    assert window.ask("boxes_answer()")
+    shown = "area_of('VIEW_3D')[1].spaces.active.show_region_ui"
+    window.tell(f"{shown} = False")
+    time.sleep(1)
+    assert not window.ask("boxes_answer()"), "boxes take clicks although nobody asked for them"
+    window.tell("take_tool('unveil_choose')")
+    time.sleep(1)
+    window.picture("08_tool")
+    assert window.ask("boxes_answer()")
+    window.tell("take_tool('builtin.select_box')")
+    open_sidebar(window)
+    assert window.ask("boxes_answer()")
+
+
 def choose_draft(window: BlenderWindow) -> None:
     """Of the quality's list, by its letter."""
     window.press_button("unveil.quality", across=0.7)
@@ -163,7 +187,7 @@ def cancel_once(window: BlenderWindow) -> dict[str, float]:
     window.until("told()[1] == 'reconstruct' and told()[2] > 60", 240)
     left, top, right, bottom = window.ask("rectangle('VIEW_3D', 'WINDOW')")
     window.move((left + right) / 3, (top + bottom) / 2)
-    window.picture("08_running")
+    window.picture("09_running")
     window.press("Escape")
     time.sleep(1)
     assert window.ask("session().busy and not session().job.cancelling"), "Esc over the view cancelled the work"
@@ -178,7 +202,7 @@ def cancel_once(window: BlenderWindow) -> dict[str, float]:
     window.until("not session().busy", 10)
     said = window.ask("told()")
     assert said[0] == "cancelled", said
-    window.picture("09_cancelled")
+    window.picture("10_cancelled")
     assert took < LONGEST_CANCEL_S, f"the process group ended {took:.2f} s after Cancel"
     return {"cancel_to_end_of_group_s": round(took, 3), **callback(window)}
 
@@ -194,7 +218,7 @@ def resume(window: BlenderWindow) -> dict[str, float]:
         window.ask("1")
         answers.append(time.monotonic() - asked)
         if not pictured and window.ask("told()")[1] == "reoptimize":
-            window.picture("10_resumed")
+            window.picture("11_resumed")
             pictured = True
         time.sleep(0.1)
         assert time.monotonic() - started < 900, window.ask("told()")
@@ -216,7 +240,7 @@ def resume(window: BlenderWindow) -> dict[str, float]:
 def results(window: BlenderWindow, numbers: list[int]) -> None:
     """What came back, before and after."""
     time.sleep(3)
-    window.picture("11_result_mesh")
+    window.picture("12_result_mesh")
     roles = window.ask("sorted({str(b.get('unveil_role')) for b in [*bpy.data.objects, *bpy.data.movieclips]})")
     assert {"mesh:full", "mesh:empty", "splats:empty", "points"} <= set(roles), roles
     assert all(any(r.startswith(kind) for r in roles) for kind in ("camera", "clip:clean")), roles
@@ -225,19 +249,19 @@ def results(window: BlenderWindow, numbers: list[int]) -> None:
     )
     window.tell("bpy.context.scene.unveil_view.shown = set()")  # the clean frames alone
     time.sleep(1.5)
-    window.picture("12_after")
+    window.picture("13_after")
     assert window.ask("bpy.context.scene.unveil_view.state") == "AFTER"
     window.press_button("unveil_view.state", across=0.25)
     assert window.ask("[bpy.context.scene.unveil_view.state, bpy.context.scene.unveil_view.background]") == [
         "BEFORE",
         "original",
     ]
-    window.picture("13_before")
+    window.picture("14_before")
     window.press_button("unveil_view.state", across=0.75)
     assert window.ask("bpy.context.scene.unveil_view.background") == "clean"
     window.tell("bpy.context.scene.unveil_view.shown = {'MESH'}")
     window.tell("area_of('VIEW_3D')[1].spaces.active.region_3d.view_perspective = 'PERSP'")
-    window.picture("14_mesh_from_elsewhere")
+    window.picture("15_mesh_from_elsewhere")
     window.tell("bpy.ops.wm.save_mainfile()")
 
 
@@ -289,6 +313,7 @@ def main() -> int:
         open_sidebar(window)
         import_drive(window, given.drive.absolute())
         numbers = choose_two(window)
+        boxes_leave_clicks_alone(window)
         choose_draft(window)
         measured = {"cancelled": cancel_once(window), "resumed": resume(window)}
         results(window, numbers)
