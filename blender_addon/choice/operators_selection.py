@@ -109,7 +109,7 @@ class UNVEIL_OT_go_to_object(bpy.types.Operator):
             self.report({"WARNING"}, "No frame shows it")
             return {"CANCELLED"}
         context.scene.frame_set(thing.best_frame)
-        if thing.best_track:
+        if thing.best_track and view.shown_drive(context.scene) is not None:  # an artist may have deleted it
             bpy.ops.unveil.look_through(track=thing.best_track)
         return {"FINISHED"}
 
