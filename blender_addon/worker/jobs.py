@@ -14,6 +14,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from .job_state import JobState
@@ -25,6 +26,8 @@ DRAIN_S = 0.002
 """Longest time that one drain takes: a tick of the interface has 0.02 s for all it does."""
 GENTLE_S = 1.2
 """What a cancelled worker has to end by itself, before its whole group is killed: with that it is gone within two seconds."""
+BEHIND_BLENDER = 5
+"""Niceness of the work: it takes all processors, and an artist's hand goes first."""
 LINGER_S = 0.5
 """What others of its group have to end after the worker has."""
 WINDOWS = os.name == "nt"
@@ -73,7 +76,8 @@ class Job:
         self._ended: float | None = None
         self._killed = False
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-        group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if WINDOWS else {"start_new_session": True}  # type: ignore[attr-defined]
+        flags = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.BELOW_NORMAL_PRIORITY_CLASS if WINDOWS else 0  # type: ignore[attr-defined]
+        group = {"creationflags": flags} if WINDOWS else {"start_new_session": True}
         self._process = subprocess.Popen(
             self.command,
             cwd=cwd,
@@ -86,6 +90,9 @@ class Job:
             errors="replace",
             **group,
         )
+        if not WINDOWS:  # before it has threads and children, which are as it is
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, self.pid, BEHIND_BLENDER)
         self._readers = [
             threading.Thread(target=self._read, args=(stream,), name="unveil-job", daemon=True)
             for stream in (self._process.stdout, self._process.stderr)
