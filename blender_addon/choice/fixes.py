@@ -32,8 +32,8 @@ class UnveilFix(bpy.types.PropertyGroup):
     time: IntProperty(description="Frame of the timeline")
     image: PointerProperty(type=bpy.types.Image, description="The copy that is painted on")
     invent: BoolProperty(
-        name="Invent anew",
-        description="What is painted over is wrong and is invented anew; off: it looks as it was painted",
+        name="Fill in again",
+        description="What is painted over is a hole, and is filled in again; off: it looks as it was painted",
     )
 
 
@@ -82,7 +82,8 @@ def _listed(
     fixes = scene.unveil_selection.fixes
     fix = next((f for f in fixes if (f.track, f.frame) == (track, frame.name)), None) or fixes.add()
     order = [f.name for f in drive.tracks[track]].index(frame.name)
-    fix.name, fix.track, fix.frame, fix.time = f"{track} {frame.name}", track, frame.name, timeline.frames[track][order]
+    fix.track, fix.frame, fix.time = track, frame.name, timeline.frames[track][order]
+    fix.name = f"{track}, frame {fix.time}"
     fix.image, fix.invent = image, invent
     scene.unveil_selection.active_fix = len(fixes) - 1
     return fix

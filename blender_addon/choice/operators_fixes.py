@@ -49,6 +49,11 @@ def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
     space = areas[0].spaces.active
     space.image = image
     space.ui_mode = "PAINT"
+    region = next((r for r in areas[0].regions if r.type == "WINDOW"), None)
+    window = next(w for w in context.window_manager.windows if areas[0] in list(w.screen.areas))
+    if region is not None:
+        with context.temp_override(window=window, area=areas[0], region=region):
+            bpy.ops.image.view_all(fit_view=True)
 
 
 class UNVEIL_OT_forget_fix(bpy.types.Operator):

@@ -39,7 +39,7 @@ class UNVEIL_OT_toggle_object(bpy.types.Operator):
         for i, thing in enumerate(listed.objects):
             if thing.number == self.number:
                 thing.chosen, listed.active = not thing.chosen, i
-                self.report({"INFO"}, f"{thing.name} {'goes' if thing.chosen or thing.moves else 'stays'}")
+                self.report({"INFO"}, f"{thing.name} {'is removed' if thing.chosen or thing.moves else 'stays'}")
                 return {"FINISHED"}
         self.report({"ERROR"}, f"There is no object {self.number}")
         return {"CANCELLED"}

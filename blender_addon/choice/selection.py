@@ -379,7 +379,8 @@ def _describe(
     thing: UnveilObject, entry: ListedObject, drive: ImportedDrive, places: dict[str, dict[str, int]]
 ) -> None:
     thing.frames, thing.points = entry.frames, entry.points
-    thing.first_frame, thing.last_frame = entry.first_frame, entry.last_frame
+    own = next((frames for frames in places.values() if {entry.first_frame, entry.last_frame} <= set(frames)), {})
+    thing.first_frame, thing.last_frame = (str(own.get(n, n)) for n in (entry.first_frame, entry.last_frame))
     track, frame = entry.best_camera or "", entry.best_frame or ""
     found = frame in places.get(track, ())
     thing.best_track, thing.best_frame = (track, places[track][frame]) if found else ("", -1)

@@ -15,7 +15,7 @@ class UNVEIL_WST_choose(bpy.types.WorkSpaceTool):
     bl_space_type = "VIEW_3D"
     bl_context_mode = "OBJECT"
     bl_idname = "unveil_choose"
-    bl_label = "Choose what goes"
+    bl_label = "Choose what to remove"
     bl_description = "Click the box of an object to take it out of the street, or to leave it in"
     bl_icon = "ops.generic.select"
     bl_keymap = ()

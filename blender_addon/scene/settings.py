@@ -36,8 +36,8 @@ class UnveilSettings(bpy.types.PropertyGroup):
     quality: EnumProperty(
         name="Quality",
         items=(
-            ("draft", "Draft", "A first look: smaller images, fewer steps"),
-            ("standard", "Standard", "For most work"),
+            ("draft", "Draft", "A first look, in minutes: smaller images, fewer steps"),
+            ("standard", "Standard", "For most work; about three times as long as a draft"),
             ("high", "High", "Larger images, more steps, finer meshes"),
         ),
         default="standard",
@@ -69,7 +69,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
     )
     cameras: StringProperty(
         name="Cameras",
-        description="Cameras of a rig to use, as front,left; all: every one; empty: mostly the front, by the drive's format",
+        description="Of a rig, as front,left; all: every one; empty: the front camera, where the drive names one",
     )
     seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
     shadows: EnumProperty(

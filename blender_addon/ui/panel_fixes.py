@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..choice import fixes
+from ..work.stage_states import stage_states
 from .panels import Section
 
 __all__ = ["UNVEIL_PT_fixes"]
@@ -35,6 +36,32 @@ class UNVEIL_PT_fixes(Section, bpy.types.Panel):
             row.scale_y = 1.3
             row.operator("unveil.run", text="Redo from here", icon="FILE_REFRESH")
             layout.label(text="All other frames follow", icon="INFO")
+        elif _is_forgotten(context.scene):
+            row = layout.row()
+            row.scale_y = 1.3
+            row.operator("unveil.run", text="Redo without it", icon="FILE_REFRESH")
+            layout.label(text="Forgotten, but still in the results", icon="INFO")
+
+
+def _is_forgotten(scene: bpy.types.Scene) -> bool:
+    """Whether results hold what was painted before and is in no list any more."""
+    found = stage_states(scene)
+    return found is not None and "corrections" in found.stages["reoptimize"].changed
+
+
+def _header(self: bpy.types.Header, context: bpy.types.Context) -> None:
+    """What to do with a painted frame stands over it."""
+    image = getattr(context.space_data, "image", None)
+    if image is not None and str(image.get("unveil_role", "")).startswith("fix:"):
+        self.layout.operator("unveil.run", text="Redo from here", icon="FILE_REFRESH")
 
 
 CLASSES = (UNVEIL_PT_fixes,)
+
+
+def register() -> None:
+    bpy.types.IMAGE_HT_header.append(_header)
+
+
+def unregister() -> None:
+    bpy.types.IMAGE_HT_header.remove(_header)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..scene import view
-from ..scene.images import compositing
+from ..scene.images import compositing, preview
 from .panels import Section
 
 __all__ = ["UNVEIL_PT_results"]
@@ -29,6 +29,9 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
         column = layout.column()
         column.use_property_split, column.use_property_decorate = True, False
         column.prop(shown, "background")
+        tried = list(context.scene.camera.get(preview.TRIED, ())) if context.scene.camera is not None else []
+        if shown.background == "preview" and tried:
+            layout.label(text=f"Preview: {len(tried)} frames, {tried[0]} to {tried[-1]}", icon="HIDE_OFF")
         mesh = view.shown_mesh(context.scene)
         if mesh is not None and (view.is_decimated(mesh) or mesh.get(view.FULL_DETAIL)):
             detail = f"Full detail: {mesh['unveil_triangles']:,} triangles"

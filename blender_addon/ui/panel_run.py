@@ -19,6 +19,8 @@ from .panels import Section
 
 __all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
 
+MOST_LINES = 6
+"""Of an error: a longer one would push everything else out of sight."""
 ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR"}
 
 
@@ -36,6 +38,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
         else:
             row = self.layout.row()
             row.scale_y = 1.6
+            row.enabled = bool(context.scene.unveil.drive)
             row.operator("unveil.run", icon="PLAY")
             if shown_drive(context.scene) is not None:
                 self.layout.operator("unveil.preview", icon="HIDE_OFF")
@@ -51,7 +54,7 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             return
         box = self.layout.box()
         said = stage_line(state)
-        box.label(text=said if state.place or said == session.title else f"{session.title}: {said}")
+        box.label(text=said if session.title in (said, "Unveil") else f"{session.title}: {said}")
         box.progress(factor=state.fraction, text=f"{100 * state.fraction:.0f} %")
         column = box.column(align=True)
         for line in progress_lines(state):  # two, also where they are empty: what is below keeps its place
@@ -68,10 +71,15 @@ class UNVEIL_PT_work(Section, bpy.types.Panel):
             box = self.layout.box()
             box.alert = True
             column = box.column(align=True)
-            for i, line in enumerate(_wrapped(context, state.error)):
+            lines = _wrapped(context, state.error)
+            if len(lines) > MOST_LINES:
+                lines = [*lines[: MOST_LINES - 1], "… the log tells the rest"]
+            for i, line in enumerate(lines):
                 column.label(text=line, icon="ERROR" if i == 0 else "BLANK1")
         elif state is not None and state.status == "cancelled":
             self.layout.label(text="Cancelled; start again to go on", icon="INFO")
+        elif state is not None and state.status == "done":
+            self.layout.label(text=f"{session.title}: done in {duration(session.took_s)}", icon="CHECKMARK")
         if (state is not None or logs.log_text() is not None) and not session.busy:
             self.layout.operator("unveil.show_log", icon="TEXT")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The section What goes of the sidebar: lists of classes and objects."""
+"""The section Remove of the sidebar: lists of classes and objects."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ..choice import selection
+from ..scene import view
 from . import previews
 from .panels import Section
 
@@ -104,7 +105,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
     """Lists of what can go."""
 
     bl_idname = "UNVEIL_PT_selection"
-    bl_label = "What goes"
+    bl_label = "Remove"
     bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -113,6 +114,9 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         if not selection.current(scene):
             layout.label(text="Import a drive to see what is in it", icon="INFO")
             return
+        if view.shown_drive(scene) is None:
+            layout.label(text="The drive is not in this scene any more", icon="INFO")
+            layout.operator("unveil.load_workspace", text="Bring it back", icon="FILE_REFRESH").ask = False
         row = layout.row(align=True)
         for which, text in (("VEHICLES", "Vehicles"), ("PEOPLE", "People"), ("ALL", "All"), ("NONE", "None")):
             row.operator("unveil.choose", text=text).which = which
@@ -156,9 +160,7 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
             row.prop(thing, "grow")
             row.prop(thing, "keep_shadow", toggle=True)
         row = box.row(align=True)
-        row.operator(
-            "unveil.toggle_object", text="Leave it in" if thing.chosen else "Take it out"
-        ).number = thing.number
+        row.operator("unveil.toggle_object", text="Keep" if thing.chosen else "Remove").number = thing.number
         row.operator("unveil.go_to_object", text="", icon="HIDE_OFF").number = thing.number
         if selection.is_marked(thing):
             row.operator("unveil.remove_mark", text="", icon="TRASH").number = thing.number
@@ -169,7 +171,7 @@ def _summary(scene: bpy.types.Scene) -> str:
     parts = [f"every {name}" for name in classes]
     if numbers:
         parts.append(f"{len(numbers)} single object{'s' if len(numbers) != 1 else ''}")
-    return "Goes: " + ", ".join(parts)
+    return "Removed: " + ", ".join(parts)
 
 
 CLASSES = (UNVEIL_UL_classes, UNVEIL_UL_objects, UNVEIL_PT_selection)

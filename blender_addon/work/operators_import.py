@@ -92,7 +92,8 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
         name="Every Nth frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
     )
     cameras: StringProperty(
-        name="Cameras", description="Cameras of a rig to use, as front,left; all: every one; empty: mostly the front"
+        name="Cameras",
+        description="Cameras of a rig to use, as front,left; all: every one; empty: the front camera, where the drive names one",
     )
 
     @classmethod

@@ -72,7 +72,9 @@ def _frames(scene: bpy.types.Scene, root: Path) -> str:
 def _show(context: bpy.types.Context, workspace: str) -> None:
     load(context, workspace)
     if cameras.track_of(context.scene.camera) is not None:
-        context.scene.unveil_view.background = "preview"
+        shown = context.scene.unveil_view
+        shown.background = "preview"
+        shown.shown = set()  # points of what is removed would lie over it
 
 
 CLASSES = (UNVEIL_OT_preview,)

@@ -10,6 +10,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from ..choice import selection
+from ..scene import drive_scene
 from ..worker import workspace_state
 from ..worker.job_state import duration
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
@@ -80,6 +81,8 @@ def _show(context: bpy.types.Context, workspace: str) -> None:
     found = load(context, workspace)
     if "clean" in found and context.scene.unveil_view.background == "preview":
         context.scene.unveil_view.background = "clean"
+    if "clean" in found and drive_scene.looks_through_camera(context):
+        context.scene.unveil_view.shown = context.scene.unveil_view.shown - {"POINTS"}
 
 
 class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from .. import __package__ as ADDON  # not this folder: Blender knows the add-on by the package above
 from ..worker import environment
@@ -65,8 +65,11 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         "Without meaning where a Folder of wheels is named",
     )
 
+    show_installation: BoolProperty(name="Advanced installation", options={"SKIP_SAVE"})
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
+        layout.label(text="Then: 3D View, N, tab Unveil; or File > Import > Street drive", icon="INFO")
         layout.prop(self, "python")
         row = layout.row()
         row.operator("unveil.check_python", icon="VIEWZOOM")
@@ -74,12 +77,13 @@ class UnveilPreferences(bpy.types.AddonPreferences):
         if session.busy:
             row.operator("unveil.cancel", icon="CANCEL")
         found = known(self)
-        lines = found.lines() if found else ["Not looked for yet: press Check."]
+        lines = found.lines() if found else ["This Python was not checked yet: press Check."]
         if not bpy.ops.unveil.check_python.poll():  # it is at it
             lines = [*lines[:-1], "Looking at what it can do …"]
         for line in lines:
             layout.label(text=line, icon=_icon(found, line))
-        if not may_install(self):
+        ready = found is not None and found.ok
+        if not may_install(self) and not ready:
             layout.label(text=f"Create environment: {OFFLINE}", icon="INTERNET_OFFLINE")
         elif session.last is not None and session.last.stage == "environment":
             state = session.last
@@ -87,6 +91,10 @@ class UnveilPreferences(bpy.types.AddonPreferences):
                 layout.progress(factor=state.fraction, text=state.message)
             elif state.error:
                 layout.label(text=state.error, icon="ERROR")
+        opened = self.show_installation
+        layout.prop(self, "show_installation", icon="DOWNARROW_HLT" if opened else "RIGHTARROW", emboss=False)
+        if not opened:
+            return
         column = layout.column()
         column.prop(self, "wheels")
         column.prop(self, "install_from")

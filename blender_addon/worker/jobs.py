@@ -213,5 +213,8 @@ def unveil_job(python: str | Path, arguments: Sequence[str]) -> Job:
         OSError: the interpreter cannot be started.
     """
     job = Job(unveil_command(python, [*arguments, "--json"]))
-    job.state.planned = stages_of(arguments[0])
+    planned = stages_of(arguments[0])
+    if "--until" in arguments:
+        planned = planned[: planned.index(arguments[arguments.index("--until") + 1]) + 1]
+    job.state.planned = planned
     return job

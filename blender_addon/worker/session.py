@@ -40,6 +40,7 @@ class Session:
     title: of the job, for people.
     last: state of the latest job, running or ended.
     ticks: of the latest job.
+    took_s: seconds that the latest job took, once it has ended.
     waiting: what its results wait for before they can be loaded; empty for nothing.
     """
 
@@ -48,6 +49,7 @@ class Session:
     last: JobState | None = None
     ticks: Ticks = field(default_factory=Ticks)
     waiting: str = ""
+    took_s: float = 0.0
 
     @property
     def busy(self) -> bool:
@@ -98,8 +100,8 @@ class Session:
     def conclude(self) -> JobState:
         """The job has ended: nothing runs any more. Its log gets its last lines."""
         assert self.job is not None and self.last is not None
-        took = duration(time.monotonic() - self.job.started)
-        self.last.log.append(f"{self.title}: {self.last.status} after {took}")
+        self.took_s = time.monotonic() - self.job.started
+        self.last.log.append(f"{self.title}: {self.last.status} after {duration(self.took_s)}")
         if self.ticks.count:
             self.last.log.append(self.ticks.text())
         self.job, self.waiting = None, ""

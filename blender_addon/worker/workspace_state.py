@@ -49,12 +49,14 @@ class StageState:
     state: "to do", "running", "done", "stale" or "failed".
     seconds: that it took, where it is done.
     message: why it failed, or that it was broken off, in one line.
+    changed: settings that are not those that it was made with.
     """
 
     name: str
     state: str
     seconds: float | None = None
     message: str = ""
+    changed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,9 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
         message = _why_failed(root, name) if state == "failed" else ""
         if state in ("to do", "stale") and entry.get("status") == "running":
             message = "was broken off; Unveil goes on from here"
-        stages[name] = StageState(name, state, _seconds(entry.get("seconds")) if state == "done" else None, message)
+        changed = _changed({**(entry.get("settings") or {}), **made_with}, wanted or {}) if state == "stale" else ()
+        seconds = _seconds(entry.get("seconds")) if state == "done" else None
+        stages[name] = StageState(name, state, seconds, message, changed)
     return WorkspaceState(root, True, drive=str(data.get("drive", "")), stages=stages)
 
 
@@ -141,6 +145,11 @@ def _state(entry: Mapping[str, object], wanted: Mapping[str, object], in_use: bo
 def _fits(settings: object, wanted: Mapping[str, object]) -> bool:
     """Whether recorded settings are the wanted ones, as far as both name them."""
     return not isinstance(settings, dict) or all(wanted[k] == v for k, v in settings.items() if k in wanted)
+
+
+def _changed(settings: Mapping[str, object], wanted: Mapping[str, object]) -> tuple[str, ...]:
+    """Names of recorded settings that are not the wanted ones."""
+    return tuple(name for name, value in settings.items() if name in wanted and wanted[name] != value)
 
 
 def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:

@@ -15,10 +15,12 @@ from ...formats.files import own_folder, write_whole
 from ...formats.timeline import Timeline
 from . import plates
 
-__all__ = ["FOLDER", "load"]
+__all__ = ["FOLDER", "TRIED", "load"]
 
 FOLDER = "preview"
 """Of the workspace: a workspace of its own."""
+TRIED = "unveil_tried"
+"""Frames of the timeline that a camera's preview shows."""
 
 
 def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Timeline) -> list[str]:
@@ -43,6 +45,7 @@ def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Ti
     whole: list[Path] = [nothing] * (frames[-1] - frames[0] + 1)
     for frame, file in zip(frames, shown, strict=True):
         whole[frame - frames[0]] = file
+    camera[TRIED] = [frame for frame, file in zip(frames, shown, strict=True) if file is not nothing]
     pictures = sequences.numbered(whole, drive.workspace, "blender", FOLDER, track)
     plates.set_plate(camera, mark, "preview", pictures, timeline.first(track))
     return ["preview"]

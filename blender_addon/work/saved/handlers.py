@@ -38,6 +38,11 @@ def _after_save(blend: object = "", *_: object) -> None:
     make_absolute(blend if isinstance(blend, str) else "")
 
 
+def _switched_on() -> None:
+    """A file may be open already; while an add-on is registered, Blender gives nothing of it."""
+    _after_load()
+
+
 HANDLERS: dict[str, Callable[..., None]] = {
     "load_pre": _before_load,
     "load_post": _after_load,
@@ -50,9 +55,12 @@ HANDLERS: dict[str, Callable[..., None]] = {
 def register() -> None:
     for name, handler in HANDLERS.items():
         getattr(bpy.app.handlers, name).append(handler)
+    bpy.app.timers.register(_switched_on, first_interval=0.1)
 
 
 def unregister() -> None:
+    if bpy.app.timers.is_registered(_switched_on):
+        bpy.app.timers.unregister(_switched_on)
     for name, handler in HANDLERS.items():
         if handler in getattr(bpy.app.handlers, name):
             getattr(bpy.app.handlers, name).remove(handler)

@@ -49,7 +49,7 @@ def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_
     scene.frame_set(1004)
     assert bpy.ops.unveil.paint_frame() == {"FINISHED"}
     (fix,) = scene.unveil_selection.fixes
-    assert (fix.name, fix.track, fix.frame, fix.time) == ("camera 03", "camera", "03", 1004)
+    assert (fix.name, fix.track, fix.frame, fix.time) == ("camera, frame 1004", "camera", "03", 1004)
     where = np.zeros((80, 128), bool)
     where[56:66, 50:80] = True  # the road ahead
     paint(fix.image, where, (0.0, 1.0, 0.0))
@@ -86,6 +86,9 @@ def test_a_painted_frame_is_followed_by_all_others(addon, scene, workspace, tmp_
     assert arguments[-2:] == ["--corrections", str(workspace / "corrections.json")]
     assert json.loads((workspace / "corrections.json").read_text())[0]["invent"] is True
     bpy.ops.unveil.forget_fix(index=0)
+    from check_run import drawn
+
+    assert "Redo without it" in drawn(addon.module("ui.panel_fixes").UNVEIL_PT_fixes)
     assert not (workspace / "corrections.json").exists() and "--corrections" not in addon.module(
         "choice.selection"
     ).arguments(scene)

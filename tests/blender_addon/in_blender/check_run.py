@@ -262,7 +262,7 @@ def test_the_panel_draws_in_every_state(addon, empty) -> None:
         assert {"a sleep: Mesh", "3/8  fusing", "loss 0.2500"} <= set(said)
         session.last.planned = ("inpaint", "mesh")
         session.last.metrics, session.last.message = {}, ""
-        assert drawn(panel_run.UNVEIL_PT_work)[:3] == ["Stage 2 of 2: Mesh", "38 %", "3/8"]
+        assert drawn(panel_run.UNVEIL_PT_work)[:3] == ["a sleep: Stage 2 of 2: Mesh", "38 %", "3/8"]
     finally:
         session.end()
         session.last = None

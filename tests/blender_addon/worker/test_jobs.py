@@ -221,7 +221,10 @@ def test_the_work_ends_with_a_blender_that_is_killed(drive: Path, python: Path, 
 @pytest.mark.skipif(sys.platform == "win32", reason="niceness")
 def test_the_artist_s_hand_goes_before_the_work() -> None:
     """And before all threads and children of it."""
-    child = "import os, subprocess, sys; print(os.nice(0)); subprocess.run([sys.executable, '-c', 'import os; print(os.nice(0))'])"
+    child = (
+        "import os, subprocess, sys, time; time.sleep(1); print(os.nice(0));"
+        "subprocess.run([sys.executable, '-c', 'import os; print(os.nice(0))'])"
+    )
     job = Job([sys.executable, "-u", "-c", child])
     assert job.wait(30).status == "done"
     told = [int(line) for line in job.state.log if line.strip().isdigit()]
