@@ -17,6 +17,11 @@ def _workspace_named(self: UnveilSettings, context: bpy.types.Context) -> None:
     blocks.look_up([self.workspace])
 
 
+def _inpainters(self: UnveilSettings, context: bpy.types.Context, text: str) -> list[str]:
+    """Names to choose from; an ONNX file may be typed as well."""
+    return [name for name in ("exemplar", "telea", "navier-stokes", "shift-map", "fsr") if text in name]
+
+
 class UnveilSettings(bpy.types.PropertyGroup):
     """The settings of a run, as ``unveil run --help`` has them."""
 
@@ -27,7 +32,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
         options=versions.PATH,
     )
     workspace: StringProperty(
-        name="Workspace",
+        name="Results folder",
         subtype="DIR_PATH",
         description="Folder of the results; a run that was cancelled continues from what is finished there",
         update=_workspace_named,
@@ -125,6 +130,8 @@ class UnveilSettings(bpy.types.PropertyGroup):
     inpainter: StringProperty(
         name="Inpainter",
         default="exemplar",
+        search=_inpainters,
+        search_options={"SUGGESTION"},
         description="Fills what no frame has seen, but ground: exemplar, telea, navier-stokes, shift-map, fsr, or an ONNX file",
     )
     reference_inpainter: StringProperty(

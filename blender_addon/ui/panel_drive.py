@@ -21,15 +21,14 @@ class UNVEIL_PT_drive(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
-        layout.operator("unveil.open_drive", icon="IMPORT")
-        column = layout.column()
-        column.use_property_split, column.use_property_decorate = True, False
-        column.prop(scene.unveil, "drive")
-        row = layout.row(align=True)
-        row.operator(
-            "unveil.import_drive", text="Import again" if selection.current(scene) else "Import", icon="FILE_REFRESH"
-        )
-        row.operator("unveil.load_workspace", text="Open workspace", icon="FILE_FOLDER").ask = True
+        layout.operator("unveil.open_drive", text="Import street drive…", icon="IMPORT")
+        layout.operator("unveil.load_workspace", text="Open results…", icon="FILE_FOLDER").ask = True
+        if scene.unveil.drive:
+            column = layout.column()
+            column.use_property_split, column.use_property_decorate = True, False
+            column.prop(scene.unveil, "drive")
+            again = "Import again" if selection.current(scene) else "Import"
+            layout.operator("unveil.import_drive", text=again, icon="FILE_REFRESH")
         collection = view.shown_drive(scene)
         if collection is None:
             return

@@ -36,7 +36,7 @@ class UNVEIL_PT_results(Section, bpy.types.Panel):
         if mesh is not None and (view.is_decimated(mesh) or mesh.get(view.FULL_DETAIL)):
             detail = f"Full detail: {mesh['unveil_triangles']:,} triangles"
             layout.operator("unveil.full_detail", text=detail, depress=bool(mesh.get(view.FULL_DETAIL)))
-        layout.operator("unveil.load_workspace", text="Load results again", icon="FILE_REFRESH").ask = False
+        layout.operator("unveil.load_workspace", text="Reload results", icon="FILE_REFRESH").ask = False
         _draw_plates(layout.box().column(), context)
 
 

@@ -17,8 +17,9 @@ from ..worker.session import session
 from ..worker.workspace_state import STAGES, StageState
 from .panels import Section
 
-__all__ = ["UNVEIL_PT_run", "UNVEIL_PT_work"]
+__all__ = ["UNVEIL_PT_run", "UNVEIL_PT_stages", "UNVEIL_PT_work"]
 
+SAID = {"stale": "out of date"}
 MOST_LINES = 6
 """Of an error: a longer one would push everything else out of sight."""
 ICONS = {"to do": "RADIOBUT_OFF", "running": "PLAY", "done": "CHECKMARK", "stale": "FILE_REFRESH", "failed": "ERROR"}
@@ -123,16 +124,25 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
                 "reference_inpainter",
             ):
                 column.prop(settings, name)
-        self._stages(context)
+        found = stage_states(scene)
+        if found is not None and found.problem:
+            layout.label(text=found.problem, icon="INFO")
+        if found is not None and not found.exists and shown_drive(scene) is not None:
+            layout.operator("unveil.find_workspace", icon="VIEWZOOM")
 
-    def _stages(self, context: bpy.types.Context) -> None:
+
+class UNVEIL_PT_stages(Section, bpy.types.Panel):
+    """Each stage with its state, for those who want to run one alone."""
+
+    bl_idname = "UNVEIL_PT_stages"
+    bl_label = "Stages"
+    bl_parent_id = "UNVEIL_PT_run"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
         found = stage_states(context.scene)
-        if found is None:
+        if found is None or not found.exists:
             return
-        if found.problem:
-            self.layout.label(text=found.problem, icon="INFO")
-        if not found.exists and shown_drive(context.scene) is not None:
-            self.layout.operator("unveil.find_workspace", icon="VIEWZOOM")
         column = self.layout.column(align=True)
         for name, stage in found.stages.items():
             self._stage(column, name, _live(stage))
@@ -143,7 +153,7 @@ class UNVEIL_PT_run(Section, bpy.types.Panel):
 
     def _stage(self, layout: Any, name: str, stage: StageState) -> None:
         row = layout.row(align=True)
-        status = duration(stage.seconds) if stage.seconds is not None else stage.state
+        status = duration(stage.seconds) if stage.seconds is not None else SAID.get(stage.state, stage.state)
         columns = row.split(factor=0.62)
         columns.label(text=STAGES[name], icon=ICONS[stage.state])
         columns.label(text=status)
@@ -175,4 +185,4 @@ def _wrapped(context: bpy.types.Context, text: str) -> list[str]:
     return textwrap.wrap(text, characters, break_on_hyphens=False) or [""]
 
 
-CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run)
+CLASSES = (UNVEIL_PT_work, UNVEIL_PT_run, UNVEIL_PT_stages)

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..choice import selection
-from ..scene import view
+from ..scene import drive_scene, view
 from . import previews
 from .panels import Section
 
@@ -84,19 +84,21 @@ class UNVEIL_UL_objects(bpy.types.UIList):
 
 
 def _columns(layout: bpy.types.UILayout) -> list[bpy.types.UILayout]:
-    """What an object is, its size, distance and frames, side by side."""
-    whole = layout.split(factor=0.52)
+    """What an object is, its size, distance and frames, side by side; of the same widths in the heading and in each row."""
+    whole = layout.split(factor=0.58)
     thing = whole.row(align=True)  # what is made first stands first
-    rest = whole.row()
-    return [thing, rest, rest, rest]
+    numbers = whole.split(factor=1 / 3)
+    size = numbers.row()
+    others = numbers.split(factor=0.5)
+    return [thing, size, others.row(), others.row()]
 
 
 def measures(item: selection.UnveilObject) -> tuple[str, str, str]:
     """Longest side and distance in metres, and how many frames show an object; empty where it is not known."""
-    box = selection.box_of(item)
+    box, metre = selection.box_of(item), drive_scene.metre_of(item.id_data)
     return (
-        f"{max(box.size):.1f}" if box is not None else "",
-        f"{item.distance:.0f}" if item.distance >= 0 else "",
+        f"{max(box.size) / metre:.1f} m" if box is not None else "",
+        f"{item.distance:.0f} m" if item.distance >= 0 else "",
         str(item.frames) if item.frames else "",
     )
 
@@ -148,7 +150,8 @@ class UNVEIL_PT_selection(Section, bpy.types.Panel):
         column.label(text=thing.name)
         measured = selection.box_of(thing)
         if measured is not None:
-            column.label(text="×".join(f"{v:.1f}" for v in measured.size) + " m")
+            metre = drive_scene.metre_of(thing.id_data)
+            column.label(text="×".join(f"{v / metre:.1f}" for v in measured.size) + " m")
         if thing.distance >= 0:
             column.label(text=f"{thing.distance:.1f} m from the drive")
         if thing.moves:

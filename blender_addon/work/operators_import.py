@@ -24,7 +24,6 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.import_drive"
     bl_label = "Import drive"
-    bl_options = {"REGISTER", "UNDO"}
 
     filepath: StringProperty(
         name="Drive", subtype="FILE_PATH", description="Empty: the scene's", options={"SKIP_SAVE", "HIDDEN"}

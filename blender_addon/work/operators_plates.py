@@ -27,7 +27,6 @@ class UNVEIL_OT_plates(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.plates"
     bl_label = "Plates for compositing"
-    bl_options = {"UNDO"}
 
     lens: EnumProperty(name="Lens", items=compositing.LENSES, default="DELIVERED")
     add: BoolProperty(
@@ -43,7 +42,7 @@ class UNVEIL_OT_plates(JobOperator, bpy.types.Operator):
             return False
         there = compositing.has_delivered(context.scene)
         if not there:
-            cls.poll_message_set("There are no delivered frames yet: press Unveil, or Load results again")
+            cls.poll_message_set("There are no delivered frames yet: press Unveil, or Reload results")
         return there
 
     def arguments(self, context: bpy.types.Context) -> list[str]:

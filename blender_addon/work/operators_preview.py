@@ -28,7 +28,6 @@ class UNVEIL_OT_preview(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.preview"
     bl_label = "Preview"
-    bl_options = {"UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -53,7 +53,6 @@ class UNVEIL_OT_run(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.run"
     bl_label = "Unveil"
-    bl_options = {"UNDO"}  # what it loads into the scene can be taken back, and does not go with the step before it
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         scene = context.scene
@@ -90,7 +89,6 @@ class UNVEIL_OT_stage(JobOperator, bpy.types.Operator):
 
     bl_idname = "unveil.stage"
     bl_label = "Run stage"
-    bl_options = {"UNDO"}
 
     stage: EnumProperty(name="Stage", items=[(name, label, "") for name, label in workspace_state.STAGES.items()])
 

@@ -255,6 +255,7 @@ def test_drawing_and_pointing_touch_no_disk(addon, scene, workspace, monkeypatch
     panels = [
         addon.module("ui.panel_run").UNVEIL_PT_work,
         addon.module("ui.panel_run").UNVEIL_PT_run,
+        addon.module("ui.panel_run").UNVEIL_PT_stages,
         addon.module("ui.panel_drive").UNVEIL_PT_drive,
         addon.module("ui.panel_selection").UNVEIL_PT_selection,
     ]
