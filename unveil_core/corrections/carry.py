@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.geometry.camera import Camera
+from unveil_core.delivery.views import NEAREST_M, SAME_DEPTH, EmptyDepth
 
-__all__ = ["StreetView", "positions_in", "shown_in"]
+__all__ = ["positions_in", "shown_in"]
 
-SAME_DEPTH = 0.03
-"""Share of its depth by which a place may lie before or behind what the other frame shows there and be it all the same."""
 SKY_M = 1e5
 """Depth of what has no surface: a place so far off lies in the same direction for all cameras of a drive."""
-NEAREST_M = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class StreetView:
-    """The empty street in one frame of working size: its camera, and (H, W) depth, 0 where it shows no surface."""
-
-    camera: Camera
-    depth: Float32
-
-
-def positions_in(here: StreetView, there: StreetView, wanted: Mask) -> Float32:
+def positions_in(here: EmptyDepth, there: EmptyDepth, wanted: Mask) -> Float32:
     """(H, W, 2) positions in frame ``there`` of what the pixels of frame ``here`` show; NaN where it does not show that.
 
     Args:
@@ -45,7 +32,7 @@ def positions_in(here: StreetView, there: StreetView, wanted: Mask) -> Float32:
     return found
 
 
-def shown_in(there: StreetView, points: Float64, wanted: Mask) -> tuple[NDArray[np.int64], Float64]:
+def shown_in(there: EmptyDepth, points: Float64, wanted: Mask) -> tuple[NDArray[np.int64], Float64]:
     """Which places a frame shows, itself and not what lies before them.
 
     Args:

@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.corrections.carry import StreetView, positions_in, shown_in
+from unveil_core.corrections.carry import positions_in, shown_in
 from unveil_core.corrections.files import Correction, read_paint
-from unveil_core.delivery.full_size import as_color, in_exposure
+from unveil_core.delivery.full_size import as_color, in_exposure, put_colors
 from unveil_core.delivery.lens import picture_positions, work_positions
+from unveil_core.delivery.views import EmptyDepth
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Footage, Frame
 from unveil_core.drives.exposure import IDENTITY, Exposure
-from unveil_core.geometry.images import grow, sample_at
+from unveil_core.geometry.images import grow, resampled, sample_at
 
 __all__ = ["Corrections", "corrected_frames"]
 
@@ -59,8 +61,9 @@ class Corrections:
     Args:
         corrections: in order.
         frames: of the drive; exposures: of all.
-        view: the empty street in a frame, by index.
+        views: the empty street in all.
         invent: invents a part of a frame anew.
+        cache: room for what the frames show of it.
     Raises:
         DriveError: an image is damaged, or no picture of its frame.
         SettingsError: the drive has no such frame.
@@ -71,10 +74,12 @@ class Corrections:
         corrections: Sequence[Correction],
         frames: Sequence[Frame],
         exposures: Sequence[Exposure],
-        view: Callable[[int], StreetView],
+        views: Sequence[EmptyDepth],
         invent: Invent,
+        cache: FrameCache,
     ) -> None:
-        self._frames, self._exposures, self._view = frames, exposures, view
+        self._frames, self._exposures, self._views = frames, exposures, views
+        self._at_work = cache.frames(len(frames), self._carried)
         pairs = zip(corrections, corrected_frames(corrections, frames), strict=True)
         self._paints = [self._paint(c, i, invent) for c, i in pairs]
 
@@ -90,6 +95,9 @@ class Corrections:
 
     def at_work(self, i: int) -> tuple[Float32, Float32]:
         """Colours (H, W, 3) in [0, 1] of frame ``i``'s photograph, and how far they cover its working picture (H, W)."""
+        return self._at_work[i]
+
+    def _carried(self, i: int) -> tuple[Float32, Float32]:
         frame = self._frames[i]
         size = (frame.camera.height, frame.camera.width)
         color, cover = np.zeros((*size, 3), np.float32), np.zeros(size, np.float32)
@@ -134,7 +142,7 @@ class Corrections:
         """Canonical colours (N, 3) in [0, 1] of places (N, 3) of the empty street, and how far they are corrected (N,)."""
         color, cover = np.zeros((len(points), 3), np.float32), np.zeros(len(points), np.float32)
         for paint in reversed(self._paints):  # an earlier one covers
-            index, pixels = shown_in(self._view(paint.index), points, paint.work[..., 3] > COVERED)
+            index, pixels = shown_in(self._views[paint.index], points, paint.work[..., 3] > COVERED)
             found = sample_at(paint.work, pixels)
             index, found = index[found[:, 3] > 0.5], found[found[:, 3] > 0.5]
             color[index] = in_exposure(found[:, :3], self._exposures[paint.index], IDENTITY)
@@ -154,7 +162,7 @@ class Corrections:
         there = self._frames[paint.index].camera
         if np.linalg.norm(there.centre - self._frames[i].camera.centre) >= ASKED_M:
             return None
-        found = positions_in(self._view(i), self._view(paint.index), paint.work[..., 3] > COVERED)
+        found = positions_in(self._views[i], self._views[paint.index], paint.work[..., 3] > COVERED)
         return found if np.isfinite(found).any() else None
 
     def _footage(self, i: int) -> Footage:
@@ -169,14 +177,10 @@ def _mixed(
     changed = cover > COVERED
     if not changed.any():
         return picture
-    share = cover[changed, None]
+    share: Float32 = cover[changed][:, None]
     mixed = as_color(picture)[changed] * (1 - share) + color[changed] * share
-    levels = np.clip(np.round(mixed * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
     out = picture.copy()
-    if picture.ndim == 2:
-        out[changed] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
-    else:
-        out[..., :3][changed] = levels.astype(picture.dtype)
+    put_colors(out, changed, mixed)
     return out
 
 
@@ -243,10 +247,7 @@ def _sampled(paint: Float32, at: Float32) -> tuple[Float32, Float32]:
 
 def _remap(plane: Float32, at: Float32) -> Float32:
     """A plane (h, w[, C]) at positions (H, W, 2), the centre of the first pixel at 0.5; nothing outside of it."""
-    found: Float32 = cv2.remap(
-        plane, at[..., 0] - 0.5, at[..., 1] - 0.5, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
-    ).astype(np.float32)
-    return found
+    return resampled(plane, at, border=cv2.BORDER_CONSTANT)
 
 
 def _unmixed(solid: Float32) -> tuple[Float32, Float32]:

@@ -16,10 +16,10 @@ from unveil_core.delivery.shifts import GroundShifts
 from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, nearest_depth, sees
 from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
-from unveil_core.geometry.images import sample_at
+from unveil_core.geometry.images import resampled, sample_at
 from unveil_core.ground.street import Ground
 
-__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure"]
+__all__ = ["CleanFrame", "FullSize", "as_color", "full_size_frame", "in_exposure", "put_colors"]
 
 SOURCES = 6
 """Frames at most whose footage a frame takes detail from: more show little else, and each costs a look at its whole picture."""
@@ -78,20 +78,14 @@ def as_color(picture: NDArray[np.uint8] | NDArray[np.uint16]) -> Float32:
     return color.astype(np.float32) / np.float32(np.iinfo(picture.dtype).max)
 
 
-def _like_file(
-    color: Float32, picture: NDArray[np.uint8] | NDArray[np.uint16]
-) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Colours (N, 3) in the channels and bits of a file's picture, without its transparency."""
-    levels = np.clip(np.round(color * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
-    return (levels @ np.array([0.299, 0.587, 0.114]) if picture.ndim == 2 else levels).astype(picture.dtype)
-
-
-def _sample(plane: NDArray[np.generic], positions: Float32, mode: int) -> NDArray[np.float32]:
-    """A plane (h, w…) at positions (H, W, 2), counted from the edge of the first pixel."""
-    return cv2.remap(
-        np.asarray(plane, dtype=np.float32), positions[..., 0] - 0.5, positions[..., 1] - 0.5, mode,
-        borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
+def put_colors(picture: NDArray[np.uint8] | NDArray[np.uint16], mask: Mask, colors: Float32) -> None:
+    """Write colours (N, 3) in [0, 1] into a file's picture where the mask (H, W) is, in its channels and bits; its transparency
+    stays."""
+    levels = np.clip(np.round(colors * np.iinfo(picture.dtype).max), 0, np.iinfo(picture.dtype).max)
+    if picture.ndim == 2:
+        picture[mask] = (levels @ np.array([0.299, 0.587, 0.114])).astype(picture.dtype)
+    else:
+        picture[..., :3][mask] = levels.astype(picture.dtype)
 
 
 def full_size_frame(
@@ -108,8 +102,8 @@ def full_size_frame(
     camera = drive.views.cameras[index]
     at = work_positions(frame.footage, camera)
     scale = frame.footage.camera.width / camera.width
-    removed = _sample(frame.removed.astype(np.float32), at, cv2.INTER_LINEAR) > 0
-    relit = (_sample(frame.relit.astype(np.float32), at, cv2.INTER_LINEAR) > 0) & ~removed
+    removed = resampled(frame.removed.astype(np.float32), at, cv2.INTER_LINEAR) > 0
+    relit = (resampled(frame.relit.astype(np.float32), at, cv2.INTER_LINEAR) > 0) & ~removed
     if not (removed.any() or relit.any()):
         return picture
     rows, columns = _box(removed | relit, round(12 * scale))
@@ -122,19 +116,14 @@ def full_size_frame(
         lit = (original + DARKEST) * _relight(frame, at) - DARKEST
         result[relit] = lit[relit]
     if removed.any():
-        base = _sample(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
+        base = resampled(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
         sharp = _sharpened(base, original, removed, at, index, drive, scale)
         inward = cv2.distanceTransform(removed.astype(np.uint8), cv2.DIST_L2, 3)
         share = np.clip(inward / (scale + 1.0), 0, 1)[..., None]
         result = np.where(removed[..., None], lit * (1 - share) + sharp * share, result)
     changed = removed | relit
     out = picture.copy()
-    own = out[part]
-    made = _like_file(result[changed], picture)
-    if picture.ndim == 3:
-        own[..., :3][changed] = made
-    else:
-        own[changed] = made
+    put_colors(out[part], changed, result[changed])
     return out
 
 
@@ -143,8 +132,8 @@ def _relight(frame: CleanFrame, at: Float32) -> Float32:
     before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
     weight = frame.relit[..., None].astype(np.float32)
     # Beside them lie pixels of removed objects, whose change is no light.
-    share = np.atleast_3d(_sample(weight, at, cv2.INTER_LINEAR))
-    change = _sample((np.clip(after / before, *RATIOS) - 1) * weight, at, cv2.INTER_LINEAR)
+    share = np.atleast_3d(resampled(weight, at, cv2.INTER_LINEAR))
+    change = resampled((np.clip(after / before, *RATIOS) - 1) * weight, at, cv2.INTER_LINEAR)
     ratio: Float32 = 1 + change / np.maximum(share, 1e-3)
     return ratio
 

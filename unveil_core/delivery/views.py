@@ -9,11 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.drives.depth_range import ASKED_M
+from unveil_core.drives.depth_range import ASKED_M, FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import CameraViews
+from unveil_core.raster.picture import render_numpy
+from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["EmptyView", "EmptyViews", "choose_sources", "others_near", "sees"]
+__all__ = [
+    "NEAREST_M",
+    "SAME_DEPTH",
+    "EmptyDepth",
+    "EmptyView",
+    "EmptyViews",
+    "choose_sources",
+    "depth_of",
+    "others_near",
+    "sees",
+]
 
 SAME_DEPTH = 0.03
 """Share of its depth by which a place may lie before or behind what a view shows there and be it all the same."""
@@ -27,22 +39,39 @@ LEAST_GAIN = 0.01
 FINER = 1.6
 """A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
 
+SOLID = 0.5
+"""Alpha of the empty scene above which a pixel shows a surface."""
 NEAREST_M = 0.1
 """Depth in front of which a camera shows nothing, metres."""
 
 
 @dataclass(frozen=True, eq=False)
-class EmptyView:
-    """One frame.
+class EmptyDepth:
+    """The empty scene in one frame.
 
     Attributes:
         camera: of working size.
         depth: (H, W) of the empty scene along the optical axis, 0 where it has no surface.
-        barred: (H, W) bool, pixels that show something that goes, its shadow, or what is no street.
     """
 
     camera: Camera
     depth: Float32
+
+
+def depth_of(surfels: Surfels, camera: Camera) -> Float32:
+    """(H, W) of the empty scene, as :class:`EmptyDepth` has it."""
+    rendered = render_numpy(surfels, camera, near=NEAR_M, far=FAR_M)
+    return np.where(rendered["alpha"] > SOLID, rendered["depth"], 0).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class EmptyView(EmptyDepth):
+    """The same, with what the photograph is no witness of.
+
+    Attributes:
+        barred: (H, W) bool, pixels that show something that goes, its shadow, or what is no street.
+    """
+
     barred: Mask
 
     def at(self, positions: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -20,6 +20,7 @@ __all__ = [
     "mask_bits",
     "mask_of_bits",
     "masked_blur",
+    "resampled",
     "sample_at",
     "smoothed",
     "spread_from",
@@ -135,6 +136,20 @@ def sample_at(image: NDArray[Any], positions: Float64, mode: int = cv2.INTER_LIN
         if parts
         else np.zeros((0, channels), image.dtype)
     )
+
+
+def resampled(
+    plane: NDArray[Any], positions: Float32, mode: int = cv2.INTER_LINEAR, *, border: int = cv2.BORDER_REPLICATE
+) -> Float32:
+    """A plane (h, w[, C]) at a grid of positions (H, W, 2) in pixels, the centre of the first at 0.5.
+
+    Args:
+        mode: of OpenCV's interpolation; border: of its borders.
+    """
+    found: Float32 = cv2.remap(
+        np.asarray(plane, dtype=np.float32), positions[..., 0] - 0.5, positions[..., 1] - 0.5, mode, borderMode=border
+    ).astype(np.float32, copy=False)
+    return found
 
 
 def mask_bits(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -31,7 +31,7 @@ from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames
 from unveil_core.exports.plates.silhouettes import Silhouettes
 from unveil_core.exports.whole import tell
-from unveil_core.geometry.images import grow
+from unveil_core.geometry.images import grow, resampled
 from unveil_core.workspace.files import frame_file, load_mask
 from unveil_core.workspace.movers import Moving, read_moving
 
@@ -54,12 +54,12 @@ def write_mattes(job: Job, folder: Path) -> None:
     others = set()
     for done, (frame, plate) in enumerate(zip(frames, numbered(job, "png"), strict=True)):
         camera, number = frame.camera_name, plate.rsplit(".", 2)[1]
-        at = None if frame.footage is None else work_positions(frame.footage, frame.camera) - np.float32(0.5)
+        at = None if frame.footage is None else work_positions(frame.footage, frame.camera)
         goes = load_mask(frame_file(job.workspace.root / "masks/removed", frame))
         goes |= load_mask(frame_file(job.workspace.root / "masks/shadows", frame))
-        changed = goes if at is None else _sampled(goes, at, cv2.INTER_LINEAR) > 0
+        changed = goes if at is None else resampled(goes, at, cv2.INTER_LINEAR) > 0
         owners = _owners(goes, silhouettes.numbers(frame), moving, frame)
-        owners = owners if at is None else _sampled(owners, at, cv2.INTER_NEAREST).astype(np.int64)
+        owners = owners if at is None else resampled(owners, at, cv2.INTER_NEAREST).astype(np.int64)
         owners[~changed] = 0
         soft = max(1, round(SOFT_PX * changed.shape[1] / frame.camera.width))
         for who, name in names.items():
@@ -71,7 +71,7 @@ def write_mattes(job: Job, folder: Path) -> None:
         told = frame_file(job.workspace.root / "provenance", frame)
         if told.is_file():
             origins = read_label_image(told)
-            shown = _encoded(origins if at is None else _sampled(origins, at, cv2.INTER_NEAREST))
+            shown = _encoded(origins if at is None else resampled(origins, at, cv2.INTER_NEAREST))
             _write(folder, camera, PROVENANCE, number, shown)
         job.progress(done + 1, len(frames), "writing mattes")
     _leave_out(folder, {f.camera_name for f in frames} - others)
@@ -128,9 +128,3 @@ def _softened(own: Mask, soft: int) -> bytes:
     whole = np.where(own, 255, 0).astype(np.uint8)
     side = 2 * soft + 1
     return _encoded(np.maximum(whole, cv2.blur(whole, (side, side))))
-
-
-def _sampled(plane: NDArray[np.generic], at: NDArray[np.float32], mode: int) -> NDArray[np.float32]:
-    """A plane of working size in the size and lens of the footage, as the clean frames are made."""
-    values = np.asarray(plane, dtype=np.float32)
-    return cv2.remap(values, at, None, mode, borderMode=cv2.BORDER_REPLICATE)

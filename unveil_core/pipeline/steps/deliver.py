@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from unveil_core.base.files import link_or_copy, read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.types import Mask
-from unveil_core.corrections.carry import StreetView
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame
 from unveil_core.delivery.lens import write_st_maps
 from unveil_core.delivery.shifts import GroundShifts, find_shifts
-from unveil_core.delivery.views import EmptyView, EmptyViews
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.delivery.views import EmptyView, EmptyViews, depth_of
 from unveil_core.drives.drive import Drive, Footage, Frame, tracks
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
@@ -29,7 +27,6 @@ from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, RELIT
 from unveil_core.pipeline.stage import StageContext
-from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_mask
@@ -37,9 +34,6 @@ from unveil_core.workspace.movers import ego_pixels
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run"]
-
-SOLID = 0.5
-"""Alpha of the empty scene above which a pixel shows a surface."""
 
 
 def run(context: StageContext) -> None:
@@ -78,13 +72,10 @@ def _corrections(context: StageContext, drive: Drive, given: FullSize) -> Correc
         return None
     folder, frames = context.workspace.root / "clean", drive.frames
 
-    def view(i: int) -> StreetView:
-        return StreetView(frames[i].camera, given.views.frames[i].depth)
-
     def invented(i: int, mask: Mask) -> NDArray[np.uint8]:
         return read_image(frame_file(folder, frames[i]))
 
-    return Corrections(listed, frames, given.exposures, view, invented)
+    return Corrections(listed, frames, given.exposures, given.views.frames, invented, context.cache)
 
 
 def _full_size(context: StageContext, drive: Drive) -> FullSize:
@@ -127,11 +118,9 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
 
 def _seen(workspace: Workspace, surfels: Surfels, frame: Frame) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """(H, W) depth of the empty scene in a frame, 0 for none, and the pixels (H, W) that show no street."""
-    rendered = render_numpy(surfels, frame.camera, near=NEAR_M, far=FAR_M)
     goes = load_mask(frame_file(workspace.root / "masks/removed", frame))
     goes |= load_mask(frame_file(workspace.root / "masks/shadows", frame)) | ego_pixels(frame)
-    depth = np.where(rendered["alpha"] > SOLID, rendered["depth"], 0).astype(np.float32)
-    return depth, grow(goes, border_px(frame.camera.width))
+    return depth_of(surfels, frame.camera), grow(goes, border_px(frame.camera.width))
 
 
 def _shifts(workspace: Workspace) -> GroundShifts | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import torch
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.types import Mask
-from unveil_core.corrections.carry import StreetView
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
+from unveil_core.delivery.views import EmptyDepth, depth_of
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
@@ -29,7 +28,7 @@ from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
-from unveil_core.raster.picture import picture_of, render_numpy
+from unveil_core.raster.picture import picture_of
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.initialize import repainted
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -40,9 +39,6 @@ from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
 
-SOLID = 0.5
-"""Alpha of the scene above which a pixel shows a surface."""
-
 
 def run(context: StageContext) -> None:
     """surfels/empty.ply; renders/ and clean/, each in its own photograph's exposure; provenance/ and certainty/ of clean/."""
@@ -51,13 +47,14 @@ def run(context: StageContext) -> None:
     sky = load_sky(workspace.root / "surfels/sky.npz")
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
-    corrections = _corrections(context, drive)
+    scene = _scene(context)
+    corrections = _corrections(context, drive, scene[0])
     clean = _inpainted(context, drive, corrections)
-    work = _work(context, drive, clean, sky, corrections)
+    work = _work(context, drive, scene, clean, sky, corrections)
     empty = work.whole()
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
-    del work  # it holds the scene as it was
+    del work, scene  # the scene as it was
     moving = read_moving(workspace.root)
     for i, frame in enumerate(drive.frames):
         finished = frame_file(context.output("clean"), frame)
@@ -77,13 +74,13 @@ def run(context: StageContext) -> None:
     left = [i for i, f in enumerate(frames) if not frame_file(context.output("certainty"), f).is_file()]
     scratch = context.scratch("origins")
     told = provenance_of(workspace.root, context.partial, frames, empty, cache, scratch, left)
-    for done, known in enumerate(told, start=len(frames) - len(left)):
+    for done, (i, known) in enumerate(zip(left, told, strict=True), start=len(frames) - len(left)):
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
         certainty[changed] = certainty_levels(expected_right(known.origin[changed], known.doubts))
         origin = known.origin
         if corrections is not None:
-            mended = corrections.at_work(frames.index(known.frame))[1] > 0.5
+            mended = corrections.at_work(i)[1] > 0.5
             origin = np.where(mended, INVENTED, origin).astype(np.uint8)
             most = certainty_levels(np.array([CEILINGS[INVENTED]], np.float32))[0]  # nobody saw what a person painted
             certainty[mended] = np.minimum(certainty[mended], most)
@@ -107,27 +104,27 @@ def _inpainted(context: StageContext, drive: Drive, corrections: Corrections | N
     return context.cache.frames(len(frames), read)
 
 
-def _corrections(context: StageContext, drive: Drive) -> Corrections | None:
-    """What a person mended, None where there is nothing; carried by the scene as it is before it is optimized again."""
+def _corrections(context: StageContext, drive: Drive, scene: Surfels) -> Corrections | None:
+    """What a person mended, None where there is nothing.
+
+    Args:
+        scene: as it is before it is optimized again: it carries that.
+    """
     listed = corrections_of(context.settings.corrections)
     if not listed:
         return None
     root, frames = context.workspace.root, drive.frames
     exposures = read_exposures(context.workspace.exposure_json)
-    scene = _scene(context)[0]
-
-    def look(i: int) -> tuple[NDArray[Any], ...]:
-        shown = render_numpy(scene, frames[i].camera, near=NEAR_M, far=FAR_M)
-        return (np.where(shown["alpha"] > SOLID, shown["depth"], 0).astype(np.float32),)
-
-    depths = context.cache.stored(context.scratch("street"), len(frames), look)
+    cameras = [f.camera for f in frames]
+    depths = context.cache.stored(context.scratch("street"), len(frames), lambda i: (depth_of(scene, cameras[i]),))
+    views = Frames(len(frames), lambda i: EmptyDepth(cameras[i], depths[i][0]))
 
     def invent(i: int, mask: Mask) -> NDArray[np.uint8]:
         inpainted = exposures.delivered(frames[i], read_image(frame_file(root / "inpainted", frames[i])))
         return fill_around(inpainter(context.settings.inpainter), inpainted, mask)
 
     lights = [exposures.of(f) for f in frames]
-    return Corrections(listed, frames, lights, lambda i: StreetView(frames[i].camera, depths[i][0]), invent)
+    return Corrections(listed, frames, lights, views, invent, context.cache)
 
 
 def _scene(context: StageContext) -> tuple[Surfels, Mask]:
@@ -147,12 +144,13 @@ def _scene(context: StageContext) -> tuple[Surfels, Mask]:
 def _work(
     context: StageContext,
     drive: Drive,
+    scene: tuple[Surfels, Mask],
     clean: Sequence[NDArray[np.uint8]],
     sky: Sky,
     corrections: Corrections | None,
 ) -> BlockwiseReoptimization:
     blocks = cut_into_blocks(drive)
-    surfels, movable = _scene(context)
+    surfels, movable = scene
     if corrections is not None:  # what was painted is where it starts from
         color, cover = corrections.of_points(surfels.means.double().numpy())
         surfels, mended = repainted(surfels, color, cover > 0), cover > 0
@@ -177,6 +175,7 @@ def run_block(context: StageContext, number: int) -> None:
     """One block of the drive, kept for the stage."""
     drive = read_imported(context.workspace.drive_dir, points=False)
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
-    corrections = _corrections(context, drive)
-    work = _work(context, drive, _inpainted(context, drive, corrections), sky, corrections)
+    scene = _scene(context)
+    corrections = _corrections(context, drive, scene[0])
+    work = _work(context, drive, scene, _inpainted(context, drive, corrections), sky, corrections)
     work.block(work.blocks.blocks[number])
