@@ -12,7 +12,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
 from ..formats.drive_files import DriveFrame, ImportedDrive, read_drive
-from ..formats.files import own_folder, write_whole
+from ..formats.files import own_folder, write_changed
 from ..formats.object_files import read_fixes
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, cameras, view
@@ -132,10 +132,7 @@ def write(scene: Any) -> str:
         image, over = (f"{FOLDER}/{fix.track}/{fix.frame}{end}.png" for end in ("", BEFORE))
         entry = {"camera": fix.track, "frame": fix.frame, "image": image, "over": over}
         entries.append({**entry, "invent": True} if fix.invent else entry)
-    text = json.dumps(entries, indent=1) + "\n"
-    file = Path(path)
-    if not file.is_file() or file.read_text(encoding="utf-8") != text:
-        write_whole(file, text.encode())
+    write_changed(Path(path), (json.dumps(entries, indent=1) + "\n").encode())
     return path
 
 

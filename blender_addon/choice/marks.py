@@ -16,7 +16,7 @@ from mathutils import Matrix, Vector
 
 from ..formats.boxes import EDGES, SIGNS, SceneBox, box_around
 from ..formats.drive_files import ImportedDrive, read_drive
-from ..formats.files import write_whole
+from ..formats.files import write_changed
 from ..formats.object_files import read_marks
 from ..scene import blocks
 
@@ -105,9 +105,7 @@ def write_marked(
     for number, (name, box) in (boxes or {}).items():
         if box is not None:
             entries.append({"id": number, "class": name, **_box_entry(_placed(workspace, metre), box)})
-    text = json.dumps(entries, indent=1) + "\n"
-    if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        write_whole(path, text.encode())
+    write_changed(path, (json.dumps(entries, indent=1) + "\n").encode())
     return path
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,6 +23,7 @@ from bpy.props import (
 
 from ..formats.boxes import SceneBox
 from ..formats.drive_files import ImportedDrive
+from ..formats.files import file_stamp
 from ..formats.object_files import ListedObject, read_choice, read_listed, read_moving, recorded_settings
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, drive_scene, versions
@@ -386,18 +386,11 @@ def _describe(
     thing.best_track, thing.best_frame = (track, places[track][frame]) if found else ("", -1)
     thing.distance = -1.0 if entry.distance_m is None else entry.distance_m
     thing.thumbnail = "" if entry.thumbnail is None else str(entry.thumbnail)
-    thing.thumbnail_stamp = _stamp(thing.thumbnail)
+    thing.thumbnail_stamp = file_stamp(thing.thumbnail)
     thing.boxed = entry.box is not None and thing.source != "box"
     if entry.box is not None and thing.boxed:
         thing.centre, thing.size = ([v * drive.metre for v in part] for part in (entry.box.centre, entry.box.size))
         thing.yaw = entry.box.yaw - math.pi / 2  # the files count from east, the scene's x is north
-
-
-def _stamp(path: str) -> str:
-    try:
-        return str(os.stat(path).st_mtime_ns) if path else ""
-    except OSError:
-        return ""
 
 
 def _places(drive: ImportedDrive, timeline: Timeline) -> dict[str, dict[str, int]]:

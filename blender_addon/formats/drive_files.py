@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["FARTHEST", "DriveFrame", "ImportedDrive", "Lens", "file_below", "read_drive", "read_json"]
+__all__ = ["FARTHEST", "DriveFrame", "ImportedDrive", "Lens", "file_below", "file_name", "read_drive", "read_json"]
 
 FARTHEST, LONGEST_SIDE = 1e12, 1 << 20
 """Of coordinates, metres or units of the drive, and of a picture, pixels: what is larger is damaged."""
@@ -148,7 +148,7 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
         drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation, rate, metre)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
-            tracks.setdefault(_name(entry["camera"]), []).append(_frame(entry, drive))
+            tracks.setdefault(file_name(entry["camera"]), []).append(_frame(entry, drive))
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ValueError(f"{path}: is no imported drive: {error} (import it again)") from error
     drive.tracks.update({name: tuple(frames) for name, frames in tracks.items()})
@@ -159,7 +159,7 @@ def _number(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
-def _name(text: object) -> str:
+def file_name(text: object) -> str:
     """The name of one file or folder, as import gives them; others would lead out of the workspace's folders.
 
     Raises:
@@ -177,7 +177,7 @@ def file_below(folder: Path, name: object) -> Path:
     Raises:
         ValueError: it leads elsewhere.
     """
-    return folder.joinpath(*(_name(part) for part in str(name).split("/")))
+    return folder.joinpath(*(file_name(part) for part in str(name).split("/")))
 
 
 def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
@@ -195,7 +195,7 @@ def _frame(entry: dict, drive: ImportedDrive) -> DriveFrame:
     if not sound or not (np.abs(lens) < FARTHEST).all() or min(lens[:2]) < 1 / FARTHEST:
         raise ValueError(f"the camera of frame {entry['name']} has no size, focal length or pose")
     return DriveFrame(
-        _name(entry["name"]),
+        file_name(entry["name"]),
         file_below(drive.workspace / "drive", shown["image"]),
         width,
         height,

@@ -11,7 +11,17 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-__all__ = ["file_stamp", "files_stamp", "link_or_copy", "move", "one_line", "own_folder", "patiently", "write_whole"]
+__all__ = [
+    "file_stamp",
+    "files_stamp",
+    "link_or_copy",
+    "move",
+    "one_line",
+    "own_folder",
+    "patiently",
+    "write_changed",
+    "write_whole",
+]
 
 HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
@@ -101,6 +111,12 @@ def write_whole(path: Path, content: bytes) -> None:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def write_changed(path: Path, content: bytes) -> None:
+    """The same where the file holds something else: whoever compares times finds nothing new."""
+    if not path.is_file() or path.read_bytes() != content:
+        write_whole(path, content)
 
 
 def link_or_copy(source: Path, target: Path) -> None:

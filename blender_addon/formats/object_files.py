@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from .drive_files import FARTHEST, ImportedDrive, file_below, read_json
+from .drive_files import FARTHEST, ImportedDrive, file_below, file_name, read_json
 
 __all__ = [
     "Box",
@@ -166,14 +166,12 @@ def read_fixes(drive: ImportedDrive) -> list[Fix]:
     """``corrections.json``, in its own order."""
 
     def understood(data: Any) -> list[Fix]:
-        return [Fix(_name_of(e["camera"]), _name_of(e["frame"]), e.get("invent", False) is True) for e in _list(data)]
+        return [
+            Fix(file_name(_text(e["camera"])), file_name(_text(e["frame"])), e.get("invent", False) is True)
+            for e in _list(data)
+        ]
 
     return _read(drive.workspace / "corrections.json", understood, [], "mend it, or remove it to paint anew")
-
-
-def _name_of(value: Any) -> str:
-    """The name of one file or folder, which leads nowhere else."""
-    return file_below(Path(), _text(value)).name if "/" not in _text(value) else _text(None)
 
 
 def read_keyframes(workspace: Path) -> list[tuple[str, str]]:

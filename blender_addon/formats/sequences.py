@@ -18,7 +18,16 @@ from pathlib import Path
 
 from .files import link_or_copy, own_folder, patiently, write_whole
 
-__all__ = ["REGION_COLORS", "PictureSequence", "in_color", "number_of", "numbered", "pictures_in", "with_palette"]
+__all__ = [
+    "REGION_COLORS",
+    "PictureSequence",
+    "in_color",
+    "number_of",
+    "numbered",
+    "pictures_in",
+    "transparent",
+    "with_palette",
+]
 
 REGION_COLORS = ((0, 0, 0), (60, 120, 216), (106, 190, 90), (226, 60, 60))
 """sRGB of nothing removed, observed, seen from other views, never seen."""
@@ -71,6 +80,7 @@ def _numbers(files: Sequence[Path]) -> int | None:
     return first
 
 
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MADE = re.compile(r"\d{6}\.[a-z]{1,5}")
 """Names of the links that :func:`numbered` makes."""
 
@@ -131,13 +141,20 @@ def _chunk(kind: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
 
 
+def transparent() -> bytes:
+    """A PNG of one pixel that shows nothing."""
+    header = struct.pack(">IIBBBBB", 1, 1, 8, 6, 0, 0, 0)
+    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(bytes(5))), (b"IEND", b""))
+    return SIGNATURE + b"".join(_chunk(kind, content) for kind, content in parts)
+
+
 def with_palette(png: bytes, colors: Sequence[tuple[int, int, int]]) -> bytes:
     """A grey 8-bit PNG of small numbers as one that shows each number in a colour; the pixels are taken over as they are.
 
     Raises:
         ValueError: it is no grey 8-bit PNG.
     """
-    header = struct.unpack(">IIBBBBB", png[16:29]) if png[:8] == b"\x89PNG\r\n\x1a\n" and len(png) > 33 else ()
+    header = struct.unpack(">IIBBBBB", png[16:29]) if png[:8] == SIGNATURE and len(png) > 33 else ()
     if header[2:4] != (8, 0):
         raise ValueError("is no grey 8-bit PNG")
     palette = bytes(v for color in (*colors, *[(255, 255, 255)] * (256 - len(colors))) for v in color)

@@ -9,11 +9,13 @@ from __future__ import annotations
 import os
 import uuid
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import bpy
 
 __all__ = [
+    "absolute",
     "as_preferred",
     "child_collection",
     "drive_collection",
@@ -96,6 +98,11 @@ def as_preferred(path: str) -> str:
         return str(bpy.path.relpath(path))
     except ValueError:  # on another drive
         return path
+
+
+def absolute(path: str) -> Path:
+    """A path as Blender has it, which may start at the .blend."""
+    return Path(bpy.path.abspath(path)).absolute()
 
 
 _resolved: dict[str, str] = {}

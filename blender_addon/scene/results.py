@@ -10,12 +10,12 @@ import numpy as np
 
 from ..formats import sequences, splats
 from ..formats.decimation import decimated
-from ..formats.drive_files import ImportedDrive, read_drive
-from ..formats.files import own_folder
+from ..formats.drive_files import ImportedDrive
+from ..formats.files import file_stamp, own_folder
 from ..formats.gaussians import gaussians_of
 from ..formats.object_files import read_keyframes
 from ..formats.ply_file import read_ply
-from ..formats.timeline import Timeline, timeline_of
+from ..formats.timeline import Timeline
 from . import blocks, drive_scene, meshes, splat_clouds, versions, view
 from .images import plates, preview
 
@@ -42,18 +42,19 @@ MOST_TRIANGLES = 500_000
 """A mesh of more is decimated for the view: so many take 31 MB of a .blend, and a street of 400 m has cells of 0.27 m."""
 
 
-def load(context: bpy.types.Context, collection: bpy.types.Collection) -> list[str]:
-    """Bring whatever stages have made of a drive into the scene, into the collection that the drive has there.
+def load(context: bpy.types.Context, placed: drive_scene.Placed, drive: ImportedDrive) -> list[str]:
+    """Bring whatever stages have made of a drive into the scene.
 
+    Args:
+        placed: the drive there.
     Returns:
         what is there, by kind.
     Raises:
         ValueError: a file is damaged; one line that names it.
         OSError: a file cannot be read, or a link not be made.
     """
-    scene, mark = context.scene, blocks.drive_of(collection)
-    drive = read_drive(Path(blocks.workspace_of(collection)), drive_scene.metre_of(scene))
-    timeline = timeline_of(drive, scene.unveil.start_frame)
+    scene, collection, timeline = context.scene, placed.collection, placed.timeline
+    mark = blocks.drive_of(collection)
     found: list[str] = []
     for camera in drive_scene.tracks_of(collection):
         found += _plates(camera, mark, drive, timeline) + preview.load(camera, mark, drive, timeline)
@@ -193,8 +194,7 @@ def _keyframes(scene: bpy.types.Scene, mark: str, drive: ImportedDrive, timeline
 
 
 def _stamp(path: Path, drive: ImportedDrive) -> str:
-    stat = path.stat()
-    return f"{stat.st_size} {stat.st_mtime_ns} {drive.metre:g}"
+    return f"{file_stamp(path)} {drive.metre:g}"
 
 
 def load_mesh(collection: bpy.types.Collection, drive: ImportedDrive, state: str) -> list[str]:

@@ -4,13 +4,34 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from . import blocks, versions
 
-__all__ = ["UnveilSettings"]
+__all__ = ["CAMERAS", "SET_UP_SCENE", "START_FRAME", "UnveilSettings"]
+
+
+SET_UP_SCENE: dict[str, Any] = {
+    "name": "Set up scene",
+    "default": True,
+    "description": "Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer; "
+    "off: nothing but the drive's own collection is touched",
+}
+START_FRAME: dict[str, Any] = {
+    "name": "Start frame",
+    "default": 1001,
+    "min": 0,
+    "max": 1_000_000,
+    "description": "Frame of the timeline of the first picture",
+}
+CAMERAS: dict[str, Any] = {
+    "name": "Cameras",
+    "description": "Of a rig, as front,left; all: every one; empty: the front camera, where the drive names one",
+}
+"""Settings that the import dialog asks for, too."""
 
 
 def _workspace_named(self: UnveilSettings, context: bpy.types.Context) -> None:
@@ -56,15 +77,8 @@ class UnveilSettings(bpy.types.PropertyGroup):
         ),
         default="auto",
     )
-    set_up_scene: BoolProperty(
-        name="Set up scene",
-        default=True,
-        description="Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer; "
-        "off: nothing but the drive's own collection is touched",
-    )
-    start_frame: IntProperty(
-        name="Start frame", default=1001, min=0, max=1_000_000, description="Frame of the timeline of the first picture"
-    )
+    set_up_scene: BoolProperty(**SET_UP_SCENE)
+    start_frame: IntProperty(**START_FRAME)
     frames: StringProperty(
         name="Frames", description="Part of the drive as FIRST:END:STEP, counted from 0, as 40:200:2; empty: all"
     )
@@ -72,10 +86,7 @@ class UnveilSettings(bpy.types.PropertyGroup):
         name="Preview frames",
         description="Frames of the timeline that a preview tries, as 1004,1050; empty: the present one and two others",
     )
-    cameras: StringProperty(
-        name="Cameras",
-        description="Of a rig, as front,left; all: every one; empty: the front camera, where the drive names one",
-    )
+    cameras: StringProperty(**CAMERAS)
     seed: IntProperty(name="Seed", min=0, description="The same seed gives the same result")
     shadows: EnumProperty(
         name="Shadows",

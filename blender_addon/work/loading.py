@@ -36,7 +36,7 @@ def load(context: bpy.types.Context, workspace: str | Path) -> list[str]:
         if scene.unveil.set_up_scene:
             drive_scene.set_up(context, placed)
         progress.progress_update(2)
-        return results.load(context, placed.collection)
+        return results.load(context, placed, drive)
     finally:
         progress.progress_end()
 
@@ -46,6 +46,6 @@ def loaded(operator: bpy.types.Operator, context: bpy.types.Context, workspace: 
     try:
         load(context, workspace)
     except (OSError, ValueError) as error:
-        operator.report({"ERROR"}, one_line(error, Path(bpy.path.abspath(workspace)).absolute()))
+        operator.report({"ERROR"}, one_line(error, blocks.absolute(workspace)))
         return False
     return True

@@ -11,6 +11,8 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..choice import selection
+from ..scene import blocks
+from ..scene.settings import CAMERAS, SET_UP_SCENE, START_FRAME
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
 from .job.job_operator import JobOperator, UserError
 from .job.task import Task
@@ -38,22 +40,22 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         settings = context.scene.unveil
         if self.filepath:
-            drive = _absolute(self.filepath)
+            drive = blocks.absolute(self.filepath)
             if not drive.exists():
                 raise UserError(f"{drive}: there is no such drive")
-            if not settings.drive or _absolute(settings.drive) != drive:
+            if not settings.drive or blocks.absolute(settings.drive) != drive:
                 settings.workspace = ""
             settings.drive = str(drive)
         if not settings.drive:
             raise UserError("There is no drive yet: choose a transforms.json or the folder of a drive")
-        drive = _absolute(settings.drive)
+        drive = blocks.absolute(settings.drive)
         if not drive.exists():
             raise UserError(f"{drive}: there is no such drive")
         if self.workspace:
             settings.workspace = self.workspace
         if not settings.workspace:
             settings.workspace = str(default_workspace(drive, bpy.data.filepath))
-        place = _absolute(settings.workspace)
+        place = blocks.absolute(settings.workspace)
         options = [
             *settings_arguments(settings, bpy.path.abspath),
             *selection_arguments(selection.arguments(context.scene)),
@@ -62,10 +64,6 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
 
     def task(self, context: bpy.types.Context) -> Task:
         return replace(super().task(context), load=load)
-
-
-def _absolute(path: str) -> Path:
-    return Path(bpy.path.abspath(path)).absolute()
 
 
 class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
@@ -79,21 +77,12 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
     workspace: StringProperty(
         name="Workspace", subtype="DIR_PATH", description="Folder of the results; empty: beside the drive"
     )
-    set_up_scene: BoolProperty(
-        name="Set up scene",
-        default=True,
-        description="Fit the scene to the drive: camera, resolution, frame range and rate, 3D views and Video Sequencer",
-    )
-    start_frame: IntProperty(
-        name="Start frame", default=1001, min=0, max=1_000_000, description="Frame of the timeline of the first picture"
-    )
+    set_up_scene: BoolProperty(**SET_UP_SCENE)
+    start_frame: IntProperty(**START_FRAME)
     every_nth: IntProperty(
         name="Every Nth frame", default=1, min=1, soft_max=20, description="1: all frames of the drive"
     )
-    cameras: StringProperty(
-        name="Cameras",
-        description="Cameras of a rig to use, as front,left; all: every one; empty: the front camera, where the drive names one",
-    )
+    cameras: StringProperty(**CAMERAS)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -120,7 +109,7 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
                 setattr(settings, name, getattr(self, name))
         if given("every_nth"):
             settings.frames = "" if self.every_nth == 1 else f"::{self.every_nth}"
-        path = _drive_of(_absolute(self.filepath))
+        path = _drive_of(blocks.absolute(self.filepath))
         return bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
 
 

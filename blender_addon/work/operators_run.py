@@ -10,7 +10,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from ..choice import selection
-from ..scene import drive_scene
+from ..scene import blocks, drive_scene
 from ..worker import workspace_state
 from ..worker.job_state import duration
 from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
@@ -39,13 +39,13 @@ def drive_of(scene: bpy.types.Scene) -> str:
     """
     if not scene.unveil.drive:
         raise UserError("There is no drive yet: import one first")
-    return str(Path(bpy.path.abspath(scene.unveil.drive)).absolute())
+    return str(blocks.absolute(scene.unveil.drive))
 
 
 def workspace_of(scene: bpy.types.Scene) -> Path | None:
     """The scene's workspace, absolute; None if none is named."""
     name = scene.unveil.workspace
-    return Path(bpy.path.abspath(name)).absolute() if name else None
+    return blocks.absolute(name) if name else None
 
 
 class UNVEIL_OT_run(JobOperator, bpy.types.Operator):

@@ -11,15 +11,12 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ..formats.object_files import recorded_drive, recorded_settings
+from ..scene import blocks
 from ..worker.run_arguments import adopt
 from .loading import loaded
 from .saved.moved_workspace import follow
 
 __all__: list[str] = []
-
-
-def _absolute(path: str) -> Path:
-    return Path(bpy.path.abspath(path)).absolute()
 
 
 class UNVEIL_OT_load_workspace(bpy.types.Operator):
@@ -51,16 +48,18 @@ class UNVEIL_OT_load_workspace(bpy.types.Operator):
         if not place:
             self.report({"ERROR"}, "There is no workspace yet: import a drive, or choose the folder of one")
             return {"CANCELLED"}
-        if not (_absolute(place) / "workspace.json").is_file():
-            self.report({"ERROR"}, f"{_absolute(place)}: is no workspace (choose the folder that holds workspace.json)")
+        if not (blocks.absolute(place) / "workspace.json").is_file():
+            self.report(
+                {"ERROR"}, f"{blocks.absolute(place)}: is no workspace (choose the folder that holds workspace.json)"
+            )
             return {"CANCELLED"}
         if self.directory:
-            settings.workspace = str(_absolute(place))
-            self._adopt(settings, _absolute(place))
+            settings.workspace = str(blocks.absolute(place))
+            self._adopt(settings, blocks.absolute(place))
         if not loaded(self, context, settings.workspace):
             return {"CANCELLED"}
         try:
-            drive = recorded_drive(_absolute(place))
+            drive = recorded_drive(blocks.absolute(place))
         except ValueError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -89,11 +88,11 @@ class UNVEIL_OT_find_workspace(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        new = _absolute(self.directory)
+        new = blocks.absolute(self.directory)
         if not (new / "workspace.json").is_file():
             self.report({"ERROR"}, f"{new}: is no workspace (choose the folder that holds workspace.json)")
             return {"CANCELLED"}
-        follow(context.scene, _absolute(context.scene.unveil.workspace), new)
+        follow(context.scene, blocks.absolute(context.scene.unveil.workspace), new)
         return {"FINISHED"}
 
 

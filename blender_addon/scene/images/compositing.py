@@ -18,6 +18,7 @@ from ...formats.drive_files import ImportedDrive
 from ...formats.plate_files import TrackPlates, st_maps_of
 from ...formats.timeline import Timeline
 from .. import blocks, drive_scene, versions, view
+from . import plates
 
 __all__ = ["LENSES", "add_to_compositor", "group_of", "has_delivered", "in_lens", "set_group", "tracks_of"]
 
@@ -108,7 +109,7 @@ def set_group(
         if sequence.is_data:
             image.colorspace_settings.is_data = True
         image.source = "SEQUENCE" if len(numbered) > 1 else "FILE"
-        image.reload()  # the files may have been written anew
+        plates.reload_changed(image, numbered.files)
         for node in [n for n in group.nodes if n.get(blocks.ROLE) == kind]:
             node.image = image
             if len(numbered) > 1:
@@ -129,7 +130,7 @@ class _Pictures:
 def _still(mark: str, role: str, file: Path, name: str) -> bpy.types.Image:
     image = blocks.ensure_file(bpy.data.images, mark, role, str(file), name)
     image.colorspace_settings.is_data = image.use_fake_user = True
-    image.reload()
+    plates.reload_changed(image, [file])
     return image
 
 

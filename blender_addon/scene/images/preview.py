@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from pathlib import Path
 
 import bpy
 
 from ...formats import sequences
 from ...formats.drive_files import ImportedDrive, read_drive
-from ...formats.files import own_folder, write_whole
+from ...formats.files import own_folder, write_changed
 from ...formats.timeline import Timeline
 from . import plates
 
@@ -36,7 +34,7 @@ def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Ti
         return []
     tried = {f.name for f in read_drive(place).tracks.get(track, ())}
     nothing = own_folder(drive.workspace, "blender", FOLDER) / "nothing.png"
-    write_whole(nothing, _transparent())
+    write_changed(nothing, sequences.transparent())
     files = [folder / f"{f.name}.png" for f in drive.tracks[track]]
     shown = [file if file.stem in tried and file.is_file() else nothing for file in files]
     if not any(file is not nothing for file in shown):
@@ -49,14 +47,3 @@ def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Ti
     pictures = sequences.numbered(whole, drive.workspace, "blender", FOLDER, track)
     plates.set_plate(camera, mark, "preview", pictures, timeline.first(track))
     return ["preview"]
-
-
-def _transparent() -> bytes:
-    """A PNG of one pixel that shows nothing."""
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-
-    header = struct.pack(">IIBBBBB", 1, 1, 8, 6, 0, 0, 0)
-    pixels = zlib.compress(bytes(5))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")

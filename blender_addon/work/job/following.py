@@ -84,8 +84,6 @@ def _load(task: Task, state: JobState) -> None:
             task.show(bpy.context)  # what is wrong with it is told at the end
         else:
             task.conclude(bpy.context)
-        if task.load is not None and (state.running or state.status == "done"):
-            bpy.ops.ed.undo_push(message=f"{task.title}: results")
         redraw(bpy.context, everything=True)
 
 

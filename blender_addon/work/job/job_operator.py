@@ -70,8 +70,6 @@ class JobOperator:
         session.wait()
         state = task.conclude(context)
         redraw(context)
-        if task.load is not None:  # what it has loaded can be taken back, and does not go with the step before it
-            bpy.ops.ed.undo_push(message=f"{task.title}: results")
         if state.status == "done":
             self.report({"INFO"}, f"{self.title()}: done")  # type: ignore[attr-defined]
             return {"FINISHED"}

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 
 from ...formats.files import one_line
+from ...scene import blocks
 from ...worker.job_state import JobState
 from ...worker.session import session
 from . import logs
@@ -59,6 +59,8 @@ class Task:
         try:
             with context.temp_override(scene=scene):
                 self.load(context, self.workspace)
+            # It can be taken back, and does not go with what the artist did before.
+            bpy.ops.ed.undo_push(message=f"{self.title}: results")
         except (OSError, ValueError) as error:
-            return one_line(error, Path(bpy.path.abspath(self.workspace)).absolute())
+            return one_line(error, blocks.absolute(self.workspace))
         return ""

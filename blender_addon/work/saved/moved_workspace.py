@@ -23,7 +23,7 @@ def find_moved_workspaces() -> None:
         name = scene.unveil.workspace
         if not name:
             continue
-        recorded = Path(bpy.path.abspath(name)).absolute()
+        recorded = blocks.absolute(name)
         moved = beside / recorded.name
         if not (recorded / "workspace.json").is_file() and (moved / "workspace.json").is_file():
             follow(scene, recorded, moved)

@@ -9,11 +9,9 @@ look at the result before and after. What has to be true is asserted on the way;
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import platform
-import shutil
 import sys
 import time
 from pathlib import Path
@@ -22,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
 PACKAGE = "bl_ext.user_default.unveil"
 ROW_PX = 29  # between two lines of the preferences
@@ -291,18 +289,10 @@ def callback(window: BlenderWindow) -> dict[str, float]:
 
 def main() -> int:
     """All of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
-    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
-    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
+    parser = arguments(__doc__)
     parser.add_argument("--drive", type=Path, default=ROOT / "sample_scenes/parked_street/transforms.json")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, help="folder of pictures and measurements, made anew"
-    )
     given = parser.parse_args()
-    out = given.output.absolute()
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    out = made_anew(given.output)
     python = unveil_python(out, given.python)
     environ = {"BLENDER_USER_RESOURCES": str(out / "user")}
     with BlenderWindow(given.blender, out, environ=environ) as window:

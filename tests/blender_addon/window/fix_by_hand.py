@@ -7,7 +7,6 @@ Each step leaves a picture; what was measured is in ``OUT/fix_by_hand.json``. Th
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
@@ -19,7 +18,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.no_lost_work import ended, ready  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
 HELPERS = """
 import numpy as np
@@ -95,10 +94,7 @@ def painted(window: BlenderWindow, mask: Path) -> None:
 
 def main() -> int:
     """All of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
-    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
-    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
+    parser = arguments(__doc__)
     parser.add_argument("--drive", type=Path, default=ROOT / "sample_scenes/parked_street/transforms.json")
     parser.add_argument("--workspace", type=Path, help="of that drive and quality, run before: it is gone on with")
     parser.add_argument("--quality", default="draft", choices=("draft", "standard", "high"))
@@ -106,11 +102,8 @@ def main() -> int:
     parser.add_argument(
         "--frame", type=int, default=0, help="number of the frame that is mended; by default the middle one"
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the pictures, made anew")
     given = parser.parse_args()
-    out = given.output.absolute()
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    out = made_anew(given.output)
     python, root = unveil_python(out, given.python), out / "ws"
     if given.workspace is not None:
         shutil.copytree(given.workspace, root)

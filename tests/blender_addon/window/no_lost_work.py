@@ -8,7 +8,6 @@ left out. Each step leaves a picture; what has to be true is asserted.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import signal
@@ -22,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import HELPERS, group_of, open_sidebar  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
 STATES = "{n: s.state for n, s in module('work.stage_states').stage_states(bpy.context.scene).stages.items()}"
 ENDED_S = 5
@@ -123,16 +122,10 @@ def disk_full(window: BlenderWindow, disk: Path) -> None:
 
 def main() -> int:
     """All of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
-    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
-    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
+    parser = arguments(__doc__)
     parser.add_argument("--small-disk", type=Path, help="folder of a disk that may be filled")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the pictures, made anew")
     given = parser.parse_args()
-    out, extension = given.output.absolute(), given.extension.absolute()
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    out, extension = made_anew(given.output), given.extension.absolute()
     python = unveil_python(out, given.python)
     program = "import sys, pathlib; from tests.small_street import make_small_street as m; m(pathlib.Path(sys.argv[1]))"
     subprocess.run([python, "-c", program, str(out / "street")], check=True)

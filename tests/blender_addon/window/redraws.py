@@ -9,10 +9,8 @@ processor.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -24,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import open_sidebar  # noqa: E402
 from tests.blender_addon.window.no_lost_work import ready  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
 LONGEST_SIDEBAR_MS, LONGEST_LOAD_S = 20, 10
 HELPERS = """
@@ -45,16 +43,10 @@ def loaded_s(folder):
 
 def main() -> int:
     """All of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
-    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
-    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
+    parser = arguments(__doc__)
     parser.add_argument("--workspace", type=Path, help="of a big drive")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of pictures and figures, made anew")
     given = parser.parse_args()
-    out = given.output.absolute()
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    out = made_anew(given.output)
     python = unveil_python(out, given.python)
     workspace = given.workspace or out / "big"
     if given.workspace is None:

@@ -6,6 +6,7 @@ small server inside Blender (``inside.py``). Buttons cannot be asked for their p
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import re
@@ -14,12 +15,13 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["BlenderWindow"]
+__all__ = ["BlenderWindow", "arguments", "made_anew"]
 
 HERE = Path(__file__).resolve().parent
 PLAIN_WINDOWS = """<openbox_config xmlns="http://openbox.org/3.4/rc">
@@ -28,6 +30,27 @@ PLAIN_WINDOWS = """<openbox_config xmlns="http://openbox.org/3.4/rc">
 """Without title bars the window's pixels are the screen's."""
 STEP_PX = 9
 """Between two places that are looked at for a button: half a row."""
+
+
+def arguments(told: str | None) -> argparse.ArgumentParser:
+    """What every script takes.
+
+    Args:
+        told: the script's docstring.
+    """
+    parser = argparse.ArgumentParser(description=(told or "").splitlines()[0])
+    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
+    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
+    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of pictures and figures, made anew")
+    return parser
+
+
+def made_anew(folder: Path) -> Path:
+    """The folder, empty."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder.absolute()
 
 
 class BlenderWindow:

@@ -9,7 +9,6 @@ undo step; a drive that is linked from a library stays as it is. What was measur
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import shutil
@@ -24,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 from tests.blender_addon.run_in_blender import unveil_python  # noqa: E402
 from tests.blender_addon.window.click_path import LONGEST_CALLBACK_MS, group_of, open_sidebar  # noqa: E402
 from tests.blender_addon.window.no_lost_work import ended, ready  # noqa: E402
-from tests.blender_addon.window.window import BlenderWindow  # noqa: E402
+from tests.blender_addon.window.window import BlenderWindow, arguments, made_anew  # noqa: E402
 
 CONFIGURATION = """ocio_profile_version: 2
 strictparsing: false
@@ -217,15 +216,10 @@ def linked(window: BlenderWindow, library: Path, workspace: Path) -> None:
 
 def main() -> int:
     """All of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--blender", default="blender", help="command that starts Blender with its window")
-    parser.add_argument("--extension", type=Path, required=True, help="the zip that make extension wrote")
-    parser.add_argument("--python", default=sys.executable, help="interpreter with unveil_core's dependencies")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the pictures, made anew")
+    parser = arguments(__doc__)
     given = parser.parse_args()
-    out, extension = given.output.absolute(), given.extension.absolute()
-    shutil.rmtree(out, ignore_errors=True)
-    (out / "saves").mkdir(parents=True)
+    out, extension = made_anew(given.output), given.extension.absolute()
+    (out / "saves").mkdir()
     python = unveil_python(out, given.python)
     program = "import sys, pathlib; from tests.small_street import make_small_street as m; m(pathlib.Path(sys.argv[1]))"
     subprocess.run([python, "-c", program, str(out / "street")], check=True)
