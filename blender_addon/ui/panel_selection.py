@@ -85,7 +85,7 @@ class UNVEIL_UL_objects(bpy.types.UIList):
 
 def _columns(layout: bpy.types.UILayout) -> list[bpy.types.UILayout]:
     """What an object is, its size, distance and frames, side by side; of the same widths in the heading and in each row."""
-    whole = layout.split(factor=0.58)
+    whole = layout.split(factor=0.44)
     thing = whole.row(align=True)  # what is made first stands first
     numbers = whole.split(factor=1 / 3)
     size = numbers.row()
@@ -97,8 +97,8 @@ def measures(item: selection.UnveilObject) -> tuple[str, str, str]:
     """Longest side and distance in metres, and how many frames show an object; empty where it is not known."""
     box, metre = selection.box_of(item), drive_scene.metre_of(item.id_data)
     return (
-        f"{max(box.size) / metre:.1f} m" if box is not None else "",
-        f"{item.distance:.0f} m" if item.distance >= 0 else "",
+        f"{max(box.size) / metre:.1f}" if box is not None else "",
+        f"{item.distance:.0f}" if item.distance >= 0 else "",
         str(item.frames) if item.frames else "",
     )
 
