@@ -1,1 +1,1 @@
-"""Slow checks of quality, for pytest: ``make quality``."""
+"""Slow checks, for pytest: ``make quality``."""

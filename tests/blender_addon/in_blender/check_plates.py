@@ -14,13 +14,27 @@ from conftest import outside
 START = 1001
 
 
-@pytest.fixture
-def made(addon, scene, workspace: Path):  # type: ignore[no-untyped-def]
-    """The scene of a finished workspace, after the button."""
+@pytest.fixture(scope="module")
+def exported(addon, finished: Path, tmp_path_factory) -> Path:  # type: ignore[no-untyped-def]
+    """A finished workspace whose plates the button has made. Not to be changed."""
     import bpy
 
-    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    folder = Path(shutil.copytree(finished, tmp_path_factory.mktemp("exported") / "workspace"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    bpy.ops.unveil.load_workspace(directory=str(folder))
     assert bpy.ops.unveil.plates() == {"FINISHED"}
+    return folder
+
+
+@pytest.fixture
+def made(addon, exported: Path, scene, workspace: Path):  # type: ignore[no-untyped-def]
+    """The scene of a finished workspace, as it is after the button."""
+    import bpy
+
+    shutil.copytree(exported / "plates", workspace / "plates")
+    bpy.ops.unveil.load_workspace(directory=str(workspace))
+    show = addon.module("work.operators_plates")._show
+    show(bpy.context, str(workspace), lens="DELIVERED", add=False)
     return bpy.data.node_groups["Unveil camera"]
 
 
