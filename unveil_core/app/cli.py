@@ -13,6 +13,7 @@ from pathlib import Path
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
+from unveil_core.base.device import working_on
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 
 __all__ = ["CANCELLED", "main"]
@@ -32,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
         return int(stop.code or 0) if isinstance(stop.code, int | None) else 2
     asked = threading.Event()
     try:
-        with _interrupts(asked):
+        with _interrupts(asked), working_on("auto"):  # what a run is told to work on, it sees to itself
             if arguments.end_with_stdin:
                 end_with_stdin()
             return VERBS[arguments.verb](arguments)

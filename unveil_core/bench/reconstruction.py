@@ -51,9 +51,11 @@ VARIANTS: dict[str, Callable[[ReconstructSettings], ReconstructSettings]] = {
     "random_start": lambda s: replace(s, random_start=True),
     "no_growth": lambda s: replace(s, budget=0),
     "no_pruning": lambda s: replace(s, prune_opacity=0.0),
+    "torch": lambda s: replace(s, kernels="torch"),
 }
 """What the reconstruction may be done with or without instead, by name: all steps, surfels and degrees that the limits allow
-(no adaptation); trainable labels; 3D Gaussians; surfels thrown into the scene; no density control; no opacity pruning."""
+(no adaptation); trainable labels; 3D Gaussians; surfels thrown into the scene; no density control; no opacity pruning; losses and
+Adam as torch does them on a GPU, on the processor."""
 VOXEL_M, DEPTH_M, REACH_M, SAMPLE_M = 0.06, 25.0, 35.0, 0.05
 CROP_M = 5.0
 """Points farther than this from every true one are left out, as in the paper (section 4)."""
