@@ -13,7 +13,7 @@ import pytest
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from tests.inpaint.networks import from_reference, mean_fill
 from unveil_core.app.cli import main
-from unveil_core.base.device import gpu_problem
+from unveil_core.base.kernels.device import gpu_problem
 
 
 @pytest.mark.parametrize("option", ["--help", "--version"])

@@ -13,8 +13,8 @@ from pathlib import Path
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
-from unveil_core.base.device import working_on
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
+from unveil_core.base.kernels.device import working_on
 
 __all__ = ["CANCELLED", "main"]
 

@@ -12,7 +12,7 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from unveil_core.base.device import gpu_problem
+from unveil_core.base.kernels.device import gpu_problem
 
 __all__ = ["examine"]
 

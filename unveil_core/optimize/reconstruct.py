@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.device import current_device
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -141,7 +141,7 @@ def reconstruct(
     kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Reconstruction:
-    """Fit the full scene, with everything that is to be removed still in it, on the device of the run (``base.device``).
+    """Fit the full scene, with everything that is to be removed still in it, on the device of the run (``base.kernels.device``).
 
     Args:
         drive: an imported drive.

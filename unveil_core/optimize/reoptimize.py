@@ -13,8 +13,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.device import current_device
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
@@ -77,7 +77,7 @@ def reoptimize(
     checkpoint: Checkpoint | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
-    """Fit the movable surfels of the empty scene to inpainted frames, on the device of the run (``base.device``).
+    """Fit the movable surfels of the empty scene to inpainted frames, on the device of the run (``base.kernels.device``).
 
     Args:
         surfels: the empty scene with its new surfels, N of them.

@@ -7,8 +7,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from unveil_core.base.device import check_device
 from unveil_core.base.errors import InUseError, UnveilError, WorkspaceError
+from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive

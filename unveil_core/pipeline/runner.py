@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.device import check_device, working_on
 from unveil_core.base.errors import (
     Cancelled,
     DiskFullError,
@@ -33,6 +32,7 @@ from unveil_core.base.errors import (
 )
 from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.kernels.device import check_device, working_on
 from unveil_core.base.parallel import ThreadErrors
 from unveil_core.base.process_memory import (
     free_cycles,

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from unveil_core.base.checks.fields import checked
-from unveil_core.base.device import DEVICES
 from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels.device import DEVICES
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
 __all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
@@ -50,7 +50,7 @@ class RunSettings:
         marked: path of a JSON file of objects that a person marked, with boxes or mattes (see ``drives.marked``); made
             absolute; None = none.
         quality: "draft", "standard" or "high".
-        device: "auto", "cpu" or "cuda", see ``base.device``: of what is rendered and trained. Results are the same but for
+        device: "auto", "cpu" or "cuda", see ``base.kernels.device``: of what is rendered and trained. Results are the same but for
             rounding, so stages stay up to date when it changes. Whether this machine has the device is checked when a run
             begins, for a workspace may go on on another machine.
         seed: of everything random.

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.base.device import current_device
+from unveil_core.base.kernels.device import current_device
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import Rendered, render
 from unveil_core.surfels.surfels import Surfels

@@ -10,21 +10,24 @@ from dataclasses import dataclass
 
 import torch
 
-from unveil_core.base.device import CPU, Device
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels.device import CPU, Device
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["Place", "StepSize", "fitting", "largest_step", "place_for", "step_bytes"]
 
-BYTES_A_SURFEL = 2000
-"""Beside its parameters: 200 bytes for each of ten tiles that a surfel of a trained outdoor scene lies in (its place in the lists,
-the temporaries of their sort, its row of gradients). A corridor of small surfels has 2.8 tiles a surfel: this is the safe side."""
+BYTES_A_SURFEL = 1400
+"""Beside its parameters: its record and sums (250 bytes), and 110 for each of ten tiles that a surfel of a trained outdoor scene
+lies in: its place in the lists, and the temporaries of their sort, or its row of gradients. A corridor of small surfels has 2.8
+tiles a surfel, so this is the safe side."""
 PARAMETER_COPIES = 4
 """A parameter, its gradient and both of Adam's moments."""
-BYTES_A_PIXEL = 850
-"""Planes and their gradients (112 bytes), what is kept for the backward pass (24), and the most that the losses hold at a time."""
+BYTES_A_PLANE_PIXEL = 112
+"""Planes but semantics, and their gradients (88 bytes), and what the rasterizer keeps for its backward pass (24)."""
+BYTES_A_LOSS = 320
+"""Of each pixel, what the losses and the view in their making hold at a time, counted by a test."""
 BYTES_A_LABEL = 40
-"""Of each pixel for each label: the plane of semantics, its gradient, and what the label distortion keeps."""
+"""Of each pixel for each label: the plane of semantics, its gradient, the cross entropy's, and what the label distortion keeps."""
 SPARE = 1.15
 """Memory that torch's allocator holds beyond what is in use, as a factor."""
 OF_CONTEXT = 600 << 20
@@ -53,7 +56,7 @@ def step_bytes(size: StepSize) -> int:
     """Bytes on the GPU that a training step with all terms takes at most, views not counted."""
     parameters = 4 * (3 + 4 + 2 + 1 + 3 * size.coefficients)
     surfels = size.surfels * (PARAMETER_COPIES * parameters + BYTES_A_SURFEL)
-    pixels = size.width * size.height * (BYTES_A_PIXEL + BYTES_A_LABEL * size.labels)
+    pixels = size.width * size.height * (BYTES_A_PLANE_PIXEL + BYTES_A_LOSS + BYTES_A_LABEL * size.labels)
     return OF_CONTEXT + int(SPARE * (surfels + pixels))
 
 
@@ -67,15 +70,13 @@ def _free_bytes(device: Device) -> int:
 def fitting(size: StepSize, free: int) -> str | None:
     """Options with which a step fits into ``free`` bytes; None = none with a picture worth looking at.
 
-    Half of the surfels first, then smaller pictures, as long as they have 320 pixels along the longer side.
+    Smaller pictures first, down to half the side: delivered frames keep the footage's size. Then half as many surfels, and so on.
     """
     surfels = size.surfels
     longest = max(size.width, size.height)
-    for halvings in range(3):
-        for eighths in range(8, 1, -1):
+    for halvings in range(5):
+        for eighths in range(8, 3, -1):
             side = longest * eighths // 8
-            if side < 320:
-                break
             scale = side / longest
             smaller = StepSize(
                 surfels >> halvings,

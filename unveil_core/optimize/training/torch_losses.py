@@ -58,6 +58,24 @@ class _WithGradient(torch.autograd.Function):
         return None, None, gradient * grad_outputs[0]
 
 
+def _dissimilarity(x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
+    """Sum of 1 - SSIM of two images (3, H, W), and SSIM's derivatives by the blurred x, x*x and x*y (9, H, W).
+
+    Wang et al. 2004, equation 13.
+    """
+    mx, my, xx, yy, xy = _blurred(torch.cat([x, y, x * x, y * y, x * y])).view(5, *x.shape)
+    squares = mx * mx + my * my + C1
+    spread = xx - mx * mx + (yy - my * my) + C2
+    luminance = 2 * mx * my + C1
+    structure = 2 * (xy - mx * my) + C2
+    below = squares * spread
+    ssim = luminance * structure / below
+    by_square = -ssim / spread
+    by_product = 2 * luminance / below
+    by_mean = 2 * (my * structure / below - mx * ssim / squares) - 2 * mx * by_square - my * by_product
+    return (1 - ssim).sum(), torch.cat([by_mean, by_square, by_product])
+
+
 def l1_dssim(image: Tensor, target: Tensor, weight: Tensor | None = None, *, dssim: float = 0.2) -> Tensor:
     """As ``losses.l1_dssim``, with tensors of one device."""
     with torch.no_grad():
@@ -67,25 +85,13 @@ def l1_dssim(image: Tensor, target: Tensor, weight: Tensor | None = None, *, dss
             # Pixels that do not count show the target itself, so that the window carries nothing of them.
             x = x * weight + y * (1 - weight)
             count = (3 * weight.sum()).clamp_min(1.0)
-        mx, my, xx, yy, xy = _blurred(torch.cat([x, y, x * x, y * y, x * y])).view(5, 3, *x.shape[1:])
-        squares = mx * mx + my * my + C1
-        spread = xx - mx * mx + (yy - my * my) + C2
-        luminance = 2 * mx * my + C1
-        structure = 2 * (xy - mx * my) + C2
-        below = squares * spread
-        ssim = luminance * structure / below
-        # Derivatives of SSIM by the blurred x, x*x and x*y, then through the blur.
-        by_square = -ssim / spread
-        by_product = 2 * luminance / below
-        by_mean = 2 * (my * structure / below - mx * ssim / squares) - 2 * mx * by_square - my * by_product
-        through_mean, through_square, through_product = _blurred(torch.cat([by_mean, by_square, by_product])).view(
-            3, *x.shape
-        )
-        gradient = (1 - dssim) * torch.sign(x - y) - dssim * (
-            through_mean + 2 * x * through_square + y * through_product
-        )
-        gradient = gradient / count if weight is None else gradient * (weight / count)
-        value = ((1 - dssim) * (x - y).abs().sum() + dssim * (1 - ssim).sum()) / count
+        unlike, by_blurred = _dissimilarity(x, y)
+        by_mean, by_square, by_product = _blurred(by_blurred).view(3, *x.shape)
+        gradient = by_mean.addcmul_(x, by_square, value=2).addcmul_(y, by_product).mul_(-dssim)
+        difference = x - y
+        gradient += (1 - dssim) * torch.sign(difference)
+        gradient *= 1 / count if weight is None else weight / count
+        value = ((1 - dssim) * difference.abs_().sum() + dssim * unlike) / count
     found: Tensor = _WithGradient.apply(value, gradient.permute(1, 2, 0), image)  # type: ignore[no-untyped-call]
     return found
 
