@@ -355,6 +355,11 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         action="store_false",
         help="use the limits of the quality instead of choosing by held-out error",
     )
+    add(
+        "--baselines",
+        action=argparse.BooleanOptionalAction,
+        help="in the report of a drive with truth, fill the frames by single-image inpainters, too, for comparison: slow",
+    )
     _add_inpainters(
         p,
         "for holes that no frame shows and that are not ground: exemplar, telea, navier-stokes, shift-map, fsr, FILE.onnx",

@@ -77,6 +77,8 @@ class RunSettings:
             everything as static.
         inpainter: single-image inpainter for holes that no frame shows and that are not ground: a name in ``INPAINTERS``, or
             the path of an ONNX file, which is made absolute.
+        baselines: whether the report fills the frames by single-image inpainters, too, to stand beside ours; it counts only where
+            a true empty street is known.
         reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames in which holes are filled, "reverse", "forward" or "independent".
         keyframes: frames in which unobserved content is invented for all others, by stem or number (see
@@ -98,6 +100,7 @@ class RunSettings:
     sh_degree: int | None = None
     splats: int | None = None
     adapt: bool = True
+    baselines: bool = False
     reference_inpainter: str | None = None
     marked: str | None = None
     corrections: str | None = None
