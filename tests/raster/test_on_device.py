@@ -16,7 +16,7 @@ from torch import Tensor
 import unveil_core
 from tests.optimize.training.test_devices import LABELS, scene, turned
 from unveil_core.base.kernels.device import Device, working_on
-from unveil_core.raster import Rendered, on_device, render
+from unveil_core.raster import Rendered, on_device, picture, render
 from unveil_core.raster.api import PLANES
 from unveil_core.raster.on_device import array, rendered, there
 from unveil_core.raster.picture import picture_of, render_numpy
@@ -88,6 +88,16 @@ def test_pictures_are_the_same_and_come_from_there(monkeypatch: pytest.MonkeyPat
     assert np.array_equal(picture_of(surfels, sky, camera, near=0.2, far=100.0), here)
     again = render_numpy(surfels, camera, near=0.2, far=100.0, apart=(1,))
     assert all(np.array_equal(again[name], plane) for name, plane in arrays.items())
+
+
+def test_a_picture_that_is_finished_there_is_the_same() -> None:
+    """The device's own way to a picture, on the processor's planes: a level apart at most, where it rounds."""
+    surfels, camera = scene(), turned(0.3)
+    sky = Sky(torch.rand(3, 16, 32, generator=torch.Generator().manual_seed(2)), np.eye(3)[[2, 0, 1]])
+    out = rendered(surfels, camera, ("rgb", "alpha"), near=0.2, far=100.0)
+    here = picture_of(surfels, sky, camera, near=0.2, far=100.0)
+    other = picture._with_sky_there(out, sky, camera)
+    assert other.dtype == np.uint8 and np.abs(other.astype(int) - here).max() <= 1 and (other != here).mean() < 0.01
 
 
 def test_a_scene_is_brought_to_a_device_once() -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
@@ -235,6 +236,7 @@ def bench_reconstruction(
         "seconds": round(seconds, 1),
         "cpu_seconds": round(cpu_seconds, 1),
         "surfels": len(surfels),
+        "device": current_device().name,
         "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
+from unveil_core.raster.api import Rendered
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered, there
 from unveil_core.surfels.sky import Sky
@@ -27,7 +28,17 @@ def with_sky(rgb: NDArray[np.float32], alpha: NDArray[np.float32], sky: Sky, cam
 def picture_of(surfels: Surfels, sky: Sky, camera: Camera, *, near: float, far: float) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: metres, as ``render`` takes them."""
     out = rendered(near_camera(surfels, camera), camera, ("rgb", "alpha"), near=near, far=far)
-    return with_sky(array(out.rgb), array(out.alpha), sky, camera)
+    if out.visible.device.type == "cpu":
+        return with_sky(array(out.rgb), array(out.alpha), sky, camera)
+    return _with_sky_there(out, sky, camera)
+
+
+def _with_sky_there(out: Rendered, sky: Sky, camera: Camera) -> NDArray[np.uint8]:
+    """As :func:`with_sky`, on the device of the planes: a picture of bytes is all that comes back."""
+    assert out.rgb is not None and out.alpha is not None
+    behind = sky.to(out.rgb.device).sample(sky.grid_there(camera, out.rgb.device))
+    picture = out.rgb + (1 - out.alpha)[..., None] * behind
+    return array((picture * 255).round().clamp(0, 255).to(torch.uint8))
 
 
 def render_numpy(

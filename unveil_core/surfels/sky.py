@@ -67,6 +67,13 @@ class Sky:
         elevation = torch.atan2(up, torch.hypot(east, north)) * (2 / np.pi)
         return torch.stack([azimuth, elevation], dim=2)[None]
 
+    def grid_there(self, camera: Camera, device: torch.device) -> Tensor:
+        """(1, H, W, 2) as :meth:`grid`, computed on a device, in float32."""
+        x = (torch.arange(camera.width, device=device, dtype=torch.float32) + (0.5 - camera.cx)) / camera.fx
+        y = (torch.arange(camera.height, device=device, dtype=torch.float32) + (0.5 - camera.cy)) / camera.fy
+        x, y = x.expand(camera.height, -1), y[:, None].expand(-1, camera.width)
+        return self.grid_of_rays(torch.stack([x, y, torch.ones_like(x)], dim=2), self.turn(camera).to(device))
+
     def turn(self, camera: Camera) -> Tensor:
         """(3, 3) float32 from a camera's frame to the panorama's axes."""
         return torch.from_numpy((self.axes @ camera.world_to_camera[:3, :3].T).astype(np.float32))
