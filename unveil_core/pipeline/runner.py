@@ -340,7 +340,11 @@ class _Attempt:
             **({} if used.device is None else {"device": used.device.name}),
             **(facts or {}),
         }
+        if used.notes:
+            record["device_notes"] = used.notes
         commit(workspace, stage.name, partial, stage.outputs, record)
+        for note in used.notes:
+            self.reporter(workspace.log(stage.name, note, level="notice"))
         for _, assumption in recorded_assumptions({stage.name: record}):
             if not assumption.holds:
                 self.reporter(workspace.log(stage.name, assumption.message(), level="notice"))

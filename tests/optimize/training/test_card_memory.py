@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.kernels.device import CPU, GPU
+from unveil_core.base.kernels.device import CPU, GPU, working_on
 from unveil_core.optimize.training import card_memory, torch_losses
 from unveil_core.optimize.training.card_memory import StepSize, fitting, place_for, step_bytes
 
@@ -84,8 +84,11 @@ def test_a_small_card_is_told_with_what_would_fit(monkeypatch: pytest.MonkeyPatc
         SettingsError, match=r"1,000,000 surfels at 1920x1280 need .* of the GPU's memory, 2.0 GB are free"
     ):
         place_for(replace(GPU, asked_for=True), lambda: LARGE)
-    place = place_for(GPU, lambda: LARGE)  # nobody asked for it: the processor has room
-    assert place.device == CPU and "working on the processor" in place.why and "would fit" in place.why
+    with working_on(GPU) as used:
+        for _ in range(2):  # nobody asked for it: the processor has room
+            place = place_for(GPU, lambda: LARGE)
+    assert place.device == CPU and used.notes == [place.why]
+    assert "training on the processor: 1,000,000 surfels" in place.why and "would fit" in place.why
     small = place_for(GPU, lambda: replace(LARGE, surfels=50_000, width=480, height=320))
     assert small.device == GPU and not small.why and small.fine_bytes > small.coarse_bytes > 0
     assert place_for(CPU, lambda: pytest.fail("nobody asks how large it is")).device == CPU

@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from unveil_core.base.errors import SettingsError
 
@@ -24,6 +24,7 @@ __all__ = [
     "chosen_device",
     "current_device",
     "gpu_problem",
+    "note_of_device",
     "working_on",
 ]
 
@@ -57,10 +58,12 @@ class DeviceInUse:
 
     Attributes:
         setting: as for :func:`chosen_device`; device: what it came to, None = nobody has asked yet.
+        notes: why a part of the work went to the processor all the same, a line each.
     """
 
     setting: str = "cpu"
     device: Device | None = None
+    notes: list[str] = field(default_factory=list)
 
 
 _in_use = DeviceInUse("cpu", CPU)
@@ -71,6 +74,12 @@ def current_device() -> Device:
     if _in_use.device is None:
         _in_use.device = chosen_device(_in_use.setting)
     return _in_use.device
+
+
+def note_of_device(line: str) -> None:
+    """Keep a line for :attr:`DeviceInUse.notes`, once."""
+    if line not in _in_use.notes:
+        _in_use.notes.append(line)
 
 
 @contextmanager

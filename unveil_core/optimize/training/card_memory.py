@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.kernels.device import CPU, Device
+from unveil_core.base.kernels.device import CPU, Device, note_of_device
 from unveil_core.geometry.camera import Camera
 
 __all__ = ["Place", "StepSize", "fitting", "largest_step", "place_for", "step_bytes"]
@@ -131,7 +131,9 @@ def _placed(device: Device, size: StepSize, free: int) -> Place:
     smaller = fitting(size, free)
     if device.asked_for:
         raise SettingsError(problem, mend=f"use {smaller} or --device cpu" if smaller else "use --device cpu")
-    return Place(CPU, f"working on the processor: {problem}" + (f" ({smaller} would fit)" if smaller else ""))
+    why = f"training on the processor: {problem}" + (f" ({smaller} would fit)" if smaller else "")
+    note_of_device(why)
+    return Place(CPU, why)
 
 
 def largest_step(surfels: int, degree: int, cameras: Iterable[Camera], labels: int) -> StepSize:
