@@ -15,7 +15,7 @@ from torch import Tensor
 
 import unveil_core
 from tests.optimize.training.test_devices import LABELS, scene, turned
-from unveil_core.base.kernels.device import Device, working_on
+from unveil_core.base.kernels.device import GPU, Device, working_on
 from unveil_core.raster import Rendered, on_device, picture, render
 from unveil_core.raster.api import PLANES
 from unveil_core.raster.on_device import array, rendered, there
@@ -115,11 +115,10 @@ def test_a_scene_is_brought_to_a_device_once() -> None:
 
 def test_planes_of_the_gpu_s_backend_are_those_of_the_processor_s() -> None:
     pytest.importorskip("triton")
-    if torch.cuda.is_available():
-        pytest.skip("the interpreter is for machines without a GPU")
+    there = GPU if torch.cuda.is_available() else Device("cpu", backend="triton")  # else in the interpreter
     planes = ("rgb", "alpha", "depth", "semantics")
     here = rendered(scene(), turned(0.0), planes, label_count=LABELS, near=0.2, far=100.0)
-    with working_on(Device("cpu", backend="triton")):
+    with working_on(there):
         other = rendered(scene(), turned(0.0), planes, label_count=LABELS, near=0.2, far=100.0)
     for name in planes:
         np.testing.assert_allclose(array(getattr(other, name)), array(getattr(here, name)), atol=1e-4)

@@ -214,15 +214,45 @@ def test_training_goes_on_with_the_other_arithmetic() -> None:
 
 
 def test_the_gpu_s_kernels_train_as_the_processor_s() -> None:
-    """Rasterizer and arithmetic of the GPU, in Triton's interpreter."""
+    """Rasterizer and arithmetic of the GPU: on one where there is one, else in Triton's interpreter."""
     pytest.importorskip("triton")
-    if torch.cuda.is_available():
-        pytest.skip("the interpreter is for machines without a GPU")
-    held, states = views(), [begun(), begun(kernels="torch", backend="triton")]
-    for state in states:
+    there = torch.device("cuda:0" if torch.cuda.is_available() else "cpu")
+    held, states = views(), [begun(), begun(there, kernels="torch", backend="triton")]
+    for state, targets in zip(states, (held, views_on(held, sky(), there, 1 << 30)), strict=True):
         for turn in range(2):
-            state.step(held, geometry=turn == 1, done=0.0)
+            state.step(targets, geometry=turn == 1, done=0.0)
     for name, leaf in states[0].trainable.leaves.items():
-        torch.testing.assert_close(states[1].trainable.leaves[name], leaf, rtol=1e-3, atol=1e-3, msg=name)
+        torch.testing.assert_close(states[1].trainable.leaves[name].cpu(), leaf, rtol=1e-3, atol=1e-3, msg=name)
     assert states[0].density is not None and states[1].density is not None
-    torch.testing.assert_close(states[1].density.gradient, states[0].density.gradient, rtol=1e-3, atol=1e-6)
+    torch.testing.assert_close(states[1].density.gradient.cpu(), states[0].density.gradient, rtol=1e-3, atol=1e-6)
+    before = len(states[1])
+    states[1].density.settings = DensitySettings(gradient_threshold=0.0, budget=60)
+    states[1].grow()
+    states[1].prune()
+    assert len(states[1]) != before
+    states[1].step(views_on(held, sky(), there, 1 << 30), geometry=False, done=0.0)
+    assert states[1].result()[0].device == there
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
+def test_the_driver_sees_no_wait_in_a_steady_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a GPU torch itself raises where the host would wait; the rasterizer, which asks for sizes, is left out."""
+    state, rasterize = begun("cuda:0"), trainer.render
+    held = views_on(views(), sky(), torch.device("cuda:0"), 1 << 30)
+
+    def unwatched(*args: Any, **named: Any) -> Rendered:
+        torch.cuda.set_sync_debug_mode("default")
+        try:
+            return rasterize(*args, **named)
+        finally:
+            torch.cuda.set_sync_debug_mode("error")
+
+    for _ in range(len(held)):  # views come there, kernels are compiled, the loss is looked at
+        state.step(held, geometry=True, done=0.0)
+    monkeypatch.setattr(trainer, "render", unwatched)
+    try:
+        for _ in range(len(held)):
+            torch.cuda.set_sync_debug_mode("error")
+            state.step(held, geometry=True, done=0.0)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")

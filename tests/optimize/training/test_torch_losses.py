@@ -18,6 +18,8 @@ from unveil_core.optimize.training.arithmetic import FUSED, TORCH, arithmetic_fo
 from unveil_core.optimize.training.torch_adam import adam_step as torch_adam_step
 
 TOLERANCE = 1e-5
+THERE = "cuda" if torch.cuda.is_available() else "cpu"
+"""Where the torch code works: on a GPU where there is one."""
 seeds = st.integers(0, 2**31)
 sides = st.integers(1, 40)
 
@@ -29,8 +31,8 @@ def agree(fused: Callable[..., Tensor], by_torch: Callable[..., Tensor], *inputs
         summed: of how many numbers a value is the sum, where it is no mean.
     """
     results = []
-    for loss in (fused, by_torch):
-        leaves = [x.clone().requires_grad_(True) for x in inputs]
+    for loss, device in ((fused, "cpu"), (by_torch, THERE)):
+        leaves = [x.clone().to(device).requires_grad_(True) for x in inputs]
         value = loss(*leaves)
         (3.0 * value).backward()  # what comes from behind is passed on
         results.append((value.item(), [leaf.grad for leaf in leaves]))
@@ -38,7 +40,11 @@ def agree(fused: Callable[..., Tensor], by_torch: Callable[..., Tensor], *inputs
     assert other == pytest.approx(one, rel=TOLERANCE, abs=TOLERANCE * summed)
     for a, b in zip(ones, others, strict=True):
         assert a is not None and b is not None
-        assert float((a - b).abs().max()) <= TOLERANCE * max(1.0, float(a.abs().max()))
+        assert float((a - b.cpu()).abs().max()) <= TOLERANCE * max(1.0, float(a.abs().max()))
+
+
+def there(tensor: Tensor | None) -> Tensor | None:
+    return None if tensor is None else tensor.to(THERE)
 
 
 def masks(generator: torch.Generator, height: int, width: int, kind: str) -> Tensor | None:
@@ -60,7 +66,7 @@ def test_l1_dssim(seed: int, height: int, width: int, kind: str, dssim: float) -
     weight = masks(g, height, width, kind)
     agree(
         lambda x: losses.l1_dssim(x, target, weight, dssim=dssim),
-        lambda x: torch_losses.l1_dssim(x, target, weight, dssim=dssim),
+        lambda x: torch_losses.l1_dssim(x, target.to(THERE), there(weight), dssim=dssim),
         image,
         summed=image.numel() if kind == "empty" else 1,  # where nothing counts it is divided by one
     )
@@ -76,7 +82,7 @@ def test_cross_entropy(seed: int, height: int, width: int, kind: str, sky: bool)
     weight, label = masks(g, height, width, kind), 3 if sky else None
     agree(
         lambda s, a: losses.semantic_cross_entropy(s, a, target, sky_label=label, weight=weight),
-        lambda s, a: torch_losses.semantic_cross_entropy(s, a, target, sky_label=label, weight=weight),
+        lambda s, a: torch_losses.semantic_cross_entropy(s, a, target.to(THERE), sky_label=label, weight=there(weight)),
         semantics,
         alpha,
     )
@@ -93,7 +99,7 @@ def test_normals(seed: int, height: int, width: int, kind: str) -> None:
     weight = masks(g, height, width, kind)
     agree(
         lambda n, d, a: losses.normal_consistency(n, d, a, rays, weight),
-        lambda n, d, a: torch_losses.normal_consistency(n, d, a, rays, weight),
+        lambda n, d, a: torch_losses.normal_consistency(n, d, a, rays.to(THERE), there(weight)),
         normal,
         depth,
         alpha,
@@ -107,13 +113,14 @@ def test_adam(shape: tuple[int, ...], rest_rate: float | None, moves: bool) -> N
     moving = torch.rand(shape[0], generator=g) > 0.4 if moves else None
     start = torch.randn(shape, generator=g)
     found = []
-    for step in (adam_step, torch_adam_step):
-        x, first, second = start.clone(), torch.zeros(shape), torch.zeros(shape)
+    for step, device in ((adam_step, "cpu"), (torch_adam_step, THERE)):
+        x, first, second = (v.clone().to(device) for v in (start, torch.zeros(shape), torch.zeros(shape)))
+        some = None if moving is None else moving.to(device)
         again = torch.Generator().manual_seed(2)
         for turn in range(1, 30):
             gradient = torch.randn(shape, generator=again) * 10.0 ** (turn % 5 - 4)
-            step(x, gradient, first, second, moving, turn=turn, rate=1e-2, rest_rate=rest_rate)
-        found.append((x, first, second))
+            step(x, gradient.to(device), first, second, some, turn=turn, rate=1e-2, rest_rate=rest_rate)
+        found.append((x.cpu(), first.cpu(), second.cpu()))
     for one, other in zip(*found, strict=True):
         torch.testing.assert_close(other, one, rtol=TOLERANCE, atol=1e-6)
     if moving is not None:
