@@ -176,11 +176,11 @@ def reconstruct(
         sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
     most, cameras = max(len(surfels), settings.budget), [f.camera for f in drive.frames]
     place = place_for(current_device(), lambda: largest_step(most, settings.sh_degree, cameras, len(scene.labels)))
-    device = place.device
     if place.why:
         progress(0, settings.iterations, place.why)
+    there = torch.device(place.device.name)
     fine, coarse = (
-        views_on(_views(drive, images, labels, hidden, sky, factor, cache), sky, torch.device(device.name), room)
+        views_on(_views(drive, images, labels, hidden, sky, factor, cache), sky, there, room)
         for factor, room in ((1.0, place.fine_bytes), (0.5, place.coarse_bytes))
     )
     training = TrainSettings(
@@ -191,17 +191,16 @@ def reconstruct(
         near=NEAR_M,
         far=FAR_M,
         kernels=settings.kernels,
-        backend=device.backend,
+        backend=place.device.backend,
     )
-    spared = scene.labels.indices(settings.spared)
     state = Optimization(
-        surfels.to(device.name),
+        surfels.to(there),
         sky,
         training,
         LearningRates(means=0.004),
         label_count=len(scene.labels),
         sky_label=scene.labels.index("sky"),
-        spared_labels=spared,
+        spared_labels=scene.labels.indices(settings.spared),
         seed=seed,
     )
     course = _Course(state, fine, coarse, settings, kept.checkpoint("training"), progress)

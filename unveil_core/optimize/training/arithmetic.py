@@ -23,23 +23,23 @@ class Arithmetic:
 
     Attributes:
         l1_dssim, semantic_cross_entropy, normal_consistency: see ``losses``; adam_step: see ``adam``.
-        waits: whether a loss is a number as soon as it is made; if not, to read it means to wait for the device.
+        at_once: whether a loss is a number as soon as it is made; if not, to look at it means to wait for the device.
     """
 
     l1_dssim: Callable[..., Tensor]
     semantic_cross_entropy: Callable[..., Tensor]
     normal_consistency: Callable[..., Tensor]
     adam_step: Callable[..., None]
-    waits: bool
+    at_once: bool
 
 
-FUSED = Arithmetic(losses.l1_dssim, losses.semantic_cross_entropy, losses.normal_consistency, adam_step, waits=True)
+FUSED = Arithmetic(losses.l1_dssim, losses.semantic_cross_entropy, losses.normal_consistency, adam_step, at_once=True)
 TORCH = Arithmetic(
     torch_losses.l1_dssim,
     torch_losses.semantic_cross_entropy,
     torch_losses.normal_consistency,
     torch_adam_step,
-    waits=False,
+    at_once=False,
 )
 
 

@@ -32,8 +32,8 @@ SPARE = 1.15
 """Memory that torch's allocator holds beyond what is in use, as a factor."""
 OF_CONTEXT = 600 << 20
 """Bytes that CUDA takes for its context and torch for compiled kernels, before the first tensor."""
-FINE_SHARE, COARSE_SHARE = 0.8, 0.2
-"""Of the memory that a step leaves: for the views in full and in half size."""
+FINE_SHARE, COARSE_SHARE = 0.7, 0.15
+"""Of the memory that a step leaves: for the views in full and in half size. The rest is for what was not thought of."""
 
 
 @dataclass(frozen=True)

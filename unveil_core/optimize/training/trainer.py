@@ -181,16 +181,16 @@ class Optimization:
 
     def _note(self, loss: Tensor) -> None:
         """Take a step's loss into the mean."""
-        if self.arithmetic.waits:
+        if self.arithmetic.at_once:
             value = loss.item()
             self.loss = value if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * value
             return
-        value_there = loss.detach()
+        there = loss.detach()
         if self._mean is None:
-            self._mean = value_there.clone() if np.isnan(self.loss) else value_there * 0.05 + 0.95 * self.loss
+            self._mean = there.clone() if np.isnan(self.loss) else there * 0.05 + 0.95 * self.loss
             self._since = READ_EVERY  # the first is looked at, so that there is a loss to tell
         else:
-            self._mean.mul_(0.95).add_(value_there, alpha=0.05)
+            self._mean.mul_(0.95).add_(there, alpha=0.05)
             self._since += 1
         if self._since >= READ_EVERY:
             self._look()
