@@ -59,7 +59,7 @@ blocks.BLOCK_M, checkpoint.EVERY_S = {BLOCK_M}, {CHECKPOINT_S}
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 drive, workspace, steps = sys.argv[1:]
-settings = RunSettings(quality="draft", remove=("vehicle",), memory="64M", iterations=int(steps) or None)
+settings = RunSettings(quality="draft", remove=("vehicle",), memory="64M", iterations=int(steps) or None, baselines=True)
 run(Path(drive), Path(workspace), settings)
 """
 

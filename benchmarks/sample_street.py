@@ -26,7 +26,7 @@ SCENES = ("parked_street", "country_road")
 def measure(scene: str, quality: str, folder: Path) -> dict[str, object]:
     """Run a scene at one quality and read what the run recorded."""
     workspace, drive = folder / f"{scene}_{quality}", HERE.parent / "sample_scenes" / scene
-    command = [sys.executable, "-m", "unveil_core", "run", str(drive), "-o", str(workspace), "--quality", quality]
+    command = [sys.executable, "-m", "unveil_core", "run", str(drive), "-o", str(workspace), "--quality", quality, "--baselines"]
     load = os.getloadavg()[0]
     subprocess.run(command, check=True, cwd=HERE.parent)
     state = json.loads((workspace / "workspace.json").read_text())

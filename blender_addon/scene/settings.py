@@ -71,9 +71,13 @@ class UnveilSettings(bpy.types.PropertyGroup):
     device: EnumProperty(
         name="Device",
         items=(
-            ("auto", "Automatic", "The GPU where runs can use it, else the processor; Check in the preferences tells"),
+            (
+                "auto",
+                "Automatic",
+                "An NVIDIA GPU where one can be used, else the processor; Check in the preferences tells",
+            ),
             ("cpu", "CPU", "The processor alone"),
-            ("cuda", "GPU", "An NVIDIA GPU; refused where runs cannot use one"),
+            ("cuda", "GPU", "An NVIDIA GPU alone; a run is refused where none can be used"),
         ),
         default="auto",
     )

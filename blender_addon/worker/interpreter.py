@@ -90,7 +90,7 @@ class Found:
         if self.ok and unveil and addon and unveil[:2] != addon[:2]:
             mend = "press Create environment" if unveil < addon else "update the add-on"
             said.append(f"unveil {facts['unveil']} is not of this add-on's version {facts['addon']}: {mend}")
-        if facts.get("gpu_unused") and facts.get("runs_use_gpu"):
+        if facts.get("gpu_unused"):
             said.append("This torch cannot use the NVIDIA GPU: empty Index for torch and press Create environment")
         if _less(facts, "memory_gb", LITTLE_MEMORY_GB):
             said.append("Little memory: choose Draft, or a part of the drive in Frames")
@@ -118,7 +118,9 @@ def _gpu(facts: dict[str, object]) -> str:
         return "GPU: none that torch can use; Unveil works on the processor"
     memory = facts.get("gpu_memory_gb")
     known = f"GPU: {facts.get('gpu')}" + (f", {memory:g} GB" if isinstance(memory, int | float) else "")
-    return known if facts.get("runs_use_gpu") else f"{known}; runs of this unveil work on the processor"
+    if facts.get("runs_use_gpu"):
+        return known
+    return f"{known}; Unveil works on the processor: {facts.get('gpu_problem') or 'this unveil cannot use it'}"
 
 
 def _less(facts: dict[str, object], name: str, least: float) -> bool:

@@ -13,6 +13,7 @@ import pytest
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from tests.inpaint.networks import from_reference, mean_fill
 from unveil_core.app.cli import main
+from unveil_core.base.kernels.device import gpu_problem
 
 
 @pytest.mark.parametrize("option", ["--help", "--version"])
@@ -121,7 +122,7 @@ def no_points(path: Path) -> None:
             ["--keyframes", "1,9"],
             "there is no frame '9' to be a keyframe (use numbers from 0 to 3, or stems such as 00)",
         ),
-        (None, ["--device", "cuda"], "no GPU backend"),
+        (None, ["--device", "cuda"], "no GPU can be used: "),
     ],
 )
 def test_bad_drives_are_one_line_exit_2_and_leave_nothing(
@@ -150,8 +151,8 @@ def test_doctor_renders_for_real(capsys: pytest.CaptureFixture[str]) -> None:
     found = json.loads(capsys.readouterr().out)
     assert found["ok"] and found["numpy"] and np.isfinite(found["rasterizer_first_call_s"])
     assert found["cpu"] and found["cpus"] > 0 and found["memory_gb"] > 0 and found["disk_free_gb"] > 0
-    assert found["runs_use_gpu"] is False  # docs/command.md says so of --device
-    assert ("gpu_memory_gb" in found) == found["cuda"]
+    assert found["runs_use_gpu"] is (gpu_problem() is None)
+    assert ("gpu_memory_gb" in found) == found["cuda"] and ("gpu_problem" in found) != found["runs_use_gpu"]
 
 
 def test_import_speaks_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -75,6 +75,19 @@ def test_order_of_the_methods(finished: Path) -> None:
     assert methods["ours"]["ssim"] > methods["telea"]["ssim"]
 
 
+def test_without_baselines_all_else_is_the_same(finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = run_evaluation(finished)
+    monkeypatch.setattr("unveil_core.evaluate.frame_scores.BASELINES", {"telea": lambda *_: pytest.fail("was run")})
+    alone = run_evaluation(finished, baselines=False)
+    assert alone["truth"]["baseline_seconds_per_frame"] == {}
+    for figures in (whole, alone):
+        figures["truth"].pop("baseline_seconds_per_frame")
+        for methods in [r["methods"] for r in figures["truth"]["regions"].values()]:
+            for name in ("telea", "shift_map"):
+                methods.pop(name, None)
+    assert alone["truth"] == whole["truth"] and alone["coverage"] == whole["coverage"]
+
+
 def test_details_tell_blur_lines_and_what_is_left(workspace: Path) -> None:
     """The true street is right by all figures; the cars left standing are found, and by their numbers."""
     regions = run_evaluation(workspace)["truth"]["regions"]

@@ -96,7 +96,7 @@ def test_templates_ask_for_the_gpu_that_a_manifest_says(planned: Batch) -> None:
     texts = []
     for gpus in (0, 1):
         manifest = json.loads(path.read_text())
-        assert [d["gpus"] for d in manifest["drives"]] == [0], "no stage uses one"
+        assert [d["gpus"] for d in manifest["drives"]] == [0]  # that asks for none
         manifest["drives"][0]["gpus"] = gpus
         path.write_text(json.dumps(manifest))
         batch = read_batch(planned.root)

@@ -66,3 +66,9 @@ def test_this_machine_takes_time_and_has_room(tmp_path: Path) -> None:
     assert 1e-4 < measured_seconds() < 5
     assert free_memory_mb() > 50
     assert free_disk_mb(tmp_path / "not" / "there") > 1
+
+
+def test_times_with_a_gpu_are_kept_for_themselves(tmp_path: Path) -> None:
+    with_gpu = this_machine(tmp_path, "cuda:0")
+    with_gpu.note("draft", "reconstruct", 5.0, 50.0)
+    assert this_machine(tmp_path, "cuda:0").known and not this_machine(tmp_path).known

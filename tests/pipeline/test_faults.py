@@ -17,6 +17,7 @@ import torch
 
 from tests.drives.tiny_drive import make_tiny_drive
 from unveil_core.base.errors import InUseError, OutOfMemoryError, UnveilError, WorkspaceError
+from unveil_core.base.kernels.device import current_device, note_of_device
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
@@ -40,6 +41,36 @@ STAGE = Stage("read", read, (), ("sum.txt",), outside=outside)
 
 def go(root: Path, drive: Path, stage: Stage = STAGE) -> list[str]:
     return run_stages(Workspace.create(root), (stage,), RunSettings(), drive)
+
+
+def test_want_of_the_gpu_s_memory_is_told_with_what_to_do(tmp_path: Path) -> None:
+    def hungry(context: StageContext) -> None:
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 9 GiB. GPU 0 has a total capacity of 8 GiB")
+
+    (tmp_path / "drive").write_text("a street")
+    with pytest.raises(OutOfMemoryError, match=r"no memory left on the GPU for read \(.*--device cpu: it goes on"):
+        go(tmp_path / "ws", tmp_path / "drive", replace(STAGE, run=hungry))
+
+
+def test_a_stage_records_what_it_worked_on_and_why_not_elsewhere(tmp_path: Path) -> None:
+    def working(context: StageContext) -> None:
+        current_device()
+        note_of_device("training on the processor: too large")
+        read(context)
+
+    (tmp_path / "drive").write_text("a street")
+    for stage, found in (
+        (STAGE, (None, None)),
+        (replace(STAGE, run=working), ("cpu", ["training on the processor: too large"])),
+    ):
+        root = tmp_path / str(found[0])
+        events: list[dict[str, object]] = []
+        run_stages(
+            Workspace.create(root), (stage,), RunSettings(device="cpu"), tmp_path / "drive", reporter=events.append
+        )
+        recorded = json.loads((root / "workspace.json").read_text())["stages"]["read"]
+        assert (recorded.get("device"), recorded.get("device_notes")) == found
+        assert [e["message"] for e in events if e["level"] == "notice"] == (found[1] or [])
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from unveil_core.workspace.workspace import Workspace
 
 # Few steps: what they lead to is for the tests of the reconstruction, which choose for themselves how many they take.
 STEPS, SPLATS = 100, 8_000
-DRAFT = RunSettings(quality="draft", iterations=STEPS, splats=SPLATS)
+DRAFT = RunSettings(quality="draft", iterations=STEPS, splats=SPLATS, baselines=True)
 
 
 @pytest.fixture(scope="module")

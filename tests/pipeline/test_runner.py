@@ -304,7 +304,7 @@ def test_a_missing_input_names_the_stage(tmp_path: Path) -> None:
 def test_settings_are_checked_and_round_trip() -> None:
     settings = RunSettings(remove=("car",), instances=(3, 7), quality="draft", seed=5, work_side=256)
     assert RunSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
-    for bad in ({"quality": "best"}, {"seed": -1}, {"work_side": 3}, {"device": "cuda"}, {"inpainter": "magic"}):
+    for bad in ({"quality": "best"}, {"seed": -1}, {"work_side": 3}, {"device": "gpu"}, {"inpainter": "magic"}):
         with pytest.raises(SettingsError):
             RunSettings(**bad)  # type: ignore[arg-type]
 

@@ -14,6 +14,7 @@ from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
+from unveil_core.base.kernels.device import check_device, working_on
 
 __all__ = ["CANCELLED", "main"]
 
@@ -32,7 +33,9 @@ def main(argv: list[str] | None = None) -> int:
         return int(stop.code or 0) if isinstance(stop.code, int | None) else 2
     asked = threading.Event()
     try:
-        with _interrupts(asked):
+        device = getattr(arguments, "works_on", "auto")  # what a run is told to work on, it sees to itself
+        with _interrupts(asked), working_on(device):
+            check_device(device)
             if arguments.end_with_stdin:
                 end_with_stdin()
             return VERBS[arguments.verb](arguments)

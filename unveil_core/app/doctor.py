@@ -12,6 +12,8 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from unveil_core.base.kernels.device import gpu_problem
+
 __all__ = ["examine"]
 
 _PACKAGES = (
@@ -45,7 +47,6 @@ def examine() -> dict[str, object]:
             found[name] = None
     found["cpu"], found["cpus"] = _cpu(), os.cpu_count()
     found.update(_gpu())
-    found["runs_use_gpu"] = _runs_use_gpu()
     with suppress(ImportError, OSError):
         import psutil
 
@@ -77,32 +78,27 @@ def _cpu() -> str:
 
 
 def _gpu() -> dict[str, object]:
-    """The NVIDIA GPU that the triton backend of ``render`` could use.
+    """The NVIDIA GPU that torch sees, and whether runs use it.
 
-    ``gpu_unused``: the machine has one, by its driver, and this torch is a build without CUDA.
+    ``runs_use_gpu``: what ``--device auto`` means here; ``gpu_problem``: if not, what is missing and the mend; ``gpu_unused``: the
+    machine has a GPU, by its driver, and this torch is a build without CUDA.
     """
     try:
         import torch
 
+        found: dict[str, object] = {"gpu": "none that torch can use"}
         if torch.cuda.is_available():
             memory = torch.cuda.get_device_properties(0).total_memory
-            return {"gpu": torch.cuda.get_device_name(0), "gpu_memory_gb": round(memory / 2**30, 1)}
-        unused = torch.version.cuda is None and shutil.which("nvidia-smi") is not None
-        return {"gpu": "none that torch can use", "gpu_unused": unused}
+            found = {"gpu": torch.cuda.get_device_name(0), "gpu_memory_gb": round(memory / 2**30, 1)}
+        else:
+            found["gpu_unused"] = torch.version.cuda is None and shutil.which("nvidia-smi") is not None
+        problem = gpu_problem()
+        found["runs_use_gpu"] = problem is None
+        if problem is not None:
+            found["gpu_problem"] = f"{problem[0]} ({problem[1]})"
+        return found
     except (ImportError, RuntimeError) as error:
-        return {"gpu": f"not known: {error}"}
-
-
-def _runs_use_gpu() -> bool:
-    """Whether the stages of a run can be given to the GPU: whether their settings take it."""
-    from unveil_core.base.errors import SettingsError
-    from unveil_core.pipeline.settings import RunSettings
-
-    try:
-        RunSettings(device="cuda")
-    except SettingsError:
-        return False
-    return True
+        return {"gpu": f"not known: {error}", "runs_use_gpu": False}
 
 
 def _render_once() -> dict[str, object]:

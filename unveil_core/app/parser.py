@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core import __version__
+from unveil_core.base.kernels.device import DEVICES
 from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
 
 __all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
@@ -145,6 +146,7 @@ def _add_evaluate(verbs: _Verbs) -> None:
         metavar="DIR",
         help="of the run with the virtual cars, by default WORKSPACE_holdout",
     )
+    _add_device(p)
     _add_common(p)
 
 
@@ -167,6 +169,7 @@ def _add_render(verbs: _Verbs) -> None:
     p.add_argument("--above", type=float, default=0.0, metavar="METRES", help="up from the path")
     p.add_argument("--planes", type=_names, default=("rgb",), metavar="PLANES", help="rgb,depth,normal,alpha,semantics")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    _add_device(p)
     _add_common(p)
 
 
@@ -195,6 +198,7 @@ def _add_export(verbs: _Verbs) -> None:
         metavar="DIR|FILE",
         help="a folder, or the file of a single format; a mesh goes beside the meshes by default",
     )
+    _add_device(p)
     _add_common(p)
 
 
@@ -239,7 +243,7 @@ def _add_bench(verbs: _Verbs) -> None:
         "--variant",
         default=None,
         metavar="NAME",
-        help="fixed, soft_labels, ellipsoids, random_start, no_growth or no_pruning, for comparison",
+        help="fixed, soft_labels, ellipsoids, random_start, no_growth, no_pruning or torch, for comparison",
     )
     p.add_argument("--salt", type=float, default=0.0, metavar="SHARE", help="wrong label pixels to put in, as 0.05")
     p.add_argument(
@@ -259,6 +263,7 @@ def _add_bench(verbs: _Verbs) -> None:
     p.add_argument("--quick", action="store_true", help="a small scene and few rounds, to see that it works")
     p.add_argument("--surfels", type=int, default=None, metavar="N", help="of the main table, or of the step")
     p.add_argument("--size", type=_size, default=None, metavar="WIDTHxHEIGHT")
+    _add_device(p)
     _add_common(p)
 
 
@@ -272,6 +277,17 @@ def _add_common(p: argparse.ArgumentParser) -> None:
         "--end-with-stdin",
         action="store_true",
         help="cancel when standard input closes: when the program that started this one ends",
+    )
+
+
+def _add_device(p: argparse.ArgumentParser) -> None:
+    """Of a verb that is no run: its device is recorded nowhere."""
+    p.add_argument(
+        "--device",
+        dest="works_on",
+        default="auto",
+        choices=DEVICES,
+        help="what renders, and trains: an NVIDIA GPU where one can be used, else the processor; or the one that is named",
     )
 
 
@@ -305,7 +321,11 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         help="enlarge a single object's mask by pixels of the delivered frame, or leave its shadow",
     )
     add("--quality", choices=QUALITIES)
-    add("--device", choices=("auto", "cpu", "cuda"))
+    add(
+        "--device",
+        choices=DEVICES,
+        help="what renders and trains: an NVIDIA GPU where one can be used, the processor, or the GPU",
+    )
     add("--seed", type=int)
     add(
         "--memory",
@@ -354,6 +374,11 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         dest="adapt",
         action="store_false",
         help="use the limits of the quality instead of choosing by held-out error",
+    )
+    add(
+        "--baselines",
+        action=argparse.BooleanOptionalAction,
+        help="in the report of a drive with truth, fill the frames by single-image inpainters, too, for comparison: slow",
     )
     _add_inpainters(
         p,

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.app.output_folder import check_output_folder
@@ -20,7 +19,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
 from unveil_core.semantics.labels import SceneLabels
@@ -143,11 +142,9 @@ def _pictures(
 ) -> dict[str, NDArray[np.uint8] | NDArray[np.uint16]]:
     """The asked planes of one view as they go to disk."""
     needed = tuple(dict.fromkeys(n for p in planes for n in _NEEDS[p]))
-    with torch.no_grad():
-        out = render(
-            surfels, camera, needed, near=NEAR_M, far=FAR_M, label_count=None if scene is None else len(scene.labels)
-        )
-    found = {n: getattr(out, n).numpy() for n in needed}
+    labels = None if scene is None else len(scene.labels)
+    out = rendered(surfels, camera, needed, near=NEAR_M, far=FAR_M, label_count=labels)
+    found = {n: array(getattr(out, n)) for n in needed}
     alpha = found["alpha"]
     solid = alpha > SOLID
     pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {}

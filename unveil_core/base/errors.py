@@ -98,6 +98,22 @@ class OutOfMemoryError(Exception):
         )
 
 
+class GpuMemoryError(OutOfMemoryError):
+    """The GPU had no more memory: a failure (exit code 1) that says what would fit.
+
+    Args:
+        path: the workspace; stage: that wanted it.
+    """
+
+    def __init__(self, path: Path | str, stage: str) -> None:
+        self.path = path
+        Exception.__init__(
+            self,
+            f"{path}: no memory left on the GPU for {stage} (end other programs that use it, or run it with a smaller "
+            "--work-side, fewer --splats, or --device cpu: it goes on where it stopped)",
+        )
+
+
 class Interrupted(KeyboardInterrupt):
     """A signal that ends the program: Ctrl-C or SIGTERM.
 

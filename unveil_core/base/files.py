@@ -28,6 +28,7 @@ __all__ = [
     "NO_ARCHIVE",
     "decode_image",
     "full_disk",
+    "is_out_of_gpu_memory",
     "is_out_of_memory",
     "link_or_copy",
     "move",
@@ -153,6 +154,7 @@ NO_MEMORY = (
     "Insufficient memory",
     "Unable to allocate",
     "can't start new thread",
+    "CUDA out of memory",
 )
 """What PyTorch, the C++ library, OpenCV, NumPy and Python's threads say for want of memory, in errors that are no MemoryError."""
 
@@ -164,6 +166,11 @@ def is_out_of_memory(error: BaseException) -> bool:
     if isinstance(error, OSError):
         return error.errno == errno.ENOMEM
     return isinstance(error, RuntimeError | ImportError | cv2.error) and any(w in str(error) for w in NO_MEMORY)
+
+
+def is_out_of_gpu_memory(error: BaseException) -> bool:
+    """Whether it was a GPU's memory that an error came from want of."""
+    return isinstance(error, RuntimeError) and "CUDA out of memory" in str(error)
 
 
 def refuse_devices(path: Path) -> None:

@@ -25,5 +25,7 @@ def setting_as_option(name: str, value: object) -> str:
     """
     if name == "adapt":
         return "--no-adaptation"
+    if value is True:
+        return f"--{name.replace('_', '-')}"
     text = ",".join(str(v) for v in value) if isinstance(value, list | tuple) else str(value)
     return f"--{name.replace('_', '-')}={text}"

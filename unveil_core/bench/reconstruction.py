@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine
@@ -51,9 +52,11 @@ VARIANTS: dict[str, Callable[[ReconstructSettings], ReconstructSettings]] = {
     "random_start": lambda s: replace(s, random_start=True),
     "no_growth": lambda s: replace(s, budget=0),
     "no_pruning": lambda s: replace(s, prune_opacity=0.0),
+    "torch": lambda s: replace(s, kernels="torch"),
 }
 """What the reconstruction may be done with or without instead, by name: all steps, surfels and degrees that the limits allow
-(no adaptation); trainable labels; 3D Gaussians; surfels thrown into the scene; no density control; no opacity pruning."""
+(no adaptation); trainable labels; 3D Gaussians; surfels thrown into the scene; no density control; no opacity pruning; losses and
+Adam as torch does them on a GPU, on the processor."""
 VOXEL_M, DEPTH_M, REACH_M, SAMPLE_M = 0.06, 25.0, 35.0, 0.05
 CROP_M = 5.0
 """Points farther than this from every true one are left out, as in the paper (section 4)."""
@@ -233,6 +236,7 @@ def bench_reconstruction(
         "seconds": round(seconds, 1),
         "cpu_seconds": round(cpu_seconds, 1),
         "surfels": len(surfels),
+        "device": current_device().name,
         "peak_memory_mb": peak_memory_mb(),
         "exposure": dict(exposures.figures),
         "held_out": evaluate_views(

@@ -52,6 +52,7 @@ def run_evaluation(
     *,
     lpips: Path | None = None,
     fid: Path | None = None,
+    baselines: bool = True,
     kept: Kept | None = None,
 ) -> dict[str, Any]:
     """Measure the delivery of a workspace; of the workspace nothing is written.
@@ -64,6 +65,7 @@ def run_evaluation(
         progress: called once per frame.
         lpips: a network for LPIPS (see :class:`unveil_core.evaluate.perceptual.LpipsModel`), or None.
         fid: a network for FID (see :class:`unveil_core.evaluate.perceptual.FeatureModel`), or None.
+        baselines: whether the single-image baselines are measured, too: they take most of the time.
         kept: where measured frames are kept, so that a call that was interrupted goes on; of the same workspace and arguments.
     Returns:
         a JSON-able dict: ``coverage``, ``untouched`` (levels of 255), ``provenance`` and ``certainty`` (see
@@ -96,7 +98,9 @@ def run_evaluation(
     _check_networks(networks, drive, truth, workspace_root)
     names = read_object_names(workspace_root)
     kept = kept or Kept()
-    scores = _score_frames(Sources(workspace_root, truth, networks, names.kept), drive, kept.within("scores"), progress)
+    filled = with_neighbours(range(len(drive.frames))) if baselines else set[int]()
+    sources = Sources(workspace_root, truth, networks, names.kept)
+    scores = _score_frames(sources, drive, filled, kept.within("scores"), progress)
     if truth_root is not None and not any(s.scores for s in scores):
         raise WorkspaceError(
             "none of the drive's frames has a true image here",
@@ -128,10 +132,15 @@ def _check_networks(networks: Networks, drive: Drive, truth: Path | None, root: 
         )
 
 
-def _score_frames(sources: Sources, drive: Drive, kept: Kept, progress: Progress) -> list[FrameScores]:
-    """The scores of all frames, in their order."""
+def _score_frames(
+    sources: Sources, drive: Drive, filled: set[int], kept: Kept, progress: Progress
+) -> list[FrameScores]:
+    """The scores of all frames, in their order.
+
+    Args:
+        filled: frames that the single-image baselines fill, too.
+    """
     frames, scores = drive.frames, []
-    filled = with_neighbours(range(len(frames)))
     for first in range(0, len(frames), TOGETHER):
         some = range(first, min(first + TOGETHER, len(frames)))
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_instance_image
@@ -24,8 +23,8 @@ from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["DepthGrid", "Matches", "differences", "match_pixels", "measure_flicker", "read_depth", "rendered_depth"]
@@ -111,10 +110,8 @@ def _at_size(depth: NDArray[np.float64], height: int, width: int) -> NDArray[np.
 
 def rendered_depth(surfels: Surfels, camera: Camera, *, near: float, far: float) -> DepthGrid:
     """Median depth of a scene where it is solid."""
-    with torch.no_grad():
-        out = render(near_camera(surfels, camera), camera, ("alpha", "median_depth"), near=near, far=far)
-    assert out.alpha is not None and out.median_depth is not None
-    return DepthGrid(camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.numpy(), 0).astype(np.float64))
+    out = rendered(near_camera(surfels, camera), camera, ("alpha", "median_depth"), near=near, far=far)
+    return DepthGrid(camera, np.where(array(out.alpha) > SOLID, array(out.median_depth), 0).astype(np.float64))
 
 
 def match_pixels(one: DepthGrid, other: DepthGrid, region: Mask) -> Matches:

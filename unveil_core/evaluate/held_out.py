@@ -6,14 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim
 from unveil_core.optimize.exposure import affine_between
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.labels import SceneLabels, frame_labels
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
@@ -41,17 +40,16 @@ def rendered_view(
     surfels: Surfels, sky: Sky, frame: Frame, scene: SceneLabels, *, near: float, far: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """(H, W, 3) picture in [0, 1] and (H, W) compact labels, the light that is left through counting as sky."""
-    with torch.no_grad():
-        out = render(
-            surfels, frame.camera, ("rgb", "alpha", "semantics"), label_count=len(scene.labels), near=near, far=far
-        )
+    planes = ("rgb", "alpha", "semantics")
+    out = rendered(surfels, frame.camera, planes, label_count=len(scene.labels), near=near, far=far)
     assert out.rgb is not None and out.alpha is not None and out.semantics is not None
-    picture = (out.rgb + (1 - out.alpha)[..., None] * sky.render(frame.camera)).clamp(0, 1)
+    behind = sky.render(frame.camera).to(out.rgb.device)
+    picture = (out.rgb + (1 - out.alpha)[..., None] * behind).clamp(0, 1)
     weights = out.semantics.clone()
     sky_label = scene.labels.index("sky")
     if sky_label is not None:
         weights[..., sky_label] += 1 - out.alpha
-    return picture.double().numpy(), weights.argmax(2).numpy()
+    return array(picture.double()), array(weights.argmax(2))
 
 
 def class_iou(confusion: NDArray[np.int64], names: tuple[str, ...]) -> dict[str, Any]:

@@ -45,8 +45,7 @@ class BatchDrive:
     drive: path of the drive; workspace: of the results.
     frames, blocks: how many it has.
     memory_mb: that a task of it needs, as forecast; seconds: of all its tasks together, on this machine.
-    gpus: that a task of it needs: none, for no stage uses one. Who changes the tasks of a manifest to commands that do says so
-        here; workers and templates ask for them.
+    gpus: that a task of it needs: one with ``--device cuda``, else none. Workers and templates ask for it.
     """
 
     name: str
@@ -183,6 +182,7 @@ def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: 
         work.blocks,
         round(expected.memory_mb),
         round(sum(expected.seconds.values())),
+        int(settings.device == "cuda"),
     )
 
 

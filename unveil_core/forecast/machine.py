@@ -81,10 +81,11 @@ class Machine:
             write_json_atomic(self.path, {**_entries(self.path), self.name: entry})
 
 
-def this_machine(folder: Path | None = None) -> Machine:
+def this_machine(folder: Path | None = None, device: str = "cpu") -> Machine:
     """What is known of this machine.
 
     Args:
+        device: of the run: with a GPU its stages take other times, which are kept for themselves.
         folder: where times are kept; None = the folder ``UNVEIL_CACHE``, else the user's folder for caches.
     """
     from unveil_core import __version__
@@ -92,6 +93,8 @@ def this_machine(folder: Path | None = None) -> Machine:
 
     path = (folder or _cache_folder()) / FILE
     name = f"{platform.node()} {platform.machine()} {thread_count()} {__version__}"
+    if device != "cpu":
+        name += f" {device}"
     entry = _entries(path).get(name, {})
     machine = Machine(name, path)
     if isinstance(entry, Mapping):

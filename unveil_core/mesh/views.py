@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.drive import Frame
 from unveil_core.mesh.tsdf import DepthView
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["depth_views"]
@@ -36,14 +35,12 @@ def depth_views(
 
     def view(i: int) -> DepthView:
         camera = frames[i].camera
-        with torch.no_grad():
-            out = render(near_camera(surfels, camera), camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
-        assert out.rgb is not None and out.alpha is not None and out.median_depth is not None
-        alpha = out.alpha.numpy()
+        out = rendered(near_camera(surfels, camera), camera, ("rgb", "alpha", "median_depth"), near=near, far=far)
+        alpha = array(out.alpha)
         solid = alpha > SOLID
         if without is not None:
             solid &= ~without[i]
-        rgb = np.clip(out.rgb.numpy() / np.maximum(alpha, 1e-3)[..., None], 0, 1)
-        return DepthView(camera, np.where(solid, out.median_depth.numpy(), 0).astype(np.float32), rgb)
+        rgb = np.clip(array(out.rgb) / np.maximum(alpha, 1e-3)[..., None], 0, 1)
+        return DepthView(camera, np.where(solid, array(out.median_depth), 0).astype(np.float32), rgb)
 
     return Frames(len(frames), view)

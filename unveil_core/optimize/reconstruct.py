@@ -7,9 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -19,12 +21,13 @@ from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Look
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames
 from unveil_core.optimize.start import SKY_ROWS, StartSettings, random_scene, start_scene, start_sky
+from unveil_core.optimize.training.card_memory import largest_step, place_for
 from unveil_core.optimize.training.density import DensitySettings
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates
 from unveil_core.optimize.training.schedule import Phase, run_phase
 from unveil_core.optimize.training.trainer import Optimization, TrainSettings
-from unveil_core.optimize.training.views import TrainingView, training_view
+from unveil_core.optimize.training.views import TrainingView, training_view, views_on
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import FLATNESS, Surfels, as_ellipsoids
@@ -60,6 +63,7 @@ class ReconstructSettings:
         prune_opacity: surfels fainter than this are removed in the second stage (paper: 0.3).
         ellipsoids: 3D Gaussians instead of discs; soft_labels: trainable probabilities instead of hard labels; random_start:
             surfels thrown into the points' box; all three for comparison only.
+        kernels: of the losses and Adam, "auto" by the device, else see ``training.arithmetic``; for comparison only, too.
         spared: class names that opacity pruning leaves alone (the paper: sky and vegetation).
     """
 
@@ -77,6 +81,7 @@ class ReconstructSettings:
     ellipsoids: bool = False
     soft_labels: bool = False
     random_start: bool = False
+    kernels: str = "auto"
     spared: tuple[str, ...] = ("vegetation",)
 
     def scaled(self, frames: int) -> ReconstructSettings:
@@ -136,7 +141,7 @@ def reconstruct(
     kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Reconstruction:
-    """Fit the full scene, with everything that is to be removed still in it.
+    """Fit the full scene, with everything that is to be removed still in it, on the device of the run (``base.kernels.device``).
 
     Args:
         drive: an imported drive.
@@ -169,7 +174,15 @@ def reconstruct(
     sky_choice: dict[str, Any] = {}
     if sky is None:
         sky, sky_choice = start_sky(drive, scene, images, labels, surfels, rows, hidden, cache)
-    fine, coarse = (_views(drive, images, labels, hidden, sky, factor, cache) for factor in (1.0, 0.5))
+    most, cameras = max(len(surfels), settings.budget), [f.camera for f in drive.frames]
+    place = place_for(current_device(), lambda: largest_step(most, settings.sh_degree, cameras, len(scene.labels)))
+    if place.why:
+        progress(0, settings.iterations, place.why)
+    there = torch.device(place.device.name)
+    fine, coarse = (
+        views_on(_views(drive, images, labels, hidden, sky, factor, cache), sky, there, room)
+        for factor, room in ((1.0, place.fine_bytes), (0.5, place.coarse_bytes))
+    )
     training = TrainSettings(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
@@ -177,20 +190,24 @@ def reconstruct(
         density=DensitySettings(budget=settings.budget, max_scale=3.0),
         near=NEAR_M,
         far=FAR_M,
+        kernels=settings.kernels,
+        backend=place.device.backend,
     )
-    spared = scene.labels.indices(settings.spared)
     state = Optimization(
-        surfels,
+        surfels.to(there),
         sky,
         training,
         LearningRates(means=0.004),
         label_count=len(scene.labels),
         sky_label=scene.labels.index("sky"),
-        spared_labels=spared,
+        spared_labels=scene.labels.indices(settings.spared),
         seed=seed,
     )
     course = _Course(state, fine, coarse, settings, kept.checkpoint("training"), progress)
-    return Reconstruction(*course.run(), {"given": sorted(settings.given), "sky": sky_choice, **course.choices})
+    surfels, sky = course.run()
+    return Reconstruction(
+        surfels.to("cpu"), sky.to("cpu"), {"given": sorted(settings.given), "sky": sky_choice, **course.choices}
+    )
 
 
 def sky_of_labels(

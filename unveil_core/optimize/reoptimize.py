@@ -14,13 +14,15 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.training.card_memory import StepSize, largest_step, place_for
 from unveil_core.optimize.training.losses import LossWeights
 from unveil_core.optimize.training.parameters import LearningRates
 from unveil_core.optimize.training.trainer import Optimization, TrainSettings
-from unveil_core.optimize.training.views import TrainingView, training_view
+from unveil_core.optimize.training.views import TrainingView, training_view, views_on
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
@@ -75,7 +77,7 @@ def reoptimize(
     checkpoint: Checkpoint | None = None,
     progress: Progress = no_progress,
 ) -> Surfels:
-    """Fit the movable surfels of the empty scene to inpainted frames.
+    """Fit the movable surfels of the empty scene to inpainted frames, on the device of the run (``base.kernels.device``).
 
     Args:
         surfels: the empty scene with its new surfels, N of them.
@@ -95,13 +97,20 @@ def reoptimize(
         made = training_view(*targets[i], None, None, sky)
         return made if depths is None else replace(made, depth=torch.from_numpy(depths[i].astype(np.float32)))
 
-    views = (cache or FrameCache()).frames(len(targets), view)
-    training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far)
+    def largest() -> StepSize:
+        return largest_step(len(surfels), surfels.sh_degree, (camera for camera, _ in targets), label_count)
+
+    place = place_for(current_device(), largest)
+    device, room = place.device, place.fine_bytes + place.coarse_bytes
+    if place.why:
+        progress(0, settings.iterations, place.why)
+    views = views_on((cache or FrameCache()).frames(len(targets), view), sky, torch.device(device.name), room)
+    training = TrainSettings(weights=settings.weights, sky_rate=0.0, near=near, far=far, backend=device.backend)
     rates = LearningRates(
         means=0.001, quats=2e-3, log_scales=5e-3, opacity_logits=4e-2, sh_base=1e-2, sh_rest=2.5e-4, final=1.0
     )
     state = Optimization(
-        surfels,
+        surfels.to(device.name),
         sky,
         training,
         rates,
@@ -121,4 +130,4 @@ def reoptimize(
             arrays, facts = state.checkpoint()
             checkpoint.save(arrays, {"state": facts, "begun": turn + 1})
         progress(turn + 1, settings.iterations, loss=state.loss, surfels=float(len(state)))
-    return state.result()[0]
+    return state.result()[0].to("cpu")

@@ -13,7 +13,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -28,7 +27,7 @@ from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.optimize.adaptation.choices import decibels
 from unveil_core.optimize.uncovered import cover_uncovered
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.visibility import PointsInView, points_in_view
 from unveil_core.semantics.votes import sample_colors, vote_labels
@@ -253,10 +252,8 @@ def start_sky(
         if sky is not None:
             return labels[i] == sky
         assert surfels is not None
-        with torch.no_grad():
-            alpha = render(surfels, cameras[i], ("alpha",), near=NEAR_M, far=FAR_M).alpha
-        assert alpha is not None
-        mask: NDArray[np.bool_] = (alpha.numpy() < 0.05) & (cameras[i].rays() @ UP > 0)
+        alpha = array(rendered(surfels, cameras[i], ("alpha",), near=NEAR_M, far=FAR_M).alpha)
+        mask: NDArray[np.bool_] = (alpha < 0.05) & (cameras[i].rays() @ UP > 0)
         return mask if hidden is None else mask & ~hidden[i]
 
     masks = (cache or FrameCache()).frames(len(cameras), sky_pixels)

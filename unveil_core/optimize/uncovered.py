@@ -16,7 +16,7 @@ from torch import Tensor
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.semantics.votes import label_share, vote_labels
 from unveil_core.surfels.initialize import surfels_from_points
@@ -73,14 +73,12 @@ def cover_uncovered(
     before = len(surfels)
     for camera, image, label in zip(cameras, images, labels, strict=True):
         small = camera.resized(max(1, camera.width // STEP), max(1, camera.height // STEP))
-        with torch.no_grad():
-            out = render(
-                surfels, small, ("alpha", "median_depth", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M
-            )
-        assert out.alpha is not None and out.median_depth is not None and out.semantics is not None
+        planes = ("alpha", "median_depth", "semantics")
+        out = rendered(surfels, small, planes, label_count=label_count, near=NEAR_M, far=FAR_M)
+        assert out.median_depth is not None and out.semantics is not None
         # What stands at a covered pixel may be the rim of something else than the image shows there.
-        standing = out.semantics.argmax(2).numpy()
-        alpha, depth = out.alpha.numpy(), out.median_depth.double().numpy()
+        standing = array(out.semantics.argmax(2))
+        alpha, depth = array(out.alpha), array(out.median_depth.double())
         row = ((np.arange(small.height) + 0.5) * camera.height / small.height).astype(np.int64)
         column = ((np.arange(small.width) + 0.5) * camera.width / small.width).astype(np.int64)
         shown, rays = label[np.ix_(row, column)], small.rays()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from unveil_core.base.kernels.device import chosen_device
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import Placement
@@ -80,7 +82,8 @@ def expected_of(
 ) -> Expected | None:
     """The forecast of a run of some stages; None where all of them are up to date.
 
-    A machine that has not run anything yet is measured: seconds, and half a minute where kernels must be compiled first.
+    A machine that has not run anything yet is measured: seconds, and half a minute where kernels must be compiled first. It is the
+    processor that is measured, also where a GPU does a part of the work: the first forecast is then too long.
 
     Args:
         tell: gets a line before that.
@@ -91,7 +94,9 @@ def expected_of(
         names = [name for name in names if states[name] != "done"]
     if not names:
         return None
-    machine = this_machine()
+    # Torch takes a second to import: it is not asked where the system has no GPU.
+    may_be_gpu = settings.device != "cpu" and shutil.which("nvidia-smi") is not None
+    machine = this_machine(device=chosen_device(settings.device).name if may_be_gpu else "cpu")
     if not machine.known:
         tell("measuring how fast this machine is")
         machine.speed = measured_seconds() / reference_seconds()

@@ -208,6 +208,7 @@ STAGES: tuple[Stage, ...] = (
             "metrics.json",
             "report",
         ),
+        settings=("baselines",),
         outside=files_of_truth,
     ),
 )

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from unveil_core.base.errors import InUseError, UnveilError, WorkspaceError
+from unveil_core.base.kernels.device import check_device
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
@@ -53,6 +54,7 @@ def run(
         Cancelled: SIGINT or SIGTERM; calling again continues.
     """
     settings = settings or RunSettings()
+    check_device(settings.device)
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
     opened = open_drive(drive, settings.drive_options)

@@ -23,14 +23,16 @@ from unveil_core.base.errors import (
     Cancelled,
     DiskFullError,
     DriveError,
+    GpuMemoryError,
     Interrupted,
     OutOfMemoryError,
     SettingsError,
     UnveilError,
     WorkspaceError,
 )
-from unveil_core.base.files import full_disk, is_out_of_memory
+from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.kernels.device import check_device, working_on
 from unveil_core.base.parallel import ThreadErrors
 from unveil_core.base.process_memory import (
     free_cycles,
@@ -153,6 +155,7 @@ def run_stages(
         if stage.check is not None:
             stage.check(settings)
     stop = _Stop()
+    check_device(settings.device)
     with _room_on(workspace.root), workspace.lock(), _signals(stop), old_objects_set_aside():
         recover(workspace)
         killed = [
@@ -209,6 +212,7 @@ def run_block(
     if stage.run_block is None:
         raise SettingsError(f"{stage.name} is not made in blocks", mend=f"run `unveil {stage.name}`")
     stop = _Stop()
+    check_device(settings.device)
     with _room_on(workspace.root), _signals(stop):
         with workspace.lock():
             recover(workspace)
@@ -224,7 +228,7 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            with ThreadErrors() as threads:
+            with ThreadErrors() as threads, working_on(settings.device):
                 try:
                     stage.run_block(attempt.context(partial), number)
                 finally:
@@ -308,7 +312,7 @@ class _Attempt:
         threads = ThreadErrors()
         try:
             self._load()
-            with threads:
+            with threads, working_on(self.settings.device) as used:
                 facts = stage.run(self.context(partial))
             threads.check()
             if self.stop.is_set():
@@ -333,9 +337,14 @@ class _Attempt:
             "settings": chosen,
             "outputs": list(stage.outputs),
             "follows": follows,
+            **({} if used.device is None else {"device": used.device.name}),
             **(facts or {}),
         }
+        if used.notes:
+            record["device_notes"] = used.notes
         commit(workspace, stage.name, partial, stage.outputs, record)
+        for note in used.notes:
+            self.reporter(workspace.log(stage.name, note, level="notice"))
         for _, assumption in recorded_assumptions({stage.name: record}):
             if not assumption.holds:
                 self.reporter(workspace.log(stage.name, assumption.message(), level="notice"))
@@ -364,8 +373,11 @@ class _Attempt:
         elif is_out_of_memory(error):
             held = peak_memory_mb()
             traceback.clear_frames(error.__traceback__)  # what they hold is wanted now
-            smaller = None if self.expected is None else self.expected.forecast.with_less_memory(held)
-            said = OutOfMemoryError(workspace.root, stage.name, held, smaller)
+            if is_out_of_gpu_memory(error):
+                said = GpuMemoryError(workspace.root, stage.name)
+            else:
+                smaller = None if self.expected is None else self.expected.forecast.with_less_memory(held)
+                said = OutOfMemoryError(workspace.root, stage.name, held, smaller)
         elif not isinstance(error, UnveilError | Cancelled):
             try:
                 _check_nothing_changed(stage, workspace, digests)

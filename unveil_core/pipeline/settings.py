@@ -10,6 +10,7 @@ from pathlib import Path
 from unveil_core.base.checks.fields import checked
 from unveil_core.base.drive_options import ALL_SWEEPS, DriveOptions
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels.device import DEVICES
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
 __all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
@@ -49,7 +50,9 @@ class RunSettings:
         marked: path of a JSON file of objects that a person marked, with boxes or mattes (see ``drives.marked``); made
             absolute; None = none.
         quality: "draft", "standard" or "high".
-        device: "auto", "cpu" or "cuda".
+        device: "auto", "cpu" or "cuda", see ``base.kernels.device``: of what is rendered and trained. Results are the same but for
+            rounding, so stages stay up to date when it changes. Whether this machine has the device is checked when a run
+            begins, for a workspace may go on on another machine.
         seed: of everything random.
         per_object: what differs for single objects: "ID:grow=PIXELS" enlarges the object's mask by pixels of the delivered frame,
             "ID:shadow=keep" leaves its shadow in the street.
@@ -74,6 +77,8 @@ class RunSettings:
             everything as static.
         inpainter: single-image inpainter for holes that no frame shows and that are not ground: a name in ``INPAINTERS``, or
             the path of an ONNX file, which is made absolute.
+        baselines: whether the report fills the frames by single-image inpainters, too, to stand beside ours; it counts only where
+            a true empty street is known.
         reference_inpainter: path of an ONNX file that paints by a reference, likewise; None = none.
         order: of the frames in which holes are filled, "reverse", "forward" or "independent".
         keyframes: frames in which unobserved content is invented for all others, by stem or number (see
@@ -95,6 +100,7 @@ class RunSettings:
     sh_degree: int | None = None
     splats: int | None = None
     adapt: bool = True
+    baselines: bool = False
     reference_inpainter: str | None = None
     marked: str | None = None
     corrections: str | None = None
@@ -121,7 +127,7 @@ class RunSettings:
             object.__setattr__(self, name, str(path.expanduser().absolute()))
         for name, value, known in (
             ("quality", self.quality, QUALITIES),
-            ("device", self.device, ("auto", "cpu", "cuda")),
+            ("device", self.device, DEVICES),
             ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
             ("order", self.order, ORDERS),
             ("movers", self.movers, MOVERS),
@@ -168,8 +174,6 @@ class RunSettings:
             raise SettingsError(f"seed {self.seed} is negative", mend="use 0 or more")
         if self.seed >= 1 << 63:
             raise SettingsError(f"seed {self.seed} is too large", mend="use less than 2^63")
-        if self.device == "cuda":
-            raise SettingsError("there is no GPU backend in this version", mend="use --device cpu or auto")
 
     @property
     def grown_px(self) -> dict[int, int]:

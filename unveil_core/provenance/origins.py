@@ -12,8 +12,9 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.origin import CONTINUED, ORIGIN_COUNT, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array
+from unveil_core.raster.on_device import rendered as rendered_planes
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["frame_origins", "marked_by", "rendered_origins", "scene_origins"]
@@ -44,13 +45,12 @@ def rendered_origins(marked: Surfels, camera: Camera) -> tuple[Origins, NDArray[
         marked: M surfels, see :func:`marked_by`.
     """
     planes = ("alpha", "depth", "semantics")
-    with torch.no_grad():
-        out = render(near_camera(marked, camera), camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
-    assert out.alpha is not None and out.depth is not None and out.semantics is not None
-    weight, alpha = out.semantics.numpy().copy(), out.alpha.numpy()
+    near = near_camera(marked, camera)
+    out = rendered_planes(near, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
+    weight, alpha = array(out.semantics).copy(), array(out.alpha)
     weight[..., SEEN_ELSEWHERE] += 1 - alpha
     # The same rule as that of delivery: half of the light says whether there is a surface.
-    depth = np.where(alpha > 0.5, out.depth.numpy() / np.maximum(alpha, 0.5), 0)
+    depth = np.where(alpha > 0.5, array(out.depth) / np.maximum(alpha, 0.5), 0)
     return weight.argmax(axis=2).astype(np.uint8), depth.astype(np.float32)
 
 

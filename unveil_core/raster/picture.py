@@ -10,8 +10,9 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster import render
+from unveil_core.raster.api import Rendered
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered, there
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
@@ -26,10 +27,18 @@ def with_sky(rgb: NDArray[np.float32], alpha: NDArray[np.float32], sky: Sky, cam
 
 def picture_of(surfels: Surfels, sky: Sky, camera: Camera, *, near: float, far: float) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 sRGB of a scene in its canonical colours; near, far: metres, as ``render`` takes them."""
-    with torch.no_grad():
-        out = render(near_camera(surfels, camera), camera, ("rgb", "alpha"), near=near, far=far)
+    out = rendered(near_camera(surfels, camera), camera, ("rgb", "alpha"), near=near, far=far)
+    if out.visible.device.type == "cpu":
+        return with_sky(array(out.rgb), array(out.alpha), sky, camera)
+    return _with_sky_there(out, sky, camera)
+
+
+def _with_sky_there(out: Rendered, sky: Sky, camera: Camera) -> NDArray[np.uint8]:
+    """As :func:`with_sky`, on the device of the planes: a picture of bytes is all that comes back."""
     assert out.rgb is not None and out.alpha is not None
-    return with_sky(out.rgb.numpy(), out.alpha.numpy(), sky, camera)
+    behind = sky.to(out.rgb.device).sample(sky.grid_there(camera, out.rgb.device))
+    picture = out.rgb + (1 - out.alpha)[..., None] * behind
+    return array((picture * 255).round().clamp(0, 255).to(torch.uint8))
 
 
 def render_numpy(
@@ -41,16 +50,15 @@ def render_numpy(
         apart: labels; where there are any, ``kinds`` (H, W, 2) tells the weight of all others, and of these.
     """
     planes = ["rgb", "alpha", "depth"]
-    surfels = near_camera(surfels, camera)
+    surfels = there(near_camera(surfels, camera))
     if apart:
         planes.append("semantics")
-        surfels = replace(surfels, labels=torch.isin(surfels.labels, torch.tensor(apart)).long())
-    with torch.no_grad():
-        out = render(surfels, camera, planes, label_count=2 if apart else None, near=near, far=far)
-    assert out.rgb is not None and out.alpha is not None and out.depth is not None
-    alpha = out.alpha.numpy().copy()
-    depth = np.where(alpha > 1e-3, out.depth.numpy() / np.maximum(alpha, 1e-3), 0)
-    found = {"rgb": out.rgb.numpy().copy(), "alpha": alpha, "depth": depth.astype(np.float32)}
+        labels = torch.tensor(apart, device=surfels.device)
+        surfels = replace(surfels, labels=torch.isin(surfels.labels, labels).long())
+    out = rendered(surfels, camera, planes, label_count=2 if apart else None, near=near, far=far)
+    alpha = array(out.alpha).copy()
+    depth = np.where(alpha > 1e-3, array(out.depth) / np.maximum(alpha, 1e-3), 0)
+    found = {"rgb": array(out.rgb).copy(), "alpha": alpha, "depth": depth.astype(np.float32)}
     if out.semantics is not None:
-        found["kinds"] = out.semantics.numpy().copy()
+        found["kinds"] = array(out.semantics).copy()
     return found

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.fit import DriveGround
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.picture import render_numpy
 from unveil_core.remove.observed import depth_behind
 from unveil_core.surfels.surfels import Surfels
@@ -45,15 +45,13 @@ class EmptyStreet:
         if self.ground.terrain is None:
             behind = depth_behind((left["alpha"], left["depth"]), street)
         else:
-            with torch.no_grad():
-                # The median depth: a pole before a wall stands at one of their depths, not between them.
-                standing = near_camera(self.standing, camera)
-                upright = render(standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
-            assert upright.alpha is not None and upright.median_depth is not None
+            # The median depth: a pole before a wall stands at one of their depths, not between them.
+            standing = near_camera(self.standing, camera)
+            upright = rendered(standing, camera, ("alpha", "median_depth"), near=NEAR_M, far=FAR_M)
             behind = depth_behind(
                 (left["alpha"], left["depth"]),
                 street,
-                (upright.alpha.numpy(), upright.median_depth.numpy()),
+                (array(upright.alpha), array(upright.median_depth)),
                 self.ground.terrain.depth(camera, pixels, near=NEAR_M, far=FAR_M),
             )
         return np.where(pixels, behind, np.inf)

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask
@@ -21,6 +22,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_runs
+from unveil_core.raster.on_device import there
 from unveil_core.surfels.initialize import SH_C0
 from unveil_core.surfels.surfels import Surfels
 
@@ -59,13 +61,13 @@ def remains(
         first, at = at, at + len(run)
         if at <= done:
             continue
-        some = surfels.select(near)
-        color = torch.zeros((len(some), 1, 3), dtype=surfels.sh.dtype, requires_grad=True)
+        some = there(surfels.select(near))
+        color = torch.zeros((len(some), 1, 3), dtype=surfels.sh.dtype, device=some.device, requires_grad=True)
         plain = replace(some, sh=color)
         for i, camera in enumerate(run, start=first):
             _draw(plain, camera, objects[i])
         if color.grad is not None:
-            weight[near] += color.grad[:, 0]
+            weight[near] += color.grad[:, 0].cpu()
         if checkpoint.due():
             checkpoint.save({"weight": weight.numpy()}, {"done": at})
         progress(at, len(cameras), "looking for what remains of objects")
@@ -78,7 +80,7 @@ def _draw(plain: Surfels, camera: Camera, mask: NDArray[np.bool_]) -> None:
     width = min(WIDTH_PX, camera.width)
     small = camera.resized(width, max(1, round(camera.height * width / camera.width)))
     share = cv2.resize(mask.astype(np.float32), (small.width, small.height), interpolation=cv2.INTER_AREA)
-    picture = render(plain, small, ("rgb",), near=NEAR_M, far=FAR_M).rgb
+    picture = render(plain, small, ("rgb",), near=NEAR_M, far=FAR_M, backend=current_device().backend).rgb
     assert picture is not None
     asked = torch.from_numpy(np.stack([share, np.ones_like(share), np.zeros_like(share)], axis=2))
-    torch.autograd.backward((picture * asked).sum())
+    torch.autograd.backward((picture * asked.to(picture.device)).sum())

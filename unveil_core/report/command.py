@@ -28,7 +28,7 @@ def repeating_command(state: dict[str, Any], workspace: str) -> list[str] | None
     for name, value in settings.items():
         if not NAME.fullmatch(name):
             return None
-        usual = value is not False if name == "adapt" else value is None or value in ([], "")
+        usual = value is not False if name == "adapt" else value is None or value is False or value in ([], "")
         if not usual:
             words.append(setting_as_option(name, value))
     return [shlex.quote(word) for word in words] if all(word.isprintable() for word in words) else None

@@ -232,7 +232,9 @@ def _truth(shown: Shown) -> Part | None:
     if truth.get("unobserved_mask_iou") is not None:
         notes.append(f"What had to be invented was found with an overlap of {percent(truth['unobserved_mask_iou'])}.")
     filled = (_methods(metrics, "removed").get("telea") or {}).get("frames", truth.get("frames"))
-    if filled != truth.get("frames"):
+    if not truth.get("baseline_seconds_per_frame"):
+        notes.append("Single-image inpainters were not asked for (--baselines).")
+    elif filled != truth.get("frames"):
         notes.append(f"Telea and shift-map were measured on {filled} of {truth.get('frames')} frames.")
     taken = truth.get("baseline_seconds_per_frame", {})
     if taken:

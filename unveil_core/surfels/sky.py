@@ -40,6 +40,10 @@ class Sky:
     texture: Tensor
     axes: NDArray[np.float64]
 
+    def to(self, device: torch.device | str) -> Sky:
+        """The same on a device; itself where it is there already."""
+        return self if self.texture.device == torch.device(device) else Sky(self.texture.to(device), self.axes)
+
     def grid(self, camera: Camera) -> Tensor:
         """(1, H, W, 2) sampling positions of a camera's pixels, for :meth:`sample`; reuse it over iterations."""
         directions = camera.rays() @ self.axes.T
@@ -49,6 +53,30 @@ class Sky:
         width = self.texture.shape[2]
         grid = np.stack([azimuth * width / (width + 2), elevation], axis=-1)
         return torch.from_numpy(grid[None].astype(np.float32))
+
+    def grid_of_rays(self, rays: Tensor, turn: Tensor) -> Tensor:
+        """(1, H, W, 2) as :meth:`grid`, computed where the rays are: cheaper on a GPU than to bring or to keep the positions.
+
+        Args:
+            rays: (H, W, 3) in the camera's frame; turn: (3, 3) float32 from there to the panorama's axes, see :meth:`turn`.
+        """
+        # Element by element: a matrix product may be rounded to TF32.
+        east, north, up = ((rays * row).sum(dim=2) for row in turn)
+        width = self.texture.shape[2]
+        azimuth = torch.atan2(north, east) * (width / (width + 2) / np.pi)
+        elevation = torch.atan2(up, torch.hypot(east, north)) * (2 / np.pi)
+        return torch.stack([azimuth, elevation], dim=2)[None]
+
+    def grid_there(self, camera: Camera, device: torch.device) -> Tensor:
+        """(1, H, W, 2) as :meth:`grid`, computed on a device, in float32."""
+        x = (torch.arange(camera.width, device=device, dtype=torch.float32) + (0.5 - camera.cx)) / camera.fx
+        y = (torch.arange(camera.height, device=device, dtype=torch.float32) + (0.5 - camera.cy)) / camera.fy
+        x, y = x.expand(camera.height, -1), y[:, None].expand(-1, camera.width)
+        return self.grid_of_rays(torch.stack([x, y, torch.ones_like(x)], dim=2), self.turn(camera).to(device))
+
+    def turn(self, camera: Camera) -> Tensor:
+        """(3, 3) float32 from a camera's frame to the panorama's axes."""
+        return torch.from_numpy((self.axes @ camera.world_to_camera[:3, :3].T).astype(np.float32))
 
     def sample(self, grid: Tensor, texture: Tensor | None = None) -> Tensor:
         """(H, W, 3) sky colours at ``grid``; differentiable in ``texture`` (default: the stored one)."""

@@ -62,12 +62,23 @@ class Surfels:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The parameters by name."""
-        return {f.name: getattr(self, f.name).detach().numpy() for f in fields(self)}
+        return {f.name: getattr(self, f.name).detach().cpu().numpy() for f in fields(self)}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Surfels:
         """Inverse of :meth:`arrays`."""
         return Surfels(**{f.name: torch.from_numpy(arrays[f.name]) for f in fields(Surfels)})
+
+    @property
+    def device(self) -> torch.device:
+        """Where the tensors are."""
+        return self.means.device
+
+    def to(self, device: torch.device | str) -> Surfels:
+        """The same on a device; themselves where they are there already."""
+        if self.device == torch.device(device):
+            return self
+        return Surfels(*(getattr(self, f.name).to(device) for f in fields(self)))
 
     @property
     def sh_degree(self) -> int:
@@ -83,12 +94,13 @@ class Surfels:
         """(N,) int64: which column of the rotation is the normal, of an ellipsoid that of the smallest scale (the last
         of equals)."""
         if not self.ellipsoids:
-            return torch.full((len(self),), 2, device=self.log_scales.device)
+            return torch.full((len(self),), 2, device=self.device)
         return 2 - self.log_scales.detach().flip(1).argmin(dim=1)
 
     def normals(self) -> Tensor:
         """(N, 3) unit normals, unturned."""
-        return rotations(self.quats)[torch.arange(len(self)), :, self.normal_axes()]
+        rows = torch.arange(len(self), device=self.device)
+        return rotations(self.quats)[rows, :, self.normal_axes()]
 
     def select(self, index: Tensor) -> Surfels:
         """The surfels at a boolean mask (N,) or integer index (M,)."""

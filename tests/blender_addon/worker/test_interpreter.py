@@ -95,10 +95,10 @@ def test_what_hinders_is_told_with_what_to_do() -> None:
         "Free disk: 120.5 GB in /streets",
         "Ready.",
     ]
-    facts["runs_use_gpu"] = False
+    facts |= {"runs_use_gpu": False, "gpu_problem": "the package triton is missing (pip install triton)"}
     lines = Found(Path("/python"), "named", True, facts=facts).lines()
-    assert "GPU: A Card, 24 GB; runs of this unveil work on the processor" in lines
-    facts["runs_use_gpu"] = True
+    missing = "the package triton is missing (pip install triton)"
+    assert f"GPU: A Card, 24 GB; Unveil works on the processor: {missing}" in lines
     facts |= {"unveil": "0.0.1", "cuda": False, "gpu_unused": True, "memory_gb": 4.0, "work_free_gb": 1.0}
     lines = Found(Path("/python"), "named", True, facts=facts).lines()
     assert "GPU: none that torch can use; Unveil works on the processor" in lines

@@ -1,1 +1,1 @@
-"""What compiled kernels share: the compiler, with its files on disk, and hashing."""
+"""What kernels share: the device that they work on, the compiler with its files on disk, and hashing."""

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
@@ -18,7 +17,7 @@ from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["CarPixels", "SceneView", "find_places", "scene_view", "see_cars"]
@@ -109,12 +108,8 @@ class CarPixels:
 
 def scene_view(surfels: Surfels, camera: Camera, excluded: Mask, *, near: float, far: float) -> SceneView:
     """The median depth of a scene with everything in it."""
-    with torch.no_grad():
-        out = render(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
-    assert out.alpha is not None and out.median_depth is not None
-    return SceneView(
-        camera, np.where(out.alpha.numpy() > SOLID, out.median_depth.numpy(), np.float32(np.inf)), excluded
-    )
+    out = rendered(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
+    return SceneView(camera, np.where(array(out.alpha) > SOLID, array(out.median_depth), np.float32(np.inf)), excluded)
 
 
 def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:

@@ -23,7 +23,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image_as_it_is, read_label_image
@@ -36,8 +35,8 @@ from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames
 from unveil_core.exports.plates.silhouettes import Silhouettes
 from unveil_core.exports.whole import tell
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_mask
 
@@ -109,13 +108,11 @@ def _told_pixels(job: Job, frame: Frame) -> Layers:
 
 def _surfaces(job: Job, empty: Surfels, frame: Frame) -> Layers:
     """Depth and normal of the empty scene, at working size."""
-    with torch.no_grad():
-        near = near_camera(empty, frame.camera)
-        out = render(near, frame.camera, ("alpha", "median_depth", "normal"), near=NEAR_M, far=FAR_M)
-    assert out.alpha is not None and out.median_depth is not None and out.normal is not None
-    solid = out.alpha.numpy() > SOLID
-    depth = np.where(solid, out.median_depth.numpy() * job.drive.to_world.scale, 0).astype(np.float32)
-    normal = out.normal.numpy() * np.array([1, -1, -1], np.float32)  # from OpenCV's axes to those of normal maps
+    near = near_camera(empty, frame.camera)
+    out = rendered(near, frame.camera, ("alpha", "median_depth", "normal"), near=NEAR_M, far=FAR_M)
+    solid = array(out.alpha) > SOLID
+    depth = np.where(solid, array(out.median_depth) * job.drive.to_world.scale, 0).astype(np.float32)
+    normal = array(out.normal) * np.array([1, -1, -1], np.float32)  # from OpenCV's axes to those of normal maps
     normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-6)
     normal = np.where(solid[..., None], normal, 0).astype(np.float32)
     return {"depth.Z": depth, **{f"normal.{axis}": normal[..., k] for k, axis in enumerate("XYZ")}}

@@ -13,8 +13,8 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.objects import object_name
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.spec import MAX_LABELS
 from unveil_core.semantics.labels import frame_instances
 from unveil_core.surfels.surfels import Surfels
@@ -71,8 +71,7 @@ def _weights(full: Surfels, instances: Labels, ids: list[int], frame: Frame) -> 
     for k, number in enumerate(ids):
         labels[instances == number] = k + 1
     marked = Surfels(full.means, full.quats, full.log_scales, full.opacity_logits, full.sh, torch.from_numpy(labels))
-    with torch.no_grad():
-        near = near_camera(marked, frame.camera)
-        out = render(near, frame.camera, ("semantics",), label_count=len(ids) + 1, near=NEAR_M, far=FAR_M)
-    assert out.semantics is not None
-    return out.semantics.numpy()
+    near = near_camera(marked, frame.camera)
+    return array(
+        rendered(near, frame.camera, ("semantics",), label_count=len(ids) + 1, near=NEAR_M, far=FAR_M).semantics
+    )

@@ -14,7 +14,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
@@ -38,8 +37,8 @@ from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -338,11 +337,10 @@ def _shows_ground(ground_depth: NDArray[np.float64], out: dict[str, NDArray[np.f
 def _nearest_label(scene: Surfels, camera: Camera, mask: NDArray[np.bool_], label_count: int) -> NDArray[np.int64]:
     """(H, W) the rendered label, continued into ``mask`` from the nearest pixel outside."""
     scene = near_camera(scene, camera)
-    with torch.no_grad():
-        out = render(scene, camera, ("alpha", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M)
-    assert out.semantics is not None and out.alpha is not None
-    label = out.semantics.argmax(dim=2).numpy()
-    unknown = grow(mask, 1) | (out.alpha.numpy() < 0.5)
+    out = rendered(scene, camera, ("alpha", "semantics"), label_count=label_count, near=NEAR_M, far=FAR_M)
+    assert out.semantics is not None
+    label = array(out.semantics.argmax(dim=2))
+    unknown = grow(mask, 1) | (array(out.alpha) < 0.5)
     if unknown.all():
         return np.zeros(mask.shape, dtype=np.int64)
     nearest = distance_transform_edt(unknown, return_distances=False, return_indices=True)

@@ -6,13 +6,14 @@ Paint, kerb and sidewalk differ in brightness whatever the sun does, so both are
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.parallel import in_parallel, thread_count
 from unveil_core.base.types import Float64
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.light.sun_kernels import draw_fallen
@@ -109,8 +110,7 @@ def find_suns(
     if min(scales) < 1e-4:
         return []
 
-    def score(azimuth: float, elevation: float) -> float:
-        shadow = _shadow(casters, sun_towards(azimuth, elevation), s, t, ground)[known]
+    def score(shadow: NDArray[np.float32]) -> float:
         total = 0.0
         for want, scale, group in zip(wanted, scales, groups, strict=True):
             found = _centred(shadow, group)
@@ -120,11 +120,13 @@ def find_suns(
 
     def tried(start: tuple[float, float, float], turn: tuple[float, float, float]) -> list[tuple[float, float, float]]:
         (_, a0, e0), (step, reach_a, reach_e) = start, turn
-        return [
-            (score(a, e), a, e)
+        directions = [
+            (a, e)
             for a in np.arange(a0 - reach_a, a0 + reach_a + 0.1, step)
             for e in np.clip(np.arange(e0 - reach_e, e0 + reach_e + 0.1, step), *ELEVATION_LIMITS)
         ]
+        shadows = _shadows(casters, [sun_towards(a, e) for a, e in directions], s, t, ground)
+        return [(score(shadow[known]), a, e) for shadow, (a, e) in zip(shadows, directions, strict=True)]
 
     starts: list[tuple[float, float, float]] = []
     for first in sorted(tried((-1.0, 0.0, 45.0), SEARCH[0]), reverse=True):
@@ -142,16 +144,23 @@ def find_suns(
     return sorted(found, key=lambda sun: -sun.score)
 
 
-def _shadow(casters: Float64, towards_sun: Float64, s: Float64, t: Float64, ground: Ground) -> NDArray[np.float32]:
-    """(A, B) 0 to 1, where the rays through the casters (N, 3), east, north and up, meet the ground."""
+def _shadows(
+    casters: Float64, suns: Sequence[Float64], s: Float64, t: Float64, ground: Ground
+) -> Iterator[NDArray[np.float32]]:
+    """For each direction to the sun (3,), where the rays through the casters (N, 3), east, north and up, meet the ground: (A, B)
+    from 0 to 1."""
     path = ground.path
     way = (*path.lookup, path.nodes, path.heading, path.start, path.step)
     heights = (ground.s_start, ground.t_start, ground.s_cell, ground.t_cell, ground.height)
-    plane = np.zeros((len(s), len(t)), dtype=np.float32)
-    draw_fallen(casters, path.axes @ towards_sun, way, heights, (s[0], t[0], s[1] - s[0]), plane)
-    closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    blurred: NDArray[np.float32] = cv2.GaussianBlur(closed, (0, 0), 1.0)
-    return blurred
+    grid = (s[0], t[0], s[1] - s[0])
+    together = 2 * thread_count()  # planes of a long street are large
+    for first in range(0, len(suns), together):
+        lights = np.stack([path.axes @ towards for towards in suns[first : first + together]])
+        planes = np.zeros((len(lights), len(s), len(t)), dtype=np.float32)
+        in_parallel(draw_fallen, len(lights), 1, casters, lights, way, heights, grid, planes)
+        for plane in planes:
+            closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+            yield cv2.GaussianBlur(closed, (0, 0), 1.0)
 
 
 def _centred(values: NDArray[np.float32], group: NDArray[np.int64]) -> NDArray[np.float64]:

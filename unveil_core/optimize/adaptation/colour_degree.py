@@ -69,7 +69,8 @@ def choose_sh_degree(
     for degree in range(highest + 1):
         trial = state.copy()
         if degree < highest:
-            trial.trainable.set_sh(lowered(trial.trainable.surfels.detach(), degree, cameras))
+            now = trial.trainable.surfels.detach()
+            trial.trainable.set_sh(lowered(now.to("cpu"), degree, cameras).to(now.device))
         for turn in range(steps):
             # Smaller and smaller steps, as in the end: large ones shake more than a degree of colour tells.
             trial.step(phase.views, geometry=False, done=phase.last + (1 - phase.last) * turn / steps)

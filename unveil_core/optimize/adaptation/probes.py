@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from unveil_core.optimize.training.trainer import Optimization
 from unveil_core.optimize.training.views import TrainingView
@@ -36,9 +38,14 @@ def hidden_blocks(height: int, width: int) -> NDArray[np.bool_]:
 
 def hide(view: TrainingView) -> TrainingView:
     """The view without its hidden blocks."""
-    hidden = hidden_blocks(view.camera.height, view.camera.width)
-    shown = torch.from_numpy((~hidden).astype(np.float32))
+    shown = _shown(view.camera.height, view.camera.width, view.photograph.device)
     return replace(view, weight=shown if view.weight is None else shown * view.weight)
+
+
+@lru_cache(maxsize=12)
+def _shown(height: int, width: int, device: torch.device) -> Tensor:
+    """(H, W) float32 weights, 0 in the hidden blocks: of the cameras of a rig at their two sizes."""
+    return torch.from_numpy((~hidden_blocks(height, width)).astype(np.float32)).to(device)
 
 
 def probe_error(state: Optimization, views: Sequence[TrainingView]) -> float:
@@ -47,12 +54,14 @@ def probe_error(state: Optimization, views: Sequence[TrainingView]) -> float:
     surfels, sky = state.result()
     for view in views:
         with torch.no_grad():
-            out = render(surfels, view.camera, ("rgb", "alpha"), near=state.settings.near, far=state.settings.far)
+            s = state.settings
+            out = render(surfels, view.camera, ("rgb", "alpha"), near=s.near, far=s.far, backend=s.backend)
             assert out.rgb is not None and out.alpha is not None
-            image = (out.rgb + (1 - out.alpha)[..., None] * sky.sample(view.sky_grid)).clamp(0, 1)
+            image = (out.rgb + (1 - out.alpha)[..., None] * sky.sample(view.sky_positions(sky))).clamp(0, 1)
         hidden = hidden_blocks(view.camera.height, view.camera.width)
         if view.weight is not None:  # what does not count tells nothing here either
-            hidden &= view.weight.numpy() > 0.5
-        error = np.square(image.numpy()[hidden] - view.image.numpy()[hidden], dtype=np.float64)
+            hidden &= view.weight.cpu().numpy() > 0.5
+        shown, seen = image.cpu().numpy(), view.image.cpu().numpy()
+        error = np.square(shown[hidden] - seen[hidden], dtype=np.float64)
         total, pixels = total + float(error.sum()), pixels + error.size
     return total / max(pixels, 1)

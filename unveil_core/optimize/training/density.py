@@ -41,17 +41,17 @@ class DensitySettings:
 
 
 class DensityControl:
-    """Accumulates screen-space gradients between its turns."""
+    """Accumulates screen-space gradients between its turns, on the device of the surfels."""
 
-    def __init__(self, settings: DensitySettings, count: int) -> None:
-        self.settings = settings
+    def __init__(self, settings: DensitySettings, count: int, device: torch.device | str = "cpu") -> None:
+        self.settings, self.device = settings, device
         self.clear(count)
 
     def clear(self, count: int) -> None:
         """Forget what was observed; ``count`` surfels from now on."""
-        self.gradient = torch.zeros(count)
-        self.seen = torch.zeros(count)
-        self.width_px = torch.zeros(count)
+        self.gradient = torch.zeros(count, device=self.device)
+        self.seen = torch.zeros(count, device=self.device)
+        self.width_px = torch.zeros(count, device=self.device)
 
     def tensors(self) -> dict[str, Tensor]:
         """What was observed, (N,) each, by name."""
@@ -59,7 +59,7 @@ class DensityControl:
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Go on from what :meth:`tensors` gave."""
-        self.gradient, self.seen, self.width_px = (tensors[name] for name in self.tensors())
+        self.gradient, self.seen, self.width_px = (tensors[name].to(self.device) for name in self.tensors())
 
     def observe(self, screen_gradients: Tensor, visible: Tensor, half_size_px: float, width_px: Tensor) -> None:
         """Note one step.
@@ -107,7 +107,7 @@ def cut_in_two(parents: Surfels) -> list[Surfels]:
     3DGS draws the children's places from the parent: as many fall together as leave a gap, and held-out views lose 1 to 2 dB for
     a hundred steps. Side by side they lose half of that, end as good, and no random number is needed.
     """
-    rows = torch.arange(len(parents))
+    rows = torch.arange(len(parents), device=parents.device)
     longest = parents.log_scales.argmax(dim=1)
     axis = rotations(parents.quats)[rows, :, longest]
     step = axis * (CHILD_OFFSET * parents.log_scales[rows, longest].exp())[:, None]

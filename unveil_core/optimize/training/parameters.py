@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.optimize.training.adam import adam_step
+from unveil_core.optimize.training.arithmetic import Arithmetic, arithmetic_for
 from unveil_core.optimize.training.soft_labels import label_logits
 from unveil_core.surfels.surfels import Surfels, concatenate, with_sh_degree
 
@@ -45,7 +45,7 @@ class LearningRates:
 
 
 class TrainableSurfels:
-    """The one mutable object of the optimization: leaf tensors, their moments, and the fixed labels.
+    """The one mutable object of the optimization: leaf tensors, their moments, and the fixed labels, on the device of the surfels.
 
     Attributes:
         leaves: by name, tensors that collect gradients; with soft labels also ``label_logits`` (N, K).
@@ -56,8 +56,11 @@ class TrainableSurfels:
 
     NAMES = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
-    def __init__(self, surfels: Surfels, rates: LearningRates, *, soft_labels: int = 0) -> None:
+    def __init__(
+        self, surfels: Surfels, rates: LearningRates, *, soft_labels: int = 0, arithmetic: Arithmetic | None = None
+    ) -> None:
         self.rates, self.soft_labels = rates, soft_labels
+        self.arithmetic = arithmetic or arithmetic_for("auto", surfels.device)
         self.turn = 0
         self._set(surfels)
         self.first = {name: torch.zeros_like(leaf.detach()) for name, leaf in self.leaves.items()}
@@ -91,7 +94,7 @@ class TrainableSurfels:
         for name, leaf in self.leaves.items():
             if leaf.grad is not None:
                 rate = self.rates.at("sh_base" if name == "sh" else name, done)
-                adam_step(
+                self.arithmetic.adam_step(
                     leaf,
                     leaf.grad,
                     self.first[name],
@@ -114,18 +117,23 @@ class TrainableSurfels:
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The state but for the rates."""
         parts = {"leaf": self.leaves, "first": self.first, "second": self.second}
-        found = {f"{part}.{name}": t.detach().numpy() for part, of in parts.items() for name, t in of.items()}
-        return {**found, "labels": self.labels.numpy(), "turn": np.array(self.turn)}
+        found = {f"{part}.{name}": t.detach().cpu().numpy() for part, of in parts.items() for name, t in of.items()}
+        return {**found, "labels": self.labels.cpu().numpy(), "turn": np.array(self.turn)}
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         """Go on from what :meth:`arrays` gave."""
+        device = self.labels.device
         leaf, first, second = (
-            {name.removeprefix(part): torch.from_numpy(a) for name, a in arrays.items() if name.startswith(part)}
+            {
+                name.removeprefix(part): torch.from_numpy(a).to(device)
+                for name, a in arrays.items()
+                if name.startswith(part)
+            }
             for part in ("leaf.", "first.", "second.")
         )
         self.leaves = {name: t.requires_grad_(True) for name, t in leaf.items()}
         self.first, self.second = first, second
-        self.labels, self.turn = torch.from_numpy(arrays["labels"]), int(arrays["turn"])
+        self.labels, self.turn = torch.from_numpy(arrays["labels"]).to(device), int(arrays["turn"])
 
     def set_sh_degree(self, degree: int) -> None:
         """Let the colours have coefficients up to a degree; new ones start at zero, higher ones are dropped."""

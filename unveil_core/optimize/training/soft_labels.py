@@ -24,11 +24,13 @@ SURE = 0.9
 def label_logits(labels: Tensor, count: int) -> Tensor:
     """(N, K) logits of probabilities that are sure of ``labels`` (N,) int64, of ``count`` labels K."""
     other = (1 - SURE) / max(1, count - 1)
-    odds = torch.full((len(labels), count), other).scatter_(1, labels[:, None], SURE)
+    odds = torch.full((len(labels), count), other, device=labels.device).scatter_(1, labels[:, None], SURE)
     return odds.log()
 
 
-def render_soft_labels(surfels: Surfels, logits: Tensor, camera: Camera, *, near: float, far: float) -> Tensor:
+def render_soft_labels(
+    surfels: Surfels, logits: Tensor, camera: Camera, *, near: float, far: float, backend: str = "auto"
+) -> Tensor:
     """(H, W, K) accumulated probabilities, differentiable in the surfels and in ``logits`` (N, K)."""
     probabilities = torch.softmax(logits, dim=1)
     count = probabilities.shape[1]
@@ -36,7 +38,7 @@ def render_soft_labels(surfels: Surfels, logits: Tensor, camera: Camera, *, near
     planes = []
     for first in range(0, count, 3):
         colored = replace(surfels, sh=((padded[:, None, first : first + 3] - 0.5) / SH0).contiguous())
-        plane = render(colored, camera, ("rgb",), near=near, far=far).rgb
+        plane = render(colored, camera, ("rgb",), near=near, far=far, backend=backend).rgb
         assert plane is not None
         planes.append(plane)
     return torch.cat(planes, dim=2)[..., :count].contiguous()

@@ -17,14 +17,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from unveil_core.optimize.training.adam import Adam
+from unveil_core.optimize.training.arithmetic import arithmetic_for
 from unveil_core.optimize.training.density import DensityControl, DensitySettings
-from unveil_core.optimize.training.losses import (
-    LossWeights,
-    depth_prior,
-    l1_dssim,
-    normal_consistency,
-    semantic_cross_entropy,
-)
+from unveil_core.optimize.training.losses import LossWeights, depth_prior
 from unveil_core.optimize.training.parameters import LearningRates, TrainableSurfels
 from unveil_core.optimize.training.soft_labels import render_soft_labels
 from unveil_core.optimize.training.views import TrainingView
@@ -33,6 +28,9 @@ from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels
 
 __all__ = ["Optimization", "TrainSettings"]
+
+READ_EVERY = 20
+"""Steps between two looks at the loss where to look means to wait for the device: a look a second or so is enough to follow it."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,8 @@ class TrainSettings:
         sky_rate: Adam step of the sky panorama, 0 = fixed.
         soft_labels: whether labels are probabilities that are trained; for comparison.
         near, far: metres; the range that distortion is measured in.
+        kernels: of the losses and Adam: "auto", by the surfels' device; "fused" or "torch", see ``arithmetic``.
+        backend: of the rasterizer, see ``render``.
     """
 
     weights: LossWeights = field(default_factory=LossWeights)
@@ -55,13 +55,15 @@ class TrainSettings:
     soft_labels: bool = False
     near: float = 0.2
     far: float = 100.0
+    kernels: str = "auto"
+    backend: str = "auto"
 
 
 class Optimization:
-    """Surfels and a sky on their way to fit views.
+    """Surfels and a sky on their way to fit views, on the device of the surfels.
 
     Args:
-        surfels: the start, N surfels.
+        surfels: the start, N surfels; all else is brought to where they are, but the views, see ``views.views_on``.
         sky: the sky; its texture is trained unless ``sky_rate`` is 0.
         settings, rates: see there.
         label_count: K.
@@ -84,18 +86,25 @@ class Optimization:
         moving: Tensor | None = None,
         seed: int = 0,
     ) -> None:
-        self.settings, self.label_count, self.sky_label, self.moving = settings, label_count, sky_label, moving
-        self.spared = torch.tensor(list(spared_labels), dtype=torch.int64)
-        self.trainable = TrainableSurfels(surfels, rates, soft_labels=label_count if settings.soft_labels else 0)
-        self.sky = sky
+        self.settings, self.label_count, self.sky_label, self.device = settings, label_count, sky_label, surfels.device
+        self.moving = None if moving is None else moving.to(self.device)
+        self.spared = torch.tensor(list(spared_labels), dtype=torch.int64, device=self.device)
+        self.arithmetic = arithmetic_for(settings.kernels, self.device)
+        soft = label_count if settings.soft_labels else 0
+        self.trainable = TrainableSurfels(surfels, rates, soft_labels=soft, arithmetic=self.arithmetic)
+        sky = self.sky = sky.to(self.device)
         self.texture = sky.texture.clone().requires_grad_(settings.sky_rate > 0)
         self._sky_adam = Adam(self.texture, settings.sky_rate) if settings.sky_rate > 0 else None
         fixed = settings.density is None or moving is not None
-        self.density = None if fixed else DensityControl(settings.density, len(surfels))  # type: ignore[arg-type]
+        self.density = (
+            None if fixed else DensityControl(settings.density, len(surfels), self.device)  # type: ignore[arg-type]
+        )
         self._generator = np.random.default_rng(seed)
         self._order: list[int] = []
         self.loss = float("nan")
-        """Exponential mean over the steps."""
+        """Exponential mean over the steps; of those up to the last look at it, where it stays on the device meanwhile."""
+        self._mean: Tensor | None = None
+        self._since = 0
 
     def __len__(self) -> int:
         return len(self.trainable)
@@ -108,11 +117,13 @@ class Optimization:
         twin._sky_adam = None if self._sky_adam is None else self._sky_adam.copy(twin.texture)
         twin.density, twin._generator = deepcopy(self.density), deepcopy(self._generator)
         twin._order = list(self._order)
+        twin._mean = None if self._mean is None else self._mean.clone()
         return twin
 
     def checkpoint(self) -> tuple[dict[str, NDArray[np.generic]], dict[str, Any]]:
         """The state as arrays and as facts that JSON can hold: with them the same steps come to the same end."""
-        arrays = {**self.trainable.arrays(), "texture": self.texture.detach().numpy()}
+        arrays = {**self.trainable.arrays(), "texture": self.texture.detach().cpu().numpy()}
+        self._look()
         facts: dict[str, Any] = {
             "order": self._order,
             "random": self._generator.bit_generator.state,
@@ -120,20 +131,21 @@ class Optimization:
             "grows": self.density is not None,
         }
         if self._sky_adam is not None:
-            arrays |= {"sky.first": self._sky_adam.first.numpy(), "sky.second": self._sky_adam.second.numpy()}
+            moments = {"sky.first": self._sky_adam.first, "sky.second": self._sky_adam.second}
+            arrays |= {name: moment.cpu().numpy() for name, moment in moments.items()}
             facts["sky_turn"] = self._sky_adam.turn
         if self.density is not None:
-            arrays |= {f"density.{name}": t.numpy() for name, t in self.density.tensors().items()}
+            arrays |= {f"density.{name}": t.cpu().numpy() for name, t in self.density.tensors().items()}
         return arrays, facts
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]], facts: Mapping[str, Any]) -> None:
         """Go on from what :meth:`checkpoint` gave, in an optimization that was begun alike."""
         self.trainable.restore(arrays)
-        self.texture = torch.from_numpy(arrays["texture"]).requires_grad_(self.settings.sky_rate > 0)
+        self.texture = torch.from_numpy(arrays["texture"]).to(self.device).requires_grad_(self.settings.sky_rate > 0)
         if self._sky_adam is not None:
             self._sky_adam = Adam(self.texture, self.settings.sky_rate)
             self._sky_adam.first, self._sky_adam.second = (
-                torch.from_numpy(arrays[f"sky.{name}"]) for name in ("first", "second")
+                torch.from_numpy(arrays[f"sky.{name}"]).to(self.device) for name in ("first", "second")
             )
             self._sky_adam.turn = int(facts["sky_turn"])
         if not facts["grows"]:
@@ -143,6 +155,7 @@ class Optimization:
         self._generator.bit_generator.state = facts["random"]
         self._order = [int(i) for i in facts["order"]]
         self.loss = float("nan") if facts["loss"] is None else float(facts["loss"])
+        self._mean = None
 
     def step(self, views: Sequence[TrainingView], *, geometry: bool, done: float) -> None:
         """One view, one change; all views have their turn before one comes again.
@@ -159,13 +172,33 @@ class Optimization:
         out = self._render(current, view, geometry)
         loss = self._loss(out, current, view, geometry)
         loss.backward()  # type: ignore[no-untyped-call]
-        value = loss.item()
-        self.loss = value if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * value
+        self._note(loss)
         if self.density is not None:
             _observe(self.density, out, current, view)
         self.trainable.step(self.moving, done=done)
         if self._sky_adam is not None:
             self._sky_adam.step()
+
+    def _note(self, loss: Tensor) -> None:
+        """Take a step's loss into the mean."""
+        if self.arithmetic.at_once:
+            value = loss.item()
+            self.loss = value if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * value
+            return
+        there = loss.detach()
+        if self._mean is None:
+            self._mean = there.clone() if np.isnan(self.loss) else there * 0.05 + 0.95 * self.loss
+            self._since = READ_EVERY  # the first is looked at, so that there is a loss to tell
+        else:
+            self._mean.mul_(0.95).add_(there, alpha=0.05)
+            self._since += 1
+        if self._since >= READ_EVERY:
+            self._look()
+
+    def _look(self) -> None:
+        """Bring the mean from the device, which waits for it."""
+        if self._mean is not None:
+            self.loss, self._since = float(self._mean), 0
 
     def _render(self, current: Surfels, view: TrainingView, geometry: bool) -> Rendered:
         w, s = self.settings.weights, self.settings
@@ -177,19 +210,21 @@ class Optimization:
             planes += ["depth"] if w.normal > 0 or (w.depth > 0 and view.depth is not None) else []
             planes += ["distortion"] if w.distortion > 0 else []
             planes += ["label_distortion"] if w.label_distortion > 0 else []
-        return render(current, view.camera, planes, label_count=self.label_count, near=s.near, far=s.far)
+        return render(
+            current, view.camera, planes, label_count=self.label_count, near=s.near, far=s.far, backend=s.backend
+        )
 
     def _loss(self, out: Rendered, current: Surfels, view: TrainingView, geometry: bool) -> Tensor:
-        w = self.settings.weights
+        w, by = self.settings.weights, self.arithmetic
         assert out.rgb is not None and out.alpha is not None
-        image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_grid, self.texture)
-        loss = l1_dssim(image, view.image, view.weight, dssim=w.dssim)
+        image = out.rgb + (1 - out.alpha)[..., None] * self.sky.sample(view.sky_positions(self.sky), self.texture)
+        loss = by.l1_dssim(image, view.image, view.weight, dssim=w.dssim)
         semantics, labels = out.semantics, view.labels
         if self.settings.soft_labels and w.semantic > 0 and labels is not None:
             logits, s = self.trainable.leaves["label_logits"], self.settings
-            semantics = render_soft_labels(current, logits, view.camera, near=s.near, far=s.far)
+            semantics = render_soft_labels(current, logits, view.camera, near=s.near, far=s.far, backend=s.backend)
         if semantics is not None and labels is not None:
-            loss = loss + w.semantic * semantic_cross_entropy(
+            loss = loss + w.semantic * by.semantic_cross_entropy(
                 semantics, out.alpha, labels, sky_label=self.sky_label, weight=view.weight
             )
         if out.distortion is not None:
@@ -197,7 +232,7 @@ class Optimization:
         if out.label_distortion is not None:
             loss = loss + w.label_distortion * out.label_distortion.mean()
         if out.normal is not None and out.depth is not None:
-            loss = loss + w.normal * normal_consistency(out.normal, out.depth, out.alpha, view.rays, view.weight)
+            loss = loss + w.normal * by.normal_consistency(out.normal, out.depth, out.alpha, view.rays, view.weight)
         if geometry and w.depth > 0 and view.depth is not None and out.depth is not None:
             loss = loss + w.depth * depth_prior(out.depth, out.alpha, view.depth)
         if geometry and w.opacity > 0:
@@ -233,8 +268,7 @@ class Optimization:
 
 def _observe(density: DensityControl, out: Rendered, surfels: Surfels, view: TrainingView) -> None:
     with torch.no_grad():
-        camera = view.camera
-        row = torch.from_numpy(camera.world_to_camera[2].astype(np.float32))
+        camera, row = view.camera, view.forward
         # Element by element: a matrix product may round differently with the memory's alignment, and splits hang on it.
         depth = ((surfels.means.detach() * row[:3]).sum(dim=1) + row[3]).clamp_min(1e-3)
         width = surfels.log_scales.detach().amax(dim=1).exp() * camera.fx / depth

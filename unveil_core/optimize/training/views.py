@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -11,11 +12,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.training.losses import camera_rays
 from unveil_core.surfels.sky import Sky
 
-__all__ = ["TrainingView", "training_view"]
+__all__ = ["TrainingView", "training_view", "views_on"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,17 +29,21 @@ class TrainingView:
         photograph: (H, W, 3) uint8; many views are held, and few are used at a time (see :attr:`image`).
         label_image: (H, W) int16 compact labels, negative = ignore; None = no semantics.
         weight: (H, W) float32, how much a pixel's colour counts; None = all fully.
-        sky_grid: (1, H, W, 2) where the sky panorama is sampled.
+        sky_grid: (1, H, W, 2) where the sky panorama is sampled; None = computed from ``sky_turn`` when it is asked for.
         depth: (H, W) depth that is expected here, metres along the optical axis, 0 where there is no expectation; None =
             nowhere.
+        sky_turn: (3, 3) of ``Sky.turn``; forward_row: (4,) float32, third row of ``world_to_camera``: both only of a view on
+            another device than the processor, where bringing them at each step would cost a transfer.
     """
 
     camera: Camera
     photograph: Tensor
     label_image: Tensor | None
     weight: Tensor | None
-    sky_grid: Tensor
+    sky_grid: Tensor | None
     depth: Tensor | None = None
+    sky_turn: Tensor | None = None
+    forward_row: Tensor | None = None
 
     @property
     def image(self) -> Tensor:
@@ -52,13 +58,55 @@ class TrainingView:
     @property
     def rays(self) -> Tensor:
         """(H, W, 3) camera-frame rays with unit z."""
-        return _rays(self.camera.intrinsics)
+        return _rays(self.camera.intrinsics, self.photograph.device)
+
+    @property
+    def forward(self) -> Tensor:
+        """(4,) float32: with a place in homogeneous coordinates its depth, metres."""
+        if self.forward_row is not None:
+            return self.forward_row
+        return torch.from_numpy(self.camera.world_to_camera[2].astype(np.float32))
+
+    def sky_positions(self, sky: Sky) -> Tensor:
+        """(1, H, W, 2) where the panorama is sampled."""
+        if self.sky_grid is not None:
+            return self.sky_grid
+        assert self.sky_turn is not None
+        return sky.grid_of_rays(self.rays, self.sky_turn)
+
+    def to(self, device: torch.device, sky: Sky) -> TrainingView:
+        """The same on another device than the processor."""
+
+        def there(tensor: Tensor | None) -> Tensor | None:
+            return None if tensor is None else tensor.to(device)
+
+        return replace(
+            self,
+            photograph=self.photograph.to(device),
+            label_image=there(self.label_image),
+            weight=there(self.weight),
+            depth=there(self.depth),
+            sky_grid=None,
+            sky_turn=sky.turn(self.camera).to(device),
+            forward_row=self.forward.to(device),
+        )
+
+
+def views_on(views: Sequence[TrainingView], sky: Sky, device: torch.device, most_bytes: int) -> Sequence[TrainingView]:
+    """The views on a device, held there as long as there is room; on the processor the views themselves.
+
+    Args:
+        most_bytes: room on the device: a view of 1920x1280 takes 12 MB, so that most drives stay there whole.
+    """
+    if device.type == "cpu":
+        return views
+    return FrameCache(most_bytes).frames(len(views), lambda i: views[i].to(device, sky))
 
 
 @lru_cache(maxsize=12)
-def _rays(intrinsics: tuple[int, int, float, float, float, float]) -> Tensor:
+def _rays(intrinsics: tuple[int, int, float, float, float, float], device: torch.device) -> Tensor:
     """The rays of all frames of a camera: a rig of six has so many at its two sizes."""
-    return camera_rays(Camera(*intrinsics, np.eye(4)))
+    return camera_rays(Camera(*intrinsics, np.eye(4))).to(device)
 
 
 def training_view(

@@ -22,8 +22,8 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
 from unveil_core.pipeline.stage import StageContext
-from unveil_core.raster import render
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.missed import missed_pixels
@@ -133,11 +133,9 @@ def run(context: StageContext) -> None:
     def look(i: int) -> tuple[NDArray[Any], ...]:
         frame = frames[i]
         planes = ("rgb", "alpha", "depth", "semantics")
-        with torch.no_grad():
-            near = near_camera(told, frame.camera)
-            full = render(near, frame.camera, planes, label_count=OWN_KINDS + len(grown), near=NEAR_M, far=FAR_M)
-        assert full.rgb is not None and full.alpha is not None and full.depth is not None and full.semantics is not None
-        share = full.semantics.numpy()
+        near = near_camera(told, frame.camera)
+        full = rendered(near, frame.camera, planes, label_count=OWN_KINDS + len(grown), near=NEAR_M, far=FAR_M)
+        share = array(full.semantics)
         single = {n: share[..., k] for k, n in enumerate(grown, start=OWN_KINDS)}
         marked, known = share[..., 2].copy(), share[..., 1].copy()
         for number, part in single.items():
@@ -145,14 +143,14 @@ def run(context: StageContext) -> None:
             into += part
         own = object_mask(frame, scene, known + marked) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, marked)
-        own |= missed_pixels(exposures.read(frame), full.rgb.numpy(), known, own)
+        own |= missed_pixels(exposures.read(frame), array(full.rgb), known, own)
         for number, part in single.items():
             pixels = own & single_object(frame, number, part)
             own |= grow(pixels, working_px(frame, grown[number])) if pixels.any() else False
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
         by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
-        return (seen_view(full.depth.numpy(), full.alpha.numpy(), own, by_label).depth,)
+        return (seen_view(array(full.depth), array(full.alpha), own, by_label).depth,)
 
     stored = context.cache.stored(context.scratch("seen"), len(frames), look)
     views = SeenViews([f.camera for f in frames], Frames(len(frames), lambda i: SeenView(*stored[i])))

@@ -11,6 +11,7 @@ __all__ = ["run"]
 
 def run(context: StageContext) -> None:
     """metrics.json and report/."""
-    metrics = run_evaluation(context.workspace.root, None, context.progress, kept=context.kept)
+    root, baselines = context.workspace.root, context.settings.baselines
+    metrics = run_evaluation(root, None, context.progress, baselines=baselines, kept=context.kept)
     write_metrics(metrics, context.output("metrics.json"))
     write_report(context.workspace.root, context.output("report"), metrics, context.progress)

@@ -15,7 +15,7 @@ from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGIN_COUNT, RELIT
-from unveil_core.raster import render
+from unveil_core.raster.on_device import array, rendered
 from unveil_core.report.scene.path import Way
 from unveil_core.surfels.surfels import Surfels
 
@@ -201,11 +201,10 @@ def _above(place: Map, corner: NDArray[np.int64], size: NDArray[np.int64], seen:
 def _tile(surfels: Surfels, camera: Camera) -> tuple[Picture, NDArray[np.uint8], Mask]:
     """(H, W, 3) what is seen, (H, W) which of :data:`MARKED` it is, or 0, and (H, W) where anything is."""
     planes = ("rgb", "alpha", "semantics")
-    with torch.no_grad():
-        out = render(surfels, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
-    assert out.rgb is not None and out.alpha is not None and out.semantics is not None
-    shown = out.rgb.numpy() + (1 - out.alpha.numpy())[..., None] * (np.array(BACKGROUND, np.float32) / 255)
-    weights = out.semantics.numpy()[..., list(MARKED)]
+    out = rendered(surfels, camera, planes, label_count=ORIGIN_COUNT, near=NEAR_M, far=FAR_M)
+    alpha = array(out.alpha)
+    shown = array(out.rgb) + (1 - alpha)[..., None] * (np.array(BACKGROUND, np.float32) / 255)
+    weights = array(out.semantics)[..., list(MARKED)]
     kinds = np.where(weights.max(axis=2) > LEAST_WEIGHT, np.array(MARKED, np.uint8)[weights.argmax(axis=2)], 0)
     picture = np.clip(np.round(255 * shown), 0, 255).astype(np.uint8)
-    return picture, kinds.astype(np.uint8), np.asarray(out.alpha.numpy() > 0.5)
+    return picture, kinds.astype(np.uint8), np.asarray(alpha > 0.5)

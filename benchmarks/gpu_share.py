@@ -1,0 +1,102 @@
+"""What of a run a GPU can take: seconds of each stage in training steps, in rendering, and in what the processor does in any case.
+
+    python benchmarks/gpu_share.py [QUALITY...]
+
+On the sample street, on the processor. Results go to benchmarks/results/gpu_share.json; ``most`` is how much faster a run can be
+at best, with a GPU that takes no time at all (Amdahl 1967).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.optimize.training.trainer import Optimization  # noqa: E402
+from unveil_core.pipeline.run import run  # noqa: E402
+from unveil_core.pipeline.settings import RunSettings  # noqa: E402
+from unveil_core.raster import on_device  # noqa: E402
+from unveil_core.remove import remains  # noqa: E402
+
+DRIVE = HERE.parent / "sample_scenes" / "parked_street"
+
+
+class Clock:
+    """Seconds in some functions, by stage.
+
+    Threads that render at once count each for itself, as they do where a GPU would take their work.
+    """
+
+    def __init__(self) -> None:
+        self.stage = ""
+        self.spent: dict[str, dict[str, float]] = defaultdict(lambda: defaultdict(float))
+
+    def timed(self, kind: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, whose time counts as ``kind``."""
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            begun = time.perf_counter()
+            try:
+                return function(*arguments, **named)
+            finally:
+                self.spent[self.stage][kind] += time.perf_counter() - begun
+
+        return call
+
+    def heard(self, event: dict[str, object]) -> None:
+        """An event of the run: it tells the stage."""
+        self.stage = str(event["stage"])
+
+
+def measure(quality: str, folder: Path) -> dict[str, Any]:
+    """One run."""
+    clock = Clock()
+    changed = [(Optimization, "step", "steps"), (on_device, "render", "rendering"), (remains, "_draw", "rendering")]
+    before = [(owner, name, getattr(owner, name)) for owner, name, _ in changed]
+    load = machine()["load_before"]
+    for owner, name, kind in changed:
+        setattr(owner, name, clock.timed(kind, getattr(owner, name)))
+    try:
+        space = run(DRIVE, folder / quality, RunSettings(quality=quality, device="cpu"), reporter=clock.heard)
+    finally:
+        for owner, name, function in before:
+            setattr(owner, name, function)
+    stages = {}
+    for name, stage in space.state()["stages"].items():
+        spent = clock.spent[name]
+        own = {kind: round(spent[kind], 2) for kind in ("steps", "rendering")}
+        stages[name] = {"seconds": stage["seconds"], **own}
+    total = sum(s["seconds"] for s in stages.values())
+    taken = sum(s["steps"] + s["rendering"] for s in stages.values())
+    return {
+        "quality": quality,
+        "load_before": load,
+        "stages": stages,
+        "seconds": round(total, 1),
+        "steps": round(sum(s["steps"] for s in stages.values()), 1),
+        "rendering": round(sum(s["rendering"] for s in stages.values()), 1),
+        "most": round(total / (total - taken), 2),
+    }
+
+
+def main() -> None:
+    """Measure the qualities named on the command line, draft and standard by default."""
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [measure(quality, Path(folder)) for quality in sys.argv[1:] or ("draft", "standard")]
+    for row in rows:
+        print(json.dumps(row), flush=True)
+    document = {"machine": machine(), "drive": DRIVE.name, "runs": rows}
+    (HERE / "results" / "gpu_share.json").write_text(json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""Which code does the arithmetic of a step: kernels of the processor, fused by hand, or torch's own operations on any device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from unveil_core.optimize.training import losses, torch_losses
+from unveil_core.optimize.training.adam import adam_step
+from unveil_core.optimize.training.torch_adam import adam_step as torch_adam_step
+
+__all__ = ["KERNELS", "Arithmetic", "arithmetic_for"]
+
+KERNELS = ("auto", "fused", "torch")
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """The losses and Adam, in one of two ways that agree to 1e-5.
+
+    Attributes:
+        l1_dssim, semantic_cross_entropy, normal_consistency: see ``losses``; adam_step: see ``adam``.
+        at_once: whether a loss is a number as soon as it is made; if not, to look at it means to wait for the device.
+    """
+
+    l1_dssim: Callable[..., Tensor]
+    semantic_cross_entropy: Callable[..., Tensor]
+    normal_consistency: Callable[..., Tensor]
+    adam_step: Callable[..., None]
+    at_once: bool
+
+
+FUSED = Arithmetic(losses.l1_dssim, losses.semantic_cross_entropy, losses.normal_consistency, adam_step, at_once=True)
+TORCH = Arithmetic(
+    torch_losses.l1_dssim,
+    torch_losses.semantic_cross_entropy,
+    torch_losses.normal_consistency,
+    torch_adam_step,
+    at_once=False,
+)
+
+
+def arithmetic_for(kernels: str, device: torch.device) -> Arithmetic:
+    """The arithmetic that is asked for.
+
+    Args:
+        kernels: "auto" takes the fused kernels on the processor and torch elsewhere; "fused" or "torch" by name, "torch" on the
+            processor too, for comparison.
+    Raises:
+        ValueError: an unknown name, or the fused kernels on another device than the processor.
+    """
+    if kernels not in KERNELS:
+        raise ValueError(f"unknown kernels {kernels!r}; there are {', '.join(KERNELS)}")
+    if kernels == "fused" and device.type != "cpu":
+        raise ValueError(f"the fused kernels work on the processor, not on {device}")
+    return FUSED if kernels == "fused" or (kernels == "auto" and device.type == "cpu") else TORCH
