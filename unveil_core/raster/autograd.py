@@ -97,7 +97,7 @@ def rasterize(
         backend: "cpu" or "triton", a folder with a module ``backend`` beside this one.
     """
     module = importlib.import_module(f"unveil_core.raster.{backend}.backend")
-    settings = Settings(group_for(names), label_count, coefficients, near, far, limits)
+    settings = Settings(group_for(names), label_count, coefficients, near, far, limits, names)
     inputs = (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh)
     screen = Screen()
     if not (torch.is_grad_enabled() and any(t.requires_grad for t in inputs)):

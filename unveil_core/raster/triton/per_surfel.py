@@ -13,7 +13,7 @@ from unveil_core.raster import records as rec
 from unveil_core.raster import spec
 from unveil_core.raster import spherical_harmonics as harmonics
 
-__all__ = ["chain", "project", "sum_rows"]
+__all__ = ["chain", "project"]
 
 # ``pose`` is 20 float64 of a view: rotation (9), translation (3), eye (3), fx, fy, cx, cy, near.
 ALPHA_MIN, DEPTH_MAX, EDGE_ON = tl.constexpr(spec.ALPHA_MIN), tl.constexpr(spec.DEPTH_MAX), tl.constexpr(spec.EDGE_ON)
@@ -199,7 +199,7 @@ def project(
     sh,
     labels,
     pose,
-    count,
+    count_surfels,
     width,
     height,
     records,
@@ -211,9 +211,10 @@ def project(
     TILE: tl.constexpr,
     BLOCK: tl.constexpr,
 ):
-    """Records of the surfels that can touch the image; the tiles that each touches, its depth, and whether it does."""
-    i = tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)
-    here = i < count
+    """Records of the surfels that can touch the image, boxes of tiles about them, their depth (infinite for others), and
+    whether each can."""
+    i = tl.program_id(0).to(tl.int64) * BLOCK + tl.arange(0, BLOCK)
+    here = i < count_surfels
     (
         X,
         Y,
@@ -341,25 +342,13 @@ def project(
     tl.store(boxes + 4 * i + 1, ((x1.to(tl.int32) - 1) // TILE).to(tl.int16), seen)
     tl.store(boxes + 4 * i + 2, (y0.to(tl.int32) // TILE).to(tl.int16), seen)
     tl.store(boxes + 4 * i + 3, ((y1.to(tl.int32) - 1) // TILE).to(tl.int16), seen)
-    tl.store(depths + i, Z.to(tl.float32), seen)
+    tl.store(depths + i, tl.where(seen, Z.to(tl.float32), float("inf")), here)
     tl.store(visible + i, seen.to(tl.uint8), here)
 
 
 @triton.jit
 def _store(at, K: tl.constexpr, value, mask):
     tl.store(at + K, value.to(tl.float32), mask)
-
-
-@triton.jit
-def sum_rows(surfel_start, rows, touched, sums, ROW: tl.constexpr, USED: tl.constexpr):
-    """Each surfel's rows, of which so many floats are used, added in a fixed order: one program per surfel."""
-    n = tl.program_id(0)
-    k = tl.arange(0, 32)
-    total = tl.zeros([32], tl.float32)
-    for s in range(tl.load(surfel_start + n), tl.load(surfel_start + n + 1)):
-        if tl.load(touched + s) != 0:
-            total += tl.load(rows + s * ROW + k, k < USED, 0.0)
-    tl.store(sums + n * 32 + k, total)
 
 
 @triton.jit
@@ -373,7 +362,7 @@ def chain(
     records,
     visible,
     sums,
-    count,
+    count_surfels,
     g_means,
     g_quats,
     g_log_scales,
@@ -382,11 +371,12 @@ def chain(
     g_screen,
     COEFFICIENTS: tl.constexpr,
     SH_ROWS: tl.constexpr,
+    SUMS: tl.constexpr,
     BLOCK: tl.constexpr,
 ):
     """Sums of gradient rows carried back to the parameters; zero for surfels off the screen."""
-    n = tl.program_id(0) * BLOCK + tl.arange(0, BLOCK)
-    here = n < count
+    n = tl.program_id(0).to(tl.int64) * BLOCK + tl.arange(0, BLOCK)
+    here = n < count_surfels
     seen = here & (tl.load(visible + n, here, 0) != 0)
     (
         X,
@@ -422,7 +412,7 @@ def chain(
     xn, yn, W0, W1 = X * iz, Y * iz, t02 * s0, t12 * s1
     U0, U1 = fx * (t00 * s0 - xn * W0), fx * (t10 * s1 - xn * W1)
     V0, V1 = fy * (t01 * s0 - yn * W0), fy * (t11 * s1 - yn * W1)
-    at = sums + n * 32
+    at = sums + n * SUMS
     flat = seen & (edge_on == 0)
     g = tl.where(flat, Z, 0.0) / tl.where(flat, U0 * V1 - U1 * V0, 1.0)
     A0, B0, A1, B1 = V1 * g, -U1 * g, -V0 * g, U0 * g
