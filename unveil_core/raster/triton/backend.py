@@ -191,7 +191,7 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
         )
     if keep:
         # The tiles of the entries are known from the offsets, and their order was that of the lists' lengths.
-        lists.tiles = lists.tiles[:0]
+        lists.tiles = lists.tiles.new_empty(0)
         lists.turn = longest_first(ended)
     else:
         done.lists = None

@@ -97,7 +97,7 @@ def backward(
     g_a = tl.load(g_alpha + image, inside, 0.0)
     total = tl.zeros([PIXELS], tl.float32)
     by_inv = total
-    plane = width.to(tl.int64) * height
+    plane = tl.cast(width, tl.int64) * height
     if GEOMETRY:
         gz, gmed = tl.load(g_depth + image, inside, 0.0), tl.load(g_median + image, inside, 0.0)
         gnx = tl.load(g_normal + 3 * image, inside, 0.0)

@@ -126,7 +126,7 @@ def forward(
         tl.store(normals + 3 * image + 2, nz, inside)
         tl.store(distortion + image, dist, inside)
     if LABELS > 0:
-        plane = width.to(tl.int64) * height
+        plane = tl.cast(width, tl.int64) * height
         for k in tl.static_range(LABELS):
             tl.store(semantics + k * plane + image, sums[k], inside)
     if KEEP:
