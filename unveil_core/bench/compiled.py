@@ -64,13 +64,16 @@ def _kernels() -> Iterator[tuple[Any, str, dict[str, Any], dict[str, Any]]]:
     """Kernel, variant, its constants, and options of the compiler."""
     from unveil_core.raster.passes import TILE
     from unveil_core.raster.triton import backend as b
-    from unveil_core.raster.triton import backward, binning, forward, label_distortion, per_surfel
+    from unveil_core.raster.triton import backward, binning, ellipsoids, forward, label_distortion, per_surfel
     from unveil_core.raster.triton.memory import KEPT, KEPT_FLAT, SUMS
 
     for rows in DEGREES:
         degree = {"COEFFICIENTS": rows, "SH_ROWS": rows, "BLOCK": b.BLOCK}
         yield per_surfel.project, f"{rows} coefficients", {**degree, "TILE": TILE}, {"num_warps": 4}
         yield per_surfel.chain, f"{rows} coefficients", {**degree, "SUMS": SUMS}, {"num_warps": 4}
+    degree = {"COEFFICIENTS": 1, "SH_ROWS": 1, "BLOCK": b.BLOCK}
+    yield ellipsoids.project_ellipsoids, "1 coefficient", {**degree, "TILE": TILE}, {"num_warps": 4}
+    yield ellipsoids.chain_ellipsoids, "1 coefficient", {**degree, "SUMS": SUMS}, {"num_warps": 4}
     for kernel in (binning.count_tiles, binning.list_tiles):
         yield kernel, "", {"BLOCK": binning.BLOCK}, {"num_warps": 1, "enable_fp_fusion": False}
     for name, geometry, labels in (

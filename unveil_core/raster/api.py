@@ -102,8 +102,6 @@ def _check_surfels(surfels: Surfels, backend: str) -> None:
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}, {shape} is needed")
     if tuple(surfels.log_scales.shape) not in ((n, 2), (n, 3)):
         raise ValueError(f"log_scales has shape {tuple(surfels.log_scales.shape)}, ({n}, 2 or 3) is needed")
-    if backend == "triton" and surfels.ellipsoids:
-        raise ValueError("log_scales has three columns; the triton backend knows discs, with two, only")
     if (
         surfels.sh.dim() != 3
         or len(surfels.sh) != n
@@ -120,6 +118,10 @@ def _check_surfels(surfels: Surfels, backend: str) -> None:
         if backend == "triton" and (values.dtype != torch.float32 or not can_render_on(values.device)):
             raise ValueError(
                 f"{name} is {values.dtype} on {values.device}; the triton backend needs torch.float32 on cuda"
+            )
+        if values.device != surfels.labels.device:
+            raise ValueError(
+                f"{name} is on {values.device}, labels are on {surfels.labels.device}; one device is needed"
             )
 
 

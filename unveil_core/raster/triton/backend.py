@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.passes import GEOMETRY, GROUPS, TILE, Inputs, Settings, plane_shapes, tile_counts
+from unveil_core.raster.passes import GEOMETRY, GROUPS, TILE, Inputs, Settings, field_of_view, plane_shapes, tile_counts
 from unveil_core.raster.records import SIZE as RECORD
-from unveil_core.raster.triton import backward, forward, label_distortion, per_surfel
+from unveil_core.raster.triton import backward, ellipsoids, forward, label_distortion, per_surfel
 from unveil_core.raster.triton.binning import Lists, bin_surfels, longest_first
 from unveil_core.raster.triton.memory import KEPT, KEPT_FLAT, SUMS
 
@@ -67,7 +67,7 @@ class Pass:
 
 def _pose(camera: Camera, near: float, device: torch.device) -> Tensor:
     values = [*camera.world_to_camera[:3, :3].ravel(), *camera.world_to_camera[:3, 3], *camera.centre]
-    values += [camera.fx, camera.fy, camera.cx, camera.cy, near]
+    values += [camera.fx, camera.fy, camera.cx, camera.cy, near, *field_of_view(camera)]
     # From pinned memory, as a copy from any other waits for the GPU.
     pose = torch.tensor([float(v) for v in values], dtype=torch.float64, pin_memory=device.type == "cuda")
     return pose.to(device, non_blocking=True)
@@ -82,7 +82,8 @@ def _project(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings,
     depths = torch.empty(count, device=device)
     visible = torch.empty(count, dtype=torch.uint8, device=device)
     if count:
-        per_surfel.project[(-(-count // BLOCK),)](
+        project = per_surfel.project if log_scales.shape[1] == 2 else ellipsoids.project_ellipsoids
+        project[(-(-count // BLOCK),)](
             means,
             quats,
             log_scales,
@@ -281,7 +282,8 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
     if count:
         sums = torch.empty(count, SUMS, device=device)
         backward.sum_rows[(count,)](lists.start, lists.count, rows, touched, sums, ROW=row, SUMS=SUMS, num_warps=1)
-        per_surfel.chain[(-(-count // BLOCK),)](
+        chain = per_surfel.chain if log_scales.shape[1] == 2 else ellipsoids.chain_ellipsoids
+        chain[(-(-count // BLOCK),)](
             means,
             quats,
             log_scales,
