@@ -109,10 +109,13 @@ def backward(
         ga, gm = gd * (1.0 - light), gd * tl.load(keep + 2 * PIXELS)
         g_a += gd * tl.load(keep + 3 * PIXELS)
     start, count = tl.load(offsets + t), tl.load(ended + t)
+    i = start + count - 1
+    # As in forward, numbers are loaded one ahead.
+    number, number_of_row = tl.load(ids + i, count > 0, 0), tl.load(place + i, count > 0, 0)
     for back in tl.range(0, count):
-        i = start + (count - 1 - back)
-        at = records + tl.load(ids + i).to(tl.int64) * SIZE
-        row = tl.load(place + i).to(tl.int64)
+        at, row = records + number.to(tl.int64) * SIZE, number_of_row.to(tl.int64)
+        i = start + (count - 2 - back)
+        number, number_of_row = tl.load(ids + i, i >= start, 0), tl.load(place + i, i >= start, 0)
         rank = (count - 1 - back).to(tl.float32)
         dx, dy, iz, q, r, u, v, square, is_exact, raw, alpha, inv, in_front, depth = splat(at, px, py, inv_near)
         counts = (last >= rank) & (alpha >= ALPHA_MIN) & in_front

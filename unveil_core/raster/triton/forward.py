@@ -76,11 +76,13 @@ def forward(
     median_rank = zero - 1.0
     sums = _no_labels(LABELS)
     start, end = tl.load(offsets + t), tl.load(offsets + t + 1)
-    i, going = start, 1
+    # Each surfel's number is loaded while the one before it is worked on: record after number would be two waits in a row.
+    i, going, upcoming = start, 1, tl.load(ids + start, start < end, 0)
     while (i < end) & (going > 0):
         stop = tl.minimum(i + VOTE, end)
         for j in tl.range(i, stop):
-            at = records + tl.load(ids + j).to(tl.int64) * SIZE
+            at = records + upcoming.to(tl.int64) * SIZE
+            upcoming = tl.load(ids + j + 1, j + 1 < end, 0)
             rank = (j - start).to(tl.float32)
             _, _, _, _, _, _, _, _, _, _, alpha, inv, in_front, depth = splat(at, px, py, inv_near)
             valid = live & (alpha >= ALPHA_MIN) & in_front
