@@ -96,7 +96,7 @@ def _interval(y, cx, cy, low, ex, ey, e0, e1, e2, x0, x1, y1):
     return first, tl.where(y <= y1, last, first - 1)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["surfels"])
 def count_tiles(records, boxes, visible, surfels, count_rows, BLOCK: tl.constexpr):
     """How many tiles each surfel reaches."""
     n = tl.program_id(0).to(tl.int64) * BLOCK + tl.arange(0, BLOCK)
@@ -110,7 +110,7 @@ def count_tiles(records, boxes, visible, surfels, count_rows, BLOCK: tl.constexp
     tl.store(count_rows + n, total, here)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["surfels"])
 def list_tiles(records, boxes, start, count_rows, surfels, tiles_x, tiles, owners, BLOCK: tl.constexpr):
     """The tiles that each surfel reaches, surfel by surfel from where its rows begin."""
     n = tl.program_id(0).to(tl.int64) * BLOCK + tl.arange(0, BLOCK)

@@ -101,7 +101,7 @@ def _facing(X, Y, Z, thin, t00, t01, t02, t10, t11, t12, t20, t21, t22):
     return nx, ny, nz, distance, tl.where((facing > 0.0) & (edge_on == 0), -1.0, 1.0)
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count_surfels"])
 def project_ellipsoids(
     means,
     quats,
@@ -157,7 +157,7 @@ def project_ellipsoids(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count_surfels"])
 def chain_ellipsoids(
     means,
     quats,

@@ -17,7 +17,7 @@ from unveil_core.raster.triton.splat import ALPHA_MIN, LOW_RANGE, PIXELS, SIZE, 
 __all__ = ["label_backward", "label_forward", "label_keys"]
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["total"])
 def label_keys(tiles, ids, labels, offsets, ended, total, keys, LABELS: tl.constexpr, BLOCK: tl.constexpr):
     """What the entries are sorted by: tile, then label; behind them what no pixel of the tile needed.
 

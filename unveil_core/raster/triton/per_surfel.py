@@ -114,7 +114,7 @@ def _clipped_extent(g0, g1, h0, h1, Z, near, k2):
     return low, high
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count_surfels"])
 def project(
     means,
     quats,
@@ -226,7 +226,7 @@ def project(
     )  # fmt: skip
 
 
-@triton.jit
+@triton.jit(do_not_specialize=["count_surfels"])
 def chain(
     means,
     quats,
