@@ -1,6 +1,6 @@
 """The GPU, checked and measured by one command.
 
-    python benchmarks/gpu.py [--parts kernels,bytes,checks,speed,step,sample,drive] [--cache DIR] [-o FILE]
+    python benchmarks/gpu.py [--parts kernels,bytes,checks,tests,speed,step,sample,drive] [--cache DIR] [-o FILE]
 
 Where an NVIDIA GPU is, all parts run: every plane and gradient against float64, passes and training steps of 100,000 to 2
 million surfels (beside gsplat's 2DGS kernels, if `pip install gsplat` was done), the sample street, and a drive of the paper's
@@ -31,8 +31,8 @@ CARD = torch.cuda.get_device_name() if torch.cuda.is_available() else None
 if CARD is None:
     os.environ.setdefault("TRITON_INTERPRET", "1")
 
+from unveil_core.bench import gpu as on_gpu  # noqa: E402
 from unveil_core.bench.compiled import CAPABILITIES, compiled  # noqa: E402
-from unveil_core.bench.gpu import backend_errors, intersections, kernel_times, pass_times, reached_tiles, there  # noqa: E402
 from unveil_core.bench.rivals import gsplat_is_there  # noqa: E402
 from unveil_core.bench.scenes import LABELS, corridor, corridor_camera  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
@@ -61,9 +61,9 @@ def count_bytes() -> list[dict[str, Any]]:
         for count in (100_000, 1_000_000, 2_000_000):
             surfels = corridor(count)
             if CARD:
-                boxes, reached = None, intersections(there(surfels, "cuda"), camera)
+                boxes, reached = None, on_gpu.intersections(on_gpu.there(surfels, "cuda"), camera)
             else:
-                boxes, reached = reached_tiles(surfels, camera)
+                boxes, reached = on_gpu.reached_tiles(surfels, camera)
             for scene, pairs in (("corridor", reached), ("large surfels", TILES_EACH * count)):
                 row = {"surfels": count, "size": size, "labels": 19, "scene": scene, "intersections": pairs}
                 if scene == "corridor" and boxes is not None:
@@ -85,8 +85,8 @@ def checks() -> dict[str, Any]:
     else:
         size, count, tiles = (32, 24), 120, None
     surfels, camera = corridor(count, degree=1), corridor_camera(*size)
-    errors = backend_errors(surfels, camera, "cuda" if CARD else "cpu", tiles=tiles)
-    on_cpu = backend_errors(surfels, camera, "cpu", backend="cpu", tiles=tiles)
+    errors = on_gpu.backend_errors(surfels, camera, "cuda" if CARD else "cpu", tiles=tiles)
+    on_cpu = on_gpu.backend_errors(surfels, camera, "cpu", backend="cpu", tiles=tiles)
     return {"surfels": count, "size": size, "triton": errors, "cpu": on_cpu}
 
 
@@ -95,19 +95,32 @@ def speed() -> dict[str, Any]:
     rows = []
     for size in SIZES:
         for count in COUNTS:
-            rows.append(pass_times(count, size, rounds=10))
+            rows.append(on_gpu.pass_times(count, size, rounds=10))
             print(json.dumps(rows[-1]), flush=True)
-    one_by_one = {f"{count}": kernel_times(count, SIZES[-1]) for count in COUNTS[-2:]}
-    return {"gsplat": gsplat_is_there(), "passes": rows, "kernels_at_1920x1280": one_by_one}
+    one_by_one = {f"{count}": on_gpu.kernel_times(count, SIZES[-1]) for count in COUNTS[-2:]}
+    by_warps = on_gpu.warp_times(1_000_000, SIZES[-1], rounds=10)
+    return {
+        "gsplat": gsplat_is_there(),
+        "passes": rows,
+        "kernels_at_1920x1280": one_by_one,
+        "warps_of_a_million_at_1920x1280": by_warps,
+    }
+
+
+def tests() -> dict[str, Any]:
+    """The backend's tests on the card: every plane and gradient, the hard cases, all arrays against the CPU's."""
+    command = [sys.executable, "-m", "pytest", "-q", "tests/raster/triton", "tests/raster/test_hard_cases.py"]
+    done = subprocess.run(command, cwd=HERE.parent, capture_output=True, text=True, check=False)
+    return {"exit_code": done.returncode, "last_lines": done.stdout.splitlines()[-20:]}
 
 
 def step() -> list[dict[str, Any]]:
     """Training steps with all losses of the second stage, as a run takes them."""
-    return [{"surfels": n, "size": size, "ms": step_ms(n, size)} for size in SIZES for n in COUNTS]
+    return [{"surfels": n, "size": size, **one_step(n, size)} for size in SIZES for n in COUNTS]
 
 
-def step_ms(count: int, size: tuple[int, int], *, steps: int = 30) -> float:
-    """Median milliseconds of a step on the card, against another street seen from the same place."""
+def one_step(count: int, size: tuple[int, int], *, steps: int = 30) -> dict[str, float]:
+    """Median milliseconds of a step on the card and its peak bytes, against another street seen from the same place."""
     import numpy as np
 
     from unveil_core.optimize.training.parameters import LearningRates
@@ -118,12 +131,12 @@ def step_ms(count: int, size: tuple[int, int], *, steps: int = 30) -> float:
     camera = corridor_camera(*size)
     sky = Sky(torch.rand(3, 64, 128, generator=torch.Generator().manual_seed(0)), np.eye(3))
     with torch.no_grad():
-        seen = render(there(corridor(count, seed=1), "cuda"), camera, ("rgb", "semantics"), label_count=LABELS)
+        seen = render(on_gpu.there(corridor(count, seed=1), "cuda"), camera, ("rgb", "semantics"), label_count=LABELS)
     assert seen.rgb is not None and seen.semantics is not None
     image = (seen.rgb.clamp(0, 1).cpu().numpy() * 255).astype(np.uint8)
     view = training_view(camera, image, seen.semantics.argmax(2).cpu().numpy(), None, sky)
     state = Optimization(
-        there(corridor(count), "cuda"),
+        on_gpu.there(corridor(count), "cuda"),
         sky,
         TrainSettings(sky_rate=0.0),
         LearningRates(means=1e-4),
@@ -132,13 +145,14 @@ def step_ms(count: int, size: tuple[int, int], *, steps: int = 30) -> float:
     )
     view = view.to(torch.device("cuda"), sky)
     times = []
+    torch.cuda.reset_peak_memory_stats()
     for _ in range(steps + 3):
         torch.cuda.synchronize()
         begun = time.perf_counter()
         state.step([view], geometry=True, done=0.0)
         torch.cuda.synchronize()
         times.append((time.perf_counter() - begun) * 1e3)
-    return round(statistics.median(times[3:]), 3)
+    return {"ms": round(statistics.median(times[3:]), 3), "peak_bytes": torch.cuda.max_memory_allocated()}
 
 
 def whole_run(drive: Path, workspace: Path, *options: str) -> dict[str, Any]:
@@ -179,13 +193,15 @@ def drive(cache: Path) -> dict[str, Any]:
 def main() -> None:
     """Run the parts, and keep what they find."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--parts", default=None, help="of kernels,bytes,checks,speed,step,sample,drive; all by default")
+    parser.add_argument(
+        "--parts", default=None, help="of kernels,bytes,checks,tests,speed,step,sample,drive; all by default"
+    )
     parser.add_argument("--cache", type=Path, default=None, help="for the drive that is made")
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     anywhere: dict[str, Callable[[], Any]] = {"kernels": kernels, "bytes": count_bytes, "checks": checks}
     with tempfile.TemporaryDirectory() as folder:
-        on_a_card = {"speed": speed, "step": step, "sample": sample}
+        on_a_card = {"tests": tests, "speed": speed, "step": step, "sample": sample}
         on_a_card["drive"] = lambda: drive(arguments.cache or Path(folder))
         known = {**anywhere, **(on_a_card if CARD else {})}
         wanted = arguments.parts.split(",") if arguments.parts else list(known)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import fields
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,16 @@ from unveil_core.raster.reference import render_reference_in_tiles
 from unveil_core.raster.triton.memory import step_bytes
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["backend_errors", "intersections", "kernel_times", "pass_times", "reached_tiles", "there", "with_gradients"]
+__all__ = [
+    "backend_errors",
+    "intersections",
+    "kernel_times",
+    "pass_times",
+    "reached_tiles",
+    "there",
+    "warp_times",
+    "with_gradients",
+]
 
 FEW = {**GROUPS, "all but label distortion": PLANES[:-1]}
 """Planes that are timed, by name: label distortion is a pass of its own on a GPU."""
@@ -185,5 +195,27 @@ def kernel_times(count: int, size: tuple[int, int], *, device: str = "cuda") -> 
     run()
     with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CUDA]) as profile:
         run()
-    times = {e.key: e.device_time_total / 1e3 for e in profile.key_averages()}
+    times = {e.key: e.self_device_time_total / 1e3 for e in profile.key_averages()}
     return {name: round(ms, 4) for name, ms in sorted(times.items(), key=lambda kv: -kv[1]) if ms > 0}
+
+
+def warp_times(count: int, size: tuple[int, int], *, rounds: int, device: str = "cuda") -> dict[str, dict[str, float]]:
+    """Milliseconds of all planes, forward and backward, by the warps of a tile's program: the backend's own choice, made by
+    registers alone, is to be held against them."""
+    from unveil_core.raster.triton import backend
+
+    run = _pass(there(corridor(count), device), corridor_camera(*size), PLANES, backward=True)
+    own = backend.FORWARD_WARPS, backend.BACKWARD_WARPS, backend.LABEL_WARPS
+
+    def with_warps(forward: int, backward: int, label: int) -> None:
+        backend.FORWARD_WARPS, backend.BACKWARD_WARPS, backend.LABEL_WARPS = forward, backward, label
+        run()
+
+    choices = [own, *((f, own[1], own[2]) for f in (2, 8)), *((own[0], b, own[2]) for b in (1, 4))]
+    choices += [(own[0], own[1], label) for label in (1, 4)]
+    names = {"forward {}, backward {}, label distortion {}".format(*choice): choice for choice in choices}
+    runs = {name: _Waited(partial(with_warps, *choice)) for name, choice in names.items()}
+    try:
+        return alternate(runs, rounds=rounds)
+    finally:
+        backend.FORWARD_WARPS, backend.BACKWARD_WARPS, backend.LABEL_WARPS = own

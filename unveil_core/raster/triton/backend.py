@@ -39,9 +39,10 @@ speed is not measured."""
 
 
 def forward_registers(labels: int) -> int:
-    """How many registers a thread of forward may take: enough for its sums per label. Without a limit the compiler spills some
-    values on its own account, to fit one more tile on a multiprocessor."""
-    return 80 if labels <= 8 else 128
+    """How many registers a thread of forward may take: enough for its pixels' sums per label. Without a limit the compiler spills
+    some values on its own account, to fit one more tile on a multiprocessor."""
+    a_tile = 4 * (80 if labels <= 8 else 128)
+    return min(255, max(64, a_tile // FORWARD_WARPS))
 
 
 @dataclass(eq=False)
