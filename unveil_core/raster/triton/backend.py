@@ -33,9 +33,9 @@ __all__ = [
 BLOCK = 128
 PIXELS = TILE * TILE
 FORWARD_WARPS, BACKWARD_WARPS, LABEL_WARPS = 4, 2, 2
-"""Threads of a tile, in 32s: the fewest whose registers hold its pixels without a spill on any card, as each further warp loads
-the same records again and waits at the sums' barriers. By the compiler's word (``unveil_core/bench/compiled.py``): their
-speed is not measured."""
+"""Threads of a tile, in 32s. Few, as each warp loads the same records again and waits at the sums' barriers; forward has more, so
+that a thread has registers for two pixels' sums of 19 labels. Chosen by the compiler's word alone
+(``unveil_core/bench/compiled.py``): their speed is not measured."""
 
 
 def forward_registers(labels: int) -> int:
