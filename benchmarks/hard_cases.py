@@ -30,11 +30,14 @@ TRITON_SIZE = (17, 14)
 
 def run(surfels: Surfels, case: HardCase, size: tuple[int, int], backend: str) -> tuple[dict, dict]:
     """Planes, and the gradients of their sum."""
-    leaves = {n: getattr(surfels, n).clone().requires_grad_(True) for n in LEAVES}
+    device = "cuda" if backend == "triton" and torch.cuda.is_available() else "cpu"
+    leaves = {n: getattr(surfels, n).to(device).clone().requires_grad_(True) for n in LEAVES}
     view = case.camera(*size, true=surfels is case.true_surfels)
-    out = render(Surfels(**leaves, labels=surfels.labels), view, PLANES, label_count=case.label_count, backend=backend)
+    labelled = Surfels(**leaves, labels=surfels.labels.to(device))
+    out = render(labelled, view, PLANES, label_count=case.label_count, backend=backend)
     sum(getattr(out, p).sum() for p in PLANES).backward()
-    return {p: getattr(out, p).detach().double() for p in PLANES}, {n: v.grad.double() for n, v in leaves.items()}
+    planes = {p: getattr(out, p).detach().cpu().double() for p in PLANES}
+    return planes, {n: v.grad.cpu().double() for n, v in leaves.items()}
 
 
 def errors(case: HardCase, size: tuple[int, int], backend: str) -> dict[str, float]:

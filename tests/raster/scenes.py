@@ -10,6 +10,8 @@ import torch
 from unveil_core.geometry.camera import Camera
 from unveil_core.surfels.surfels import Surfels
 
+DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
+"""Where the Triton kernels run: on the GPU, or in Triton's interpreter."""
 GRADIENTS = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
 
@@ -62,6 +64,12 @@ def random_ellipsoids(
     g = torch.Generator().manual_seed(seed + 1000)
     third = torch.log(0.2 * torch.exp(0.5 * torch.randn(count, 1, generator=g)))
     return replace(surfels, log_scales=torch.cat([surfels.log_scales, third], dim=1))
+
+
+def for_backend(surfels: Surfels, backend: str) -> Surfels:
+    """The surfels where the backend takes them."""
+    device = DEVICE if backend == "triton" else "cpu"
+    return Surfels(**{name: getattr(surfels, name).to(device) for name in (*GRADIENTS, "labels")})
 
 
 def with_gradients(surfels: Surfels) -> Surfels:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from tests.raster.scenes import GRADIENTS, camera, random_ellipsoids, random_surfels, with_gradients
+from tests.raster.scenes import GRADIENTS, camera, for_backend, random_ellipsoids, random_surfels, with_gradients
 from unveil_core.bench.scenes import corridor, corridor_camera
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import PLANES, render
@@ -21,15 +21,17 @@ LIMIT = 2e-5
 def value_and_gradients(
     surfels: Surfels, plane: str, backend: str, view: Camera, decided: torch.Tensor
 ) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
-    leaves = with_gradients(surfels)
-    out = getattr(render(leaves, view, [plane], label_count=5, backend=backend), plane)
+    leaves = with_gradients(for_backend(surfels, backend))
+    out = getattr(render(leaves, view, [plane], label_count=5, backend=backend), plane).cpu()
     g = torch.Generator().manual_seed(11)
     weight = torch.rand(out.shape, generator=g, dtype=torch.float64)
     weight = weight * (decided if weight.dim() == 2 else decided[..., None])
     out = out * (decided if weight.dim() == 2 else decided[..., None])
     (out.double() * weight).sum().backward()
     gradients = {n: getattr(leaves, n).grad for n in GRADIENTS}
-    return out.detach(), {n: torch.zeros_like(getattr(surfels, n)) if v is None else v for n, v in gradients.items()}
+    return out.detach(), {
+        n: torch.zeros_like(getattr(surfels, n)) if v is None else v.cpu() for n, v in gradients.items()
+    }
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sample_scenes.hard_cases.hard_cases import CASES, SIZES, HardCase
-from tests.raster.scenes import GRADIENTS, camera, random_surfels, with_gradients
+from tests.raster.scenes import GRADIENTS, camera, for_backend, random_surfels, with_gradients
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import PLANES, Rendered, render
 from unveil_core.raster.reference import render_reference
@@ -18,10 +20,13 @@ from unveil_core.surfels.surfels import Surfels
 
 def run(surfels: Surfels, view: Camera, backend: str, label_count: int) -> tuple[Rendered, dict[str, torch.Tensor]]:
     """All planes, and the gradients of their sum."""
-    leaves = with_gradients(surfels)
+    leaves = with_gradients(for_backend(surfels, backend))
     out = render(leaves, view, PLANES, label_count=label_count, backend=backend)
     sum(getattr(out, plane).sum() for plane in PLANES).backward()  # type: ignore[union-attr]
-    return out, {name: getattr(leaves, name).grad for name in GRADIENTS}
+    # On a GPU the planes come back to be compared.
+    planes = {plane: getattr(out, plane).cpu() for plane in PLANES}
+    gradients = {name: getattr(leaves, name).grad.cpu() for name in GRADIENTS}
+    return replace(out, **planes, visible=out.visible.cpu()), gradients
 
 
 def assert_alike(case: HardCase, size: tuple[int, int], backend: str) -> None:

@@ -220,6 +220,7 @@ def wrong(**changes: object) -> tuple[Surfels, Camera]:
         ({"labels": torch.tensor([0, 1, 5, 2])}, {"label_count": 5}, "labels reach from 0 to 5"),
         ({"labels": torch.tensor([0, -1, 2, 2])}, {}, "labels reach from -1 to 2"),
         ({"labels": torch.zeros(4)}, {}, "labels are torch.float32"),
+        ({"labels": torch.zeros(4, dtype=torch.int64, device="meta")}, {}, "means is on cpu, labels are on meta"),
         ({"quats": torch.zeros(4, 3)}, {}, r"quats has shape \(4, 3\), \(4, 4\) is needed"),
         ({"log_scales": torch.zeros(3, 2)}, {}, r"log_scales has shape \(3, 2\), \(4, 2 or 3\) is needed"),
         ({"log_scales": torch.zeros(4, 4)}, {}, "log_scales has shape"),

@@ -1,4 +1,4 @@
-"""What our rasterizer is compared with: a C++ yardstick, plain vectorized torch, and gsplat's own torch reference."""
+"""What our rasterizer is compared with: a C++ yardstick, plain vectorized torch, and gsplat: its torch reference, its kernels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from unveil_core.raster.spec import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
 from unveil_core.raster.spherical_harmonics import SH0
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["GsplatReference", "Yardstick", "gsplat_is_there", "plain_torch"]
+__all__ = ["GsplatKernels", "GsplatReference", "Yardstick", "gsplat_is_there", "plain_torch"]
 
 FLAGS = (
     "-O3",
@@ -200,6 +200,56 @@ class GsplatReference:
         (colours[0] * gradient).sum().backward()
         made: Tensor = colours[0].detach()
         return made
+
+
+class GsplatKernels:
+    """gsplat's 2DGS kernels on a GPU: colour, alpha, normal, median depth and distortion, which are less than our planes: no
+    labels. gsplat is the user's to install (``pip install gsplat``).
+
+    Args:
+        surfels: N discs on the GPU, of degree 0; camera: the view.
+    """
+
+    def __init__(self, surfels: Surfels, camera: Camera) -> None:
+        self._rasterize = importlib.import_module("gsplat").rasterization_2dgs
+        device = surfels.means.device
+        scales = torch.cat([surfels.log_scales.exp(), torch.ones_like(surfels.log_scales[:, :1])], 1)
+        rgb = (0.5 + SH0 * surfels.sh[:, 0]).clamp_min(0.0)
+        quats = torch.nn.functional.normalize(surfels.quats, dim=1)
+        self.leaves = [
+            t.detach().clone().requires_grad_(True)
+            for t in (surfels.means, quats, scales, torch.sigmoid(surfels.opacity_logits), rgb)
+        ]
+        self.view = torch.from_numpy(camera.world_to_camera).float()[None].to(device)
+        k = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
+        self.intrinsics = torch.tensor([k], device=device)
+        self.size = camera.width, camera.height
+
+    def _planes(self) -> list[Tensor]:
+        colours, alphas, normals, _, distortion, median, _ = self._rasterize(
+            *self.leaves,
+            self.view,
+            self.intrinsics,
+            *self.size,
+            near_plane=0.2,
+            far_plane=100.0,
+            # Distortion is made with depth only.
+            render_mode="RGB+ED",
+            distloss=True,
+        )
+        return [colours, alphas, normals, distortion, median]
+
+    def forward(self) -> None:
+        """The planes, without gradients."""
+        with torch.no_grad():
+            self._planes()
+
+    def run(self) -> None:
+        """Forward and backward of the sum of all planes."""
+        for leaf in self.leaves:
+            leaf.grad = None
+        planes = self._planes()
+        torch.autograd.backward(planes, [torch.ones_like(plane) for plane in planes])
 
 
 def _contributing_pairs(surfels: Surfels, camera: Camera) -> tuple[Tensor, Tensor]:

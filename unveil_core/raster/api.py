@@ -22,6 +22,7 @@ __all__ = ["BACKENDS", "PLANES", "Rendered", "render"]
 
 SPECIFIED = Limits()
 BACKENDS = ("auto", "cpu", "triton", "reference")
+PARAMETERS = ("means", "quats", "log_scales", "opacity_logits", "sh")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,7 @@ def _check_finite(name: str, values: Tensor) -> None:
 
 
 def _check_surfels(surfels: Surfels, backend: str) -> None:
+    """Shapes, kinds and devices: nothing that a GPU must be waited for."""
     n = len(surfels)
     shapes = {"means": (n, 3), "quats": (n, 4), "opacity_logits": (n,), "labels": (n,)}
     for name, shape in shapes.items():
@@ -100,8 +102,6 @@ def _check_surfels(surfels: Surfels, backend: str) -> None:
             raise ValueError(f"{name} has shape {tuple(tensor.shape)}, {shape} is needed")
     if tuple(surfels.log_scales.shape) not in ((n, 2), (n, 3)):
         raise ValueError(f"log_scales has shape {tuple(surfels.log_scales.shape)}, ({n}, 2 or 3) is needed")
-    if backend == "triton" and surfels.ellipsoids:
-        raise ValueError("log_scales has three columns; the triton backend knows discs, with two, only")
     if (
         surfels.sh.dim() != 3
         or len(surfels.sh) != n
@@ -111,7 +111,7 @@ def _check_surfels(surfels: Surfels, backend: str) -> None:
         raise ValueError(f"sh has shape {tuple(surfels.sh.shape)}, ({n}, 1 or 4 or 9 or 16, 3) is needed")
     if surfels.labels.dtype != torch.int64:
         raise ValueError(f"labels are {surfels.labels.dtype}, torch.int64 is needed")
-    for name in ("means", "quats", "log_scales", "opacity_logits", "sh"):
+    for name in PARAMETERS:
         values = getattr(surfels, name)
         if backend == "cpu" and (values.dtype != torch.float32 or values.device.type != "cpu"):
             raise ValueError(f"{name} is {values.dtype} on {values.device}; the cpu backend needs torch.float32 on cpu")
@@ -119,23 +119,37 @@ def _check_surfels(surfels: Surfels, backend: str) -> None:
             raise ValueError(
                 f"{name} is {values.dtype} on {values.device}; the triton backend needs torch.float32 on cuda"
             )
-        if n:
+        if values.device != surfels.labels.device:
+            raise ValueError(
+                f"{name} is on {values.device}, labels are on {surfels.labels.device}; one device is needed"
+            )
+
+
+def _check_values(surfels: Surfels) -> tuple[int, int]:
+    """That all parameters are finite; returns the lowest and highest label. A GPU is waited for once."""
+    if len(surfels) == 0:
+        return 0, 0
+    tensors = {name: getattr(surfels, name).detach() for name in PARAMETERS}
+    if surfels.means.device.type == "cpu":
+        for name, values in tensors.items():
             _check_finite(name, values)
+        return _label_range(surfels.labels)
+    finite = torch.stack([torch.isfinite(values).all() for values in tensors.values()])
+    facts = torch.cat([finite.long(), torch.stack(surfels.labels.aminmax())]).tolist()
+    for (name, values), good in zip(tensors.items(), facts, strict=False):
+        if not good:
+            _check_finite(name, values)
+    return facts[-2], facts[-1]
 
 
 def _label_range(labels: Tensor) -> tuple[int, int]:
-    if len(labels) == 0:
-        return 0, 0
-    if labels.device.type != "cpu":
-        return int(labels.min()), int(labels.max())
     array = labels.contiguous().numpy()
     ends = np.empty((-(-len(array) // CHUNK), 2), np.int64)
     in_parallel(label_ends, len(array), 8 * CHUNK, array, ends)
     return int(ends[:, 0].min()), int(ends[:, 1].max())
 
 
-def _label_count(surfels: Surfels, label_count: int | None) -> int:
-    low, high = _label_range(surfels.labels)
+def _label_count(low: int, high: int, label_count: int | None) -> int:
     count = high + 1 if label_count is None else label_count
     if not 1 <= count <= MAX_LABELS:
         raise ValueError(f"label_count {count}; 1 to {MAX_LABELS} labels are possible")
@@ -163,6 +177,7 @@ def render(
     backend: str = "auto",
     sh_degree: int | None = None,
     limits: Limits = SPECIFIED,
+    check: bool = True,
 ) -> Rendered:
     """Render surfels, differentiable in means, quats, log_scales, opacity_logits and sh.
 
@@ -176,6 +191,9 @@ def render(
             surfels are.
         limits: of the cpu backend, for measuring what precision costs.
         sh_degree: use spherical harmonics up to this degree only; all that there are by default.
+        check: look for values that are not finite and labels out of range. On a GPU the host waits for the answer. A loop
+            that has rendered these surfels once, and changes them by finite steps, may leave it out; such values then
+            give a wrong image, and such labels read and write beside their arrays.
     Raises:
         ValueError: an unknown plane or backend, a wrong shape, a label out of range, or a value that is not finite,
             named with its first bad row.
@@ -196,7 +214,8 @@ def render(
     if backend != "cpu" and limits != SPECIFIED:
         raise ValueError(f"limits other than the specified ones are known to the cpu backend only, not to {backend}")
     _check_surfels(surfels, backend)
-    count, coefficients = _label_count(surfels, label_count), _coefficients(surfels, sh_degree)
+    ends = _check_values(surfels) if check or label_count is None else (0, 0)
+    count, coefficients = _label_count(*ends, label_count), _coefficients(surfels, sh_degree)
     if backend == "reference":
         planes = render_reference(surfels, camera, count, near=near, far=far, coefficients=coefficients, outputs=names)
         planes, visible, screen = {name: planes[name] for name in names}, planes["visible"], None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 import os
+from contextlib import nullcontext
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.passes import Settings, group_for
+from unveil_core.raster.passes import Inputs, Settings, group_for
 from unveil_core.raster.spec import Limits
 from unveil_core.surfels.surfels import Surfels
 
@@ -97,12 +98,27 @@ def rasterize(
         backend: "cpu" or "triton", a folder with a module ``backend`` beside this one.
     """
     module = importlib.import_module(f"unveil_core.raster.{backend}.backend")
-    settings = Settings(group_for(names), label_count, coefficients, near, far, limits)
+    settings = Settings(group_for(names), label_count, coefficients, near, far, limits, names)
     inputs = (surfels.means, surfels.quats, surfels.log_scales, surfels.opacity_logits, surfels.sh)
     screen = Screen()
+    # Kernels start on the current GPU, which need not be the surfels'. Backward runs in a thread of the right one.
+    on_its_gpu = torch.cuda.device(surfels.means.device) if surfels.means.is_cuda else nullcontext()
+    with on_its_gpu:
+        return _rasterized(module, inputs, surfels.labels, camera, names, settings, screen), screen
+
+
+def _rasterized(
+    module: Any,
+    inputs: Inputs,
+    labels: Tensor,
+    camera: Camera,
+    names: tuple[str, ...],
+    settings: Settings,
+    screen: Screen,
+) -> dict[str, Tensor]:
     if not (torch.is_grad_enabled() and any(t.requires_grad for t in inputs)):
-        done = module.forward_pass(inputs, surfels.labels, camera, settings, keep=False)
+        done = module.forward_pass(inputs, labels, camera, settings, keep=False)
         screen.visible = done.visible
-        return {name: done.planes[name] for name in names}, screen
-    planes = _Rasterize.apply(*inputs, surfels.labels, camera, names, settings, screen, module)  # type: ignore[no-untyped-call]
-    return dict(zip(names, planes, strict=True)), screen
+        return {name: done.planes[name] for name in names}
+    planes = _Rasterize.apply(*inputs, labels, camera, names, settings, screen, module)  # type: ignore[no-untyped-call]
+    return dict(zip(names, planes, strict=True))

@@ -9,9 +9,20 @@ from typing import NamedTuple
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.spec import FIELD_MARGIN, Limits
+from unveil_core.raster.spec import FIELD_MARGIN, PLANES, Limits
 
-__all__ = ["GROUPS", "TILE", "Group", "Inputs", "Settings", "field_of_view", "group_for", "plane_shapes", "tile_counts"]
+__all__ = [
+    "GEOMETRY",
+    "GROUPS",
+    "TILE",
+    "Group",
+    "Inputs",
+    "Settings",
+    "field_of_view",
+    "group_for",
+    "plane_shapes",
+    "tile_counts",
+]
 
 TILE = 16
 """Pixels along a tile, in every backend's lists."""
@@ -35,6 +46,8 @@ GROUPS = {
     "all": Group(geometry=True, semantics=True, label_distortion=True),
 }
 """By name, the cheapest first."""
+GEOMETRY = ("depth", "median_depth", "normal", "distortion")
+"""Planes that ``Group.geometry`` adds."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +60,8 @@ class Settings:
         coefficients: how many spherical-harmonic coefficients are used.
         near, far: metres.
         limits: where a backend stops counting.
+        planes: those of the group that are wanted. The triton backend leaves out the label distortion, a pass of its own,
+            where it is not among them.
     """
 
     group: str
@@ -55,6 +70,7 @@ class Settings:
     near: float
     far: float
     limits: Limits = Limits()
+    planes: tuple[str, ...] = PLANES
 
     @property
     def c1(self) -> float:

@@ -163,10 +163,3 @@ def test_normal_is_the_axis_of_the_smallest_scale_and_the_last_of_equals() -> No
     seen = (out.normal / out.alpha[..., None])[16, 24]
     normal = surfels.normals()[3] @ torch.from_numpy(camera().world_to_camera[:3, :3]).float().T
     assert float(seen @ normal) == pytest.approx(-1.0, abs=1e-5) or float(seen @ normal) == pytest.approx(1.0, abs=1e-5)
-
-
-def test_the_triton_backend_says_that_it_knows_discs_only() -> None:
-    pytest.importorskip("triton")
-    with pytest.raises(ValueError, match="^log_scales has three columns; the triton backend knows discs") as caught:
-        render(random_ellipsoids(3, 0), camera(), backend="triton")
-    assert "\n" not in str(caught.value)

@@ -1,4 +1,4 @@
-"""Stage by stage, the Triton backend's arrays are the CPU backend's: records, tile lists, gradient rows."""
+"""Stage by stage, the Triton backend's arrays are the CPU backend's: records, lists of the tiles reached, planes, gradients."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from sample_scenes.hard_cases.hard_cases import CASES
-from tests.raster.scenes import camera, random_surfels
+from tests.raster.scenes import DEVICE, camera, random_surfels
+from tests.raster.triton.test_binning import assert_lists
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu import backend as cpu
@@ -21,8 +21,8 @@ from unveil_core.raster.triton import backend as gpu
 
 # Numbers too large for float32 in masked lanes: the interpreter is numpy, which remarks on them.
 pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
-DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
-MOST_INTERSECTIONS = 500
+# The interpreter takes milliseconds per surfel and tile; a GPU gets enough blocks to show a race between them.
+COUNT, VIEW = (45, camera(34, 20, 28.0)) if DEVICE == "cpu" else (20_000, camera(480, 320, 400.0))
 
 
 def inputs_of(surfels: Surfels) -> Inputs:
@@ -35,7 +35,6 @@ def passes(surfels: Surfels, view: Camera, group: str, label_count: int = 5) -> 
     on_device = tuple(t.to(DEVICE) for t in inputs)
     a = cpu.forward_pass(inputs, surfels.labels, view, settings, keep=True)
     b = gpu.forward_pass(on_device, surfels.labels.to(DEVICE), view, settings, keep=True)  # type: ignore[arg-type]
-    assert len(a.bins.ids) <= MOST_INTERSECTIONS
     return a, b
 
 
@@ -53,18 +52,16 @@ def assert_close(a: object, b: torch.Tensor, limit: float, name: str) -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_array_is_the_cpu_backends(group: str) -> None:
-    surfels, view = random_surfels(45, 4, degree=3), camera(34, 20, 28.0)
-    a, b = passes(surfels, view, group)
+    surfels = random_surfels(COUNT, 4, degree=3)
+    a, b = passes(surfels, VIEW, group)
     seen = a.visible.numpy()
-    assert 20 < seen.sum() < 45 and len(a.bins.ids) > seen.sum() + 20
+    assert COUNT / 3 < seen.sum() < COUNT and len(a.bins.ids) > 1.3 * seen.sum()
     np.testing.assert_array_equal(seen, b.visible.cpu().numpy())
     for k in range(rec.SIZE):
         # Float64 until it is rounded: two roundings may differ in the last digit.
         assert_close(a.records[seen, k], b.records[b.visible][:, k], 2e-7, f"record {k}")
-    np.testing.assert_array_equal(a.bins.surfel_start, b.surfel_start.cpu().numpy())
-    np.testing.assert_array_equal(a.bins.offsets, b.offsets.cpu().numpy())
-    np.testing.assert_array_equal(a.bins.ids, b.ids.cpu().numpy())
-    np.testing.assert_array_equal(a.bins.place, b.place.cpu().numpy())
+    assert b.lists is not None
+    assert_lists(a, b.lists, VIEW, spare=0.02)
     for name, plane in a.planes.items():
         assert_close(plane, b.planes[name], 5e-6, name)
     inputs = inputs_of(surfels)
@@ -76,16 +73,6 @@ def test_every_array_is_the_cpu_backends(group: str) -> None:
     ):
         assert x.shape == y.shape
         assert float((x.double() - y.cpu().double()).norm() / x.double().norm()) < 1e-5, name
-    cpu.release(a)
-
-
-@pytest.mark.parametrize("name", ["crosses the camera's plane", "a kilometre", "edge-on, lying", "empty"])
-def test_bounds_of_hard_cases_are_the_cpu_backends(name: str) -> None:
-    case = CASES[name]
-    a, b = passes(case.surfels, case.camera(37, 21), "colour", case.label_count)
-    np.testing.assert_array_equal(a.visible.numpy(), b.visible.cpu().numpy())
-    np.testing.assert_array_equal(a.bins.offsets, b.offsets.cpu().numpy())
-    np.testing.assert_array_equal(a.bins.ids, b.ids.cpu().numpy())
     cpu.release(a)
 
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import pytest
-import torch
 
 from sample_scenes.hard_cases.hard_cases import CASES
-from tests.raster.scenes import GRADIENTS, camera, random_surfels
+from tests.raster.scenes import GRADIENTS, camera, for_backend, random_surfels
 from tests.raster.test_gradients import LIMIT, compare
 from tests.raster.test_hard_cases import assert_alike
 from unveil_core.raster.api import PLANES, render
 from unveil_core.surfels.surfels import Surfels
 
 pytest.importorskip("triton")
-pytestmark = [
-    pytest.mark.skipif(torch.cuda.is_available(), reason="on a GPU, tensors go there first; see test_arrays"),
-    # Numbers too large for float32 in masked lanes: the interpreter is numpy, which remarks on them.
-    pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning"),
-]
+# Numbers too large for float32 in masked lanes: the interpreter is numpy, which remarks on them.
+pytestmark = pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -38,6 +34,7 @@ def test_one_pixel() -> None:
 
 def test_other_precision_is_refused() -> None:
     surfels = random_surfels(3, 0)
+    surfels = for_backend(surfels, "triton")
     doubled = Surfels(*(getattr(surfels, n).double() for n in GRADIENTS), surfels.labels)
     with pytest.raises(ValueError, match="the triton backend needs torch.float32"):
         render(doubled, camera(), backend="triton")

@@ -1,7 +1,7 @@
 """The GPU backend: project, bin, forward, backward, on tensors of one device.
 
-Binning is done by torch's own sorts: by depth, then stably by tile. Lists, records and gradient rows are laid out as by
-the CPU backend. Nothing here was measured on a GPU: the kernels are checked in Triton's interpreter.
+Records and gradient rows are laid out as by the CPU backend; lists hold only tiles that a surfel reaches. Nothing here was
+measured on a GPU: the kernels are checked in Triton's interpreter.
 """
 
 from __future__ import annotations
@@ -13,18 +13,46 @@ import torch
 from torch import Tensor
 
 from unveil_core.geometry.camera import Camera
-from unveil_core.raster.passes import GROUPS, TILE, Inputs, Settings, plane_shapes, tile_counts
+from unveil_core.raster.passes import GEOMETRY, GROUPS, TILE, Inputs, Settings, field_of_view, plane_shapes, tile_counts
 from unveil_core.raster.records import SIZE as RECORD
-from unveil_core.raster.triton import per_surfel, tiles
+from unveil_core.raster.triton import backward, ellipsoids, forward, label_distortion, per_surfel
+from unveil_core.raster.triton.binning import Lists, bin_surfels, longest_first
+from unveil_core.raster.triton.memory import KEPT, KEPT_FLAT, SUMS
 
-__all__ = ["Pass", "backward_pass", "bin_surfels", "forward_pass", "release"]
+__all__ = [
+    "BACKWARD_WARPS",
+    "FORWARD_WARPS",
+    "LABEL_WARPS",
+    "Pass",
+    "backward_pass",
+    "forward_pass",
+    "forward_registers",
+    "release",
+]
 
 BLOCK = 128
+PIXELS = TILE * TILE
+FORWARD_WARPS, BACKWARD_WARPS, LABEL_WARPS = 4, 2, 2
+"""Threads of a tile, in 32s. Few, as each warp loads the same records again and waits at the sums' barriers; forward has more, so
+that a thread has registers for two pixels' sums of 19 labels. Chosen by the compiler's word alone
+(``unveil_core/bench/compiled.py``): their speed is not measured."""
+
+
+def forward_registers(labels: int) -> int:
+    """How many registers a thread of forward may take: enough for its pixels' sums per label. Without a limit the compiler spills
+    some values on its own account, to fit one more tile on a multiprocessor."""
+    a_tile = 4 * (80 if labels <= 8 else 128)
+    return min(255, max(64, a_tile // FORWARD_WARPS))
 
 
 @dataclass(eq=False)
 class Pass:
-    """One forward pass: its planes, and what a backward pass needs of it."""
+    """One forward pass: its planes, and what a backward pass needs of it.
+
+    Attributes:
+        kept: (T, 2 or 6, 256) see ``forward``; ended: (T,) int32, entries that a pixel of the tile needed.
+        by_label: (E,) int32, each tile's needed entries by label; empty without label distortion.
+    """
 
     planes: dict[str, Tensor]
     visible: Tensor
@@ -32,74 +60,41 @@ class Pass:
     camera: Camera
     pose: Tensor
     records: Tensor
-    surfel_start: Tensor
-    offsets: Tensor
-    ids: Tensor
-    place: Tensor
+    lists: Lists | None
     kept: Tensor
-    slots: Tensor
+    ended: Tensor
+    by_label: Tensor
 
 
 def _pose(camera: Camera, near: float, device: torch.device) -> Tensor:
     values = [*camera.world_to_camera[:3, :3].ravel(), *camera.world_to_camera[:3, 3], *camera.centre]
-    values += [camera.fx, camera.fy, camera.cx, camera.cy, near]
-    return torch.tensor([float(v) for v in values], dtype=torch.float64, device=device)
+    values += [camera.fx, camera.fy, camera.cx, camera.cy, near, *field_of_view(camera)]
+    # From pinned memory, as a copy from any other waits for the GPU.
+    pose = torch.tensor([float(v) for v in values], dtype=torch.float64, pin_memory=device.type == "cuda")
+    return pose.to(device, non_blocking=True)
 
 
-def bin_surfels(
-    boxes: Tensor, depths: Tensor, visible: Tensor, tiles_x: int, tiles_y: int
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Tile lists in depth order.
-
-    Args:
-        boxes: (N, 4) first and last tile column, first and last row. depths: (N,). visible: (N,) bool.
-    Returns:
-        surfel_start (N + 1,): intersections before each surfel; offsets (T + 1,): and before each tile; ids: the
-        surfel of each entry of the lists; place: its gradient row, surfel after surfel.
-    """
-    device = boxes.device
-    shown = visible.nonzero()[:, 0]
-    # Ties by index: the sort is stable.
-    order = shown[torch.sort(depths[shown], stable=True).indices]
-    box = boxes[order].long()
-    across, down = box[:, 1] - box[:, 0] + 1, box[:, 3] - box[:, 2] + 1
-    count = torch.zeros(len(visible), dtype=torch.int64, device=device)
-    count[order] = across * down
-    surfel_start = torch.zeros(len(visible) + 1, dtype=torch.int64, device=device)
-    surfel_start[1:] = torch.cumsum(count, 0)
-    entries = across * down
-    owner = torch.repeat_interleave(torch.arange(len(order), device=device), entries)
-    within = torch.arange(len(owner), device=device) - (torch.cumsum(entries, 0) - entries)[owner]
-    x, y = box[owner, 0] + within % across[owner], box[owner, 2] + within // across[owner]
-    tile, by_tile = torch.sort(y * tiles_x + x, stable=True)
-    offsets = torch.searchsorted(tile, torch.arange(tiles_x * tiles_y + 1, device=device))
-    ids = order[owner[by_tile]]
-    place = (surfel_start[order][owner] + within)[by_tile]
-    return surfel_start, offsets, ids.to(torch.int32), place
-
-
-def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings, *, keep: bool) -> Pass:
-    """Render one group of planes; arguments as of the CPU backend. ``keep`` makes no difference here."""
-    means, quats, log_scales, opacity_logits, sh = (t.detach().contiguous() for t in inputs)
-    device, count, width, height = means.device, len(means), camera.width, camera.height
-    group, label_count = GROUPS[settings.group], settings.label_count
-    pose = _pose(camera, settings.near, device)
+def _project(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings, pose: Tensor) -> tuple[Tensor, ...]:
+    """Records, boxes, depths and visibility of the surfels."""
+    means, quats, log_scales, opacity_logits, sh = inputs
+    device, count = means.device, len(means)
     records = torch.empty(count, RECORD, device=device)
     boxes = torch.empty(count, 4, dtype=torch.int16, device=device)
     depths = torch.empty(count, device=device)
-    visible = torch.zeros(count, dtype=torch.uint8, device=device)
+    visible = torch.empty(count, dtype=torch.uint8, device=device)
     if count:
-        per_surfel.project[(-(-count // BLOCK),)](
+        project = per_surfel.project if log_scales.shape[1] == 2 else ellipsoids.project_ellipsoids
+        project[(-(-count // BLOCK),)](
             means,
             quats,
             log_scales,
             opacity_logits,
             sh,
-            labels.contiguous(),
+            labels,
             pose,
             count,
-            width,
-            height,
+            camera.width,
+            camera.height,
             records,
             boxes,
             depths,
@@ -109,81 +104,187 @@ def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Setti
             TILE=TILE,
             BLOCK=BLOCK,
         )
+    return records, boxes, depths, visible
+
+
+def _planes(settings: Settings, camera: Camera, device: torch.device) -> dict[str, Tensor]:
+    """Room for the planes. Semantics lie label after label: neighbours in the image are neighbours in memory."""
+    group = GROUPS[settings.group]
+    planes = {}
+    for name, shape in plane_shapes(group, camera.width, camera.height, settings.label_count).items():
+        if name == "semantics":
+            planes[name] = torch.empty(shape[2], *shape[:2], device=device).permute(1, 2, 0)
+        elif name != "label_distortion" or name in settings.planes:
+            planes[name] = torch.empty(shape, device=device)
+    return planes
+
+
+def forward_pass(inputs: Inputs, labels: Tensor, camera: Camera, settings: Settings, *, keep: bool) -> Pass:
+    """Render one group of planes; arguments as of the CPU backend."""
+    means, quats, log_scales, opacity_logits, sh = (t.detach().contiguous() for t in inputs)
+    device, width, height = means.device, camera.width, camera.height
+    group, labels = GROUPS[settings.group], labels.contiguous()
+    pose = _pose(camera, settings.near, device)
+    records, boxes, depths, visible = _project(
+        (means, quats, log_scales, opacity_logits, sh), labels, camera, settings, pose
+    )
     tiles_x, tiles_y = tile_counts(width, height)
-    surfel_start, offsets, ids, place = bin_surfels(boxes, depths, visible.bool(), tiles_x, tiles_y)
-    shapes = plane_shapes(group, width, height, label_count)
-    planes = {name: torch.empty(shape, device=device) for name, shape in shapes.items()}
-    kept = torch.empty(tiles_x * tiles_y, tiles.KEPT.value, tiles.PIXELS.value, device=device)
-    slot_tiles = tiles_x * tiles_y if group.semantics else 0
-    slots = torch.zeros(slot_tiles, label_count, tiles.SLOT.value, tiles.PIXELS.value, device=device)
-    slots[:, :, 1] = 1.0
-    tiles.forward[(tiles_x * tiles_y,)](
+    tile_count = tiles_x * tiles_y
+    lists = bin_surfels(records, boxes, depths, visible, tiles_x, tiles_y)
+    del boxes, depths
+    planes = _planes(settings, camera, device)
+    within_labels = group.label_distortion and "label_distortion" in planes
+    kept_planes = KEPT if group.geometry else KEPT_FLAT
+    keeping = keep or within_labels
+    kept = torch.empty(tile_count if keeping else 0, kept_planes, PIXELS, device=device)
+    ended = torch.empty(tile_count if keeping else 0, dtype=torch.int32, device=device)
+    made = [planes[name] for name in ("rgb", "alpha", "depth", "median_depth", "normal", "distortion", "semantics")]
+    label_count = settings.label_count if group.semantics else 0
+    forward.forward[(tile_count,)](
         records,
-        offsets,
-        ids,
+        lists.offsets,
+        lists.ids,
+        lists.turn,
         tiles_x,
         width,
         height,
         settings.c1,
         settings.inv_near,
-        label_count,
-        *planes.values(),
+        *made,
         kept,
-        slots,
+        ended,
         GEOMETRY=group.geometry,
-        SEMANTICS=group.semantics,
-        LABELS=group.label_distortion,
+        LABELS=label_count,
+        KEEP=keeping,
+        KEPT_PLANES=kept_planes,
+        num_warps=FORWARD_WARPS,
+        maxnreg=forward_registers(label_count),
     )
-    return Pass(planes, visible.bool(), settings, camera, pose, records, surfel_start, offsets, ids, place, kept, slots)
+    done = Pass(
+        planes,
+        visible.bool(),
+        settings,
+        camera,
+        pose,
+        records,
+        lists,
+        kept,
+        ended,
+        torch.empty(0, dtype=torch.int32, device=device),
+    )
+    if within_labels:
+        done.by_label = _by_label(done, labels)
+        label_distortion.label_forward[(tile_count,)](
+            records,
+            lists.offsets,
+            lists.ids,
+            done.by_label,
+            lists.turn,
+            ended,
+            tiles_x,
+            width,
+            height,
+            settings.c1,
+            settings.inv_near,
+            kept,
+            planes["label_distortion"],
+            KEPT_PLANES=kept_planes,
+            num_warps=LABEL_WARPS,
+        )
+    if keep:
+        # The tiles of the entries are known from the offsets, and their order was that of the lists' lengths.
+        lists.tiles = lists.tiles.new_empty(0)
+        lists.turn = longest_first(ended)
+    else:
+        done.lists = None
+    return done
+
+
+def _by_label(done: Pass, labels: Tensor) -> Tensor:
+    """Entries of each tile by label, those that no pixel needed behind them."""
+    lists, label_count = done.lists, done.settings.label_count
+    assert lists is not None
+    total = len(lists.ids)
+    keys = torch.empty(total, dtype=torch.int32, device=lists.ids.device)
+    if total:
+        label_distortion.label_keys[(-(-total // 256),)](
+            lists.tiles, lists.ids, labels, lists.offsets, done.ended, total, keys, LABELS=label_count, BLOCK=256
+        )
+    return torch.sort(keys, stable=True).indices.to(torch.int32)
 
 
 def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tuple[Tensor, ...]:
     """Gradients in the order and shapes of the inputs, then by the projected means (N, 2)."""
     means, quats, log_scales, opacity_logits, sh = (t.detach().contiguous() for t in inputs)
-    camera, group, label_count = done.camera, GROUPS[done.settings.group], done.settings.label_count
+    camera, lists = done.camera, done.lists
+    assert lists is not None
+    group = GROUPS[done.settings.group]
     device, count, width, height = means.device, len(means), camera.width, camera.height
-    shapes = plane_shapes(group, width, height, label_count)
+    geometry = any(name in grads for name in GEOMETRY)
+    shapes = plane_shapes(group, width, height, done.settings.label_count)
     incoming = [
-        grads[name].contiguous() if name in grads else torch.zeros(shape, device=device)
-        for name, shape in shapes.items()
+        grads[name].contiguous() if name in grads else torch.zeros(shapes[name] if needed else 0, device=device)
+        for name, needed in (("rgb", True), ("alpha", True), *((name, geometry) for name in GEOMETRY))
     ]
-    row_size, used = (20, 19) if group.geometry else (16, 15)
-    rows = torch.empty(len(done.ids), row_size, device=device)
-    touched = torch.zeros(len(done.ids), dtype=torch.uint8, device=device)
+    semantics = grads["semantics"].permute(2, 0, 1).contiguous() if "semantics" in grads else incoming[0][:0]
+    row = 20 if geometry else 16
+    rows = torch.empty(len(lists.ids), row, device=device)
+    touched = torch.zeros(len(lists.ids), dtype=torch.uint8, device=device)
     tiles_x, tiles_y = tile_counts(width, height)
-    behind = torch.zeros(len(done.slots), label_count, tiles.PIXELS.value, device=device)
-    # The semantics are out; their place takes each label's transmittance at the end of the list.
-    done.slots[:, :, 0] = done.slots[:, :, 1]
-    tiles.backward[(tiles_x * tiles_y,)](
+    backward.backward[(tiles_x * tiles_y,)](
         done.records,
-        done.offsets,
-        done.ids,
-        done.place,
+        lists.offsets,
+        lists.ids,
+        lists.place,
+        lists.turn,
+        done.ended,
         tiles_x,
         width,
         height,
         done.settings.c1,
         done.settings.inv_near,
-        label_count,
         done.kept,
-        done.slots,
-        behind,
         *incoming,
+        semantics,
         rows,
         touched,
-        GEOMETRY=group.geometry,
-        SEMANTICS=group.semantics,
-        LABELS=group.label_distortion,
-        ROW=row_size,
+        GEOMETRY=geometry,
+        SEMANTICS="semantics" in grads,
+        KEPT_PLANES=done.kept.shape[1],
+        ROW=row,
+        num_warps=BACKWARD_WARPS,
     )
+    if "label_distortion" in grads:
+        label_distortion.label_backward[(tiles_x * tiles_y,)](
+            done.records,
+            lists.offsets,
+            lists.ids,
+            done.by_label,
+            lists.place,
+            lists.turn,
+            done.ended,
+            tiles_x,
+            width,
+            height,
+            done.settings.c1,
+            done.settings.inv_near,
+            done.kept,
+            grads["label_distortion"].contiguous(),
+            rows,
+            touched,
+            KEPT_PLANES=done.kept.shape[1],
+            ROW=row,
+            num_warps=LABEL_WARPS,
+        )
     gradients = (
         *(torch.empty_like(t) for t in (means, quats, log_scales, opacity_logits, sh)),
         torch.empty(count, 2, device=device),
     )
     if count:
-        sums = torch.empty(count, 32, device=device)
-        per_surfel.sum_rows[(count,)](done.surfel_start, rows, touched, sums, ROW=row_size, USED=used)
-        per_surfel.chain[(-(-count // BLOCK),)](
+        sums = torch.empty(count, SUMS, device=device)
+        backward.sum_rows[(count,)](lists.start, lists.count, rows, touched, sums, ROW=row, SUMS=SUMS, num_warps=1)
+        chain = per_surfel.chain if log_scales.shape[1] == 2 else ellipsoids.chain_ellipsoids
+        chain[(-(-count // BLOCK),)](
             means,
             quats,
             log_scales,
@@ -197,6 +298,7 @@ def backward_pass(done: Pass, grads: Mapping[str, Tensor], inputs: Inputs) -> tu
             *gradients,
             COEFFICIENTS=done.settings.coefficients,
             SH_ROWS=sh.shape[1],
+            SUMS=SUMS,
             BLOCK=BLOCK,
         )
     return gradients
