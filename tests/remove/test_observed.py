@@ -111,7 +111,7 @@ def floor_view(x: float, height: float = 1.6) -> tuple[np.ndarray, np.ndarray]:
 
 def test_ground_seen_at_a_grazing_angle_does_not_hide_itself() -> None:
     nowhere = np.zeros((HEIGHT, WIDTH), bool)
-    view = seen_from(0, *floor_view(0), nowhere, (~nowhere, nowhere))
+    view = seen_from(0, *floor_view(0), nowhere, (~nowhere, nowhere, nowhere))
     rng = np.random.default_rng(0)
     # Anywhere in their pixels: up to metres from what the pixels' centres show.
     depth = rng.uniform(4, 40, 3000)
@@ -137,13 +137,24 @@ def test_ground_by_label_hides_only_across_a_crest() -> None:
     depth, alpha = np.full((HEIGHT, WIDTH), 10, np.float32), np.ones((HEIGHT, WIDTH), np.float32)
     places = np.array([[0.0, 0.0, 10.5], [0.0, 0.0, 14.0], [0.0, 0.0, 25.0]])
 
-    def shown(told: tuple[np.ndarray, np.ndarray] | None) -> list[bool]:
+    def shown(told: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> list[bool]:
         return list(places_seen(places, together([seen_from(0, depth, alpha, hidden, told)])))
 
-    assert shown((everywhere, everywhere)) == [True, True, False]
-    assert shown((everywhere, ~everywhere)) == [True, False, False]
+    assert shown((everywhere, everywhere, ~everywhere)) == [True, True, False]
+    assert shown((everywhere, ~everywhere, ~everywhere)) == [True, False, False]
     # Where a frame's labels are void they tell no more than none at all.
-    assert shown(None) == shown((~everywhere, everywhere))
+    assert shown(None) == shown((~everywhere, everywhere, ~everywhere))
+
+
+def test_the_sky_is_seen_through_a_haze_of_surfels_where_a_label_says_so() -> None:
+    hidden, everywhere = np.zeros((HEIGHT, WIDTH), bool), np.ones((HEIGHT, WIDTH), bool)
+    depth, alpha = np.full((HEIGHT, WIDTH), 10, np.float32), np.full((HEIGHT, WIDTH), 0.5, np.float32)
+    ahead = np.array([[0.0, 0.0, 1.0]])
+    for sky in (everywhere, ~everywhere):
+        view = seen_from(0, depth, alpha, hidden, (everywhere, ~everywhere, sky))
+        assert sky_seen(ahead, together([view])) == sky.all()
+        # What is nearer than the haze is not hidden by it either.
+        assert places_seen(8 * ahead, together([view]))
 
 
 def test_what_stands_or_the_terrain_lies_behind() -> None:

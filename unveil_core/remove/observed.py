@@ -62,18 +62,21 @@ def seen_view(
     depth: NDArray[np.float32],
     alpha: NDArray[np.float32],
     hidden: Mask,
-    known_and_ground: tuple[Mask, Mask] | None = None,
+    by_label: tuple[Mask, Mask, Mask] | None = None,
 ) -> SeenView:
     """What a frame shows, from the full scene's planes (H, W): depth weighted by alpha, and alpha.
 
     Args:
-        known_and_ground: (H, W) each, pixels whose labels are known, and those labelled ground; None for an unlabelled drive.
+        by_label: (H, W) each, pixels whose labels are known, those labelled ground, and those labelled sky, which the scene may
+            show through a haze of surfels; None for an unlabelled drive.
     """
     sky = alpha <= SKY_ALPHA
+    if by_label is not None:
+        sky |= by_label[2]
     reach = _pixel_reach(np.where(sky, np.inf, depth / np.maximum(alpha, SKY_ALPHA)))
     agreement = np.full(depth.shape, UNLABELLED_AGREEMENT)
-    if known_and_ground is not None:
-        known, ground = known_and_ground
+    if by_label is not None:
+        known, ground, _ = by_label
         agreement[known] = np.where(ground, GROUND_AGREEMENT, AGREEMENT)[known]
     farthest = np.clip(reach / (1 - agreement), NEAR_M, FARTHEST_M)
     return SeenView(np.where(hidden, 0.0, np.where(sky, np.inf, farthest)).astype(np.float16))

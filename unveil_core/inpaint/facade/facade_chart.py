@@ -52,6 +52,7 @@ class FacadeChart:
         color: (A, B, 3) float32 sRGB in [0, 1]; meaningless where nothing is known.
         known: (A, B) bool, texels of a house that some frame shows.
         open: (A, B) bool, texels through which some frame shows the sky.
+        passed: (A, B) bool, texels through which some frame shows what lies far behind: no house stands there.
         occluded: (A, B) bool, texels that lie behind something removed in some frame.
     """
 
@@ -63,7 +64,13 @@ class FacadeChart:
     color: Float32
     known: Mask
     open: Mask
+    passed: Mask
     occluded: Mask
+
+    @property
+    def unseen(self) -> Mask:
+        """(A, B) texels behind something removed, of which no frame tells what is there."""
+        return self.occluded & ~self.known & ~self.open & ~self.passed
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
@@ -135,7 +142,7 @@ def read_facade(
     coarse = _read(_empty(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
     hidden = np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)]
     offset = carried_on(offset, hidden, texel_m)
-    lacks = (coarse.occluded & ~coarse.known & ~coarse.open)[np.isfinite(offset[::factor])].any(axis=0)
+    lacks = coarse.unseen[np.isfinite(offset[::factor])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
     return _read(_empty(ground, s, offset, top), views, reach_m)
 
@@ -145,7 +152,7 @@ def _empty(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeCha
     texel = float(s[1] - s[0])
     shape = (len(s), int(top / texel))
     no, color = np.zeros(shape, dtype=bool), np.zeros((*shape, 3), np.float32)
-    return FacadeChart(ground, texel, 1.0 / texel, float(s[0]), offset, color, no, no, no)
+    return FacadeChart(ground, texel, 1.0 / texel, float(s[0]), offset, color, no, no, no, no)
 
 
 def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> FacadeChart:
@@ -155,7 +162,7 @@ def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> Fa
     rows, columns = rows[stands], columns[stands]
     world = chart.world(rows, columns)
     along = chart.s_start + chart.texel * rows
-    total, weight, sky = np.zeros((len(rows), 3)), np.zeros(len(rows)), np.zeros(len(rows))
+    total, (weight, sky, beyond) = np.zeros((len(rows), 3)), np.zeros((3, len(rows)))
     occluded = np.zeros(len(rows), dtype=bool)
     for view in views:
         here = float(chart.ground.path.to_street(view.camera.centre[None])[0, 0])
@@ -176,24 +183,27 @@ def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> Fa
         w = (straight / z) ** 3
         through = clear & view.sky[y, x]
         sky[part[through]] += w[through]
+        past = clear & ~view.sky[y, x] & (behind > agree + ROOF_M)
+        beyond[part[past]] += w[past]
         w = np.where(behind < agree, w, ROOF_WEIGHT * w)
         part, pixel, w = part[seen], pixel[seen], w[seen]
         total[part] += sample_at(view.image, pixel) * w[:, None]
         weight[part] += w
-    known, open_, color, hidden = chart.known.copy(), chart.open.copy(), chart.color.copy(), chart.occluded.copy()
-    seen = (weight > 0) & (weight >= sky)
+    known, color = chart.known.copy(), chart.color.copy()
+    open_, passed, hidden = (np.zeros_like(known) for _ in range(3))
+    seen = (weight > 0) & (weight >= np.maximum(sky, beyond))
     known[rows[seen], columns[seen]] = True
     color[rows[seen], columns[seen]] = total[seen] / weight[seen, None] / 255
-    open_[rows, columns] = sky > weight
+    open_[rows, columns] = (sky > weight) & (sky >= beyond)
+    passed[rows, columns] = beyond > np.maximum(weight, sky)
     hidden[rows, columns] = occluded
-    return replace(chart, color=color, known=known, open=open_, occluded=hidden)
+    return replace(chart, color=color, known=known, open=open_, passed=passed, occluded=hidden)
 
 
 def _hidden_to_the_eaves(chart: FacadeChart) -> Mask:
     """(A,) where something removed hides the facade so far up that nothing tells whether a house stands there."""
     low, high = (int(h * chart.per_m) for h in (LOW_M, EAVES_M))
-    hidden = (chart.occluded & ~chart.known & ~chart.open)[:, low:high]
-    return np.asarray(hidden.mean(axis=1) >= MOSTLY)
+    return np.asarray(chart.unseen[:, low:high].mean(axis=1) >= MOSTLY)
 
 
 def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> InventedFacades:
@@ -203,7 +213,7 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Inven
         label: of the surfels.
     """
     stands = np.isfinite(chart.offset)
-    wanted = chart.occluded & ~chart.known & ~chart.open & stands[:, None]
+    wanted = chart.unseen & stands[:, None]
     color, filled, opened = fill_facade(chart.color, chart.known, wanted, chart.open, texels_per_m=chart.per_m)
     parts = [_surfels(chart, color, part, label=label, sh_degree=sh_degree) for part in (filled, opened)]
     return InventedFacades(*parts)

@@ -149,7 +149,9 @@ def run(context: StageContext) -> None:
             own |= grow(pixels, working_px(frame, grown[number])) if pixels.any() else False
         own &= ~ego_pixels(frame)
         label = frame_labels(frame, scene)
-        by_label = (label >= 0, np.isin(label, on_ground)) if on_ground else None
+        # Pixels at the border of the sky are mixed.
+        sky = ~grow(~np.isin(label, scene.labels.indices(("sky",))), border_px(frame.camera.width, 1))
+        by_label = (label >= 0, np.isin(label, on_ground), sky) if on_ground else None
         return (seen_view(array(full.depth), array(full.alpha), own, by_label).depth,)
 
     stored = context.cache.stored(context.scratch("seen"), len(frames), look)
