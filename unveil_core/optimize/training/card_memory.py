@@ -1,6 +1,6 @@
 """How much of a GPU's memory training takes, whether it fits, and what would.
 
-The amounts are computed, not measured: what the kernels and the torch losses allocate for a step with all terms, by array.
+The amounts are computed, not measured: what the kernels allocate, array by array, and what the torch losses do, with all terms.
 """
 
 from __future__ import annotations
@@ -13,21 +13,15 @@ import torch
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.kernels.device import CPU, Device, note_of_device
 from unveil_core.geometry.camera import Camera
+from unveil_core.raster.triton import memory
 
 __all__ = ["Place", "StepSize", "fitting", "largest_step", "place_for", "step_bytes"]
 
-BYTES_A_SURFEL = 1400
-"""Beside its parameters: its record and sums (250 bytes), and 110 for each of ten tiles that a surfel of a trained outdoor scene
-lies in: its place in the lists, and the temporaries of their sort, or its row of gradients. A corridor of small surfels has 2.8
-tiles a surfel, so this is the safe side."""
-PARAMETER_COPIES = 4
-"""A parameter, its gradient and both of Adam's moments."""
-BYTES_A_PLANE_PIXEL = 112
-"""Planes but semantics, and their gradients (88 bytes), and what the rasterizer keeps for its backward pass (24)."""
-BYTES_A_LOSS = 320
-"""Of each pixel, what the losses and the view in their making hold at a time, counted by a test."""
-BYTES_A_LABEL = 40
-"""Of each pixel for each label: the plane of semantics, its gradient, the cross entropy's, and what the label distortion keeps."""
+TILES_A_SURFEL = 10
+"""Tiles that a surfel of a trained outdoor scene lies in, the safe side: in a corridor of small surfels it is 2.8."""
+BYTES_A_LOSS, BYTES_A_LABEL = 320, 8
+"""Of each pixel, what the losses and the view in their making hold at a time, counted by a test; and for each label, what the cross
+entropy holds beside the plane of semantics."""
 SPARE = 1.15
 """Memory that torch's allocator holds beyond what is in use, as a factor."""
 OF_CONTEXT = 600 << 20
@@ -54,10 +48,16 @@ class StepSize:
 
 def step_bytes(size: StepSize) -> int:
     """Bytes on the GPU that a training step with all terms takes at most, views not counted."""
-    parameters = 4 * (3 + 4 + 2 + 1 + 3 * size.coefficients)
-    surfels = size.surfels * (PARAMETER_COPIES * parameters + BYTES_A_SURFEL)
-    pixels = size.width * size.height * (BYTES_A_PLANE_PIXEL + BYTES_A_LOSS + BYTES_A_LABEL * size.labels)
-    return OF_CONTEXT + int(SPARE * (surfels + pixels))
+    rasterizer = memory.step_bytes(
+        size.surfels,
+        TILES_A_SURFEL * size.surfels,
+        size.width,
+        size.height,
+        size.labels,
+        sh_rows=size.coefficients,
+    )["peak"]
+    losses = size.width * size.height * (BYTES_A_LOSS + BYTES_A_LABEL * size.labels)
+    return OF_CONTEXT + int(SPARE * (rasterizer + losses))
 
 
 def _free_bytes(device: Device) -> int:

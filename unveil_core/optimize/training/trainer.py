@@ -210,8 +210,17 @@ class Optimization:
             planes += ["depth"] if w.normal > 0 or (w.depth > 0 and view.depth is not None) else []
             planes += ["distortion"] if w.distortion > 0 else []
             planes += ["label_distortion"] if w.label_distortion > 0 else []
+        # Where a check waits for the device, it is made with each look at the loss.
+        check = self.arithmetic.at_once or self._mean is None or self._since + 1 >= READ_EVERY
         return render(
-            current, view.camera, planes, label_count=self.label_count, near=s.near, far=s.far, backend=s.backend
+            current,
+            view.camera,
+            planes,
+            label_count=self.label_count,
+            near=s.near,
+            far=s.far,
+            backend=s.backend,
+            check=check,
         )
 
     def _loss(self, out: Rendered, current: Surfels, view: TrainingView, geometry: bool) -> Tensor:
