@@ -1,13 +1,15 @@
 """What of a run a GPU can take: seconds of each stage in training steps, in rendering, and in what the processor does in any case.
 
-    python benchmarks/gpu_share.py [QUALITY...]
+    python benchmarks/gpu_share.py [QUALITY...] [--drive PATH] [--frames A:B]
 
-On the sample street, on the processor. Results go to benchmarks/results/gpu_share.json; ``most`` is how much faster a run can be
-at best, with a GPU that takes no time at all (Amdahl 1967).
+On the sample street, or another drive, on the processor. Results go to benchmarks/results/gpu_share.json, where those of other
+drives and qualities are kept; ``most`` is how much faster a run can be at best, with a GPU that takes no time at all (Amdahl
+1967).
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import tempfile
@@ -28,6 +30,7 @@ from unveil_core.raster import on_device  # noqa: E402
 from unveil_core.remove import remains  # noqa: E402
 
 DRIVE = HERE.parent / "sample_scenes" / "parked_street"
+RESULTS = HERE / "results" / "gpu_share.json"
 
 
 class Clock:
@@ -57,8 +60,12 @@ class Clock:
         self.stage = str(event["stage"])
 
 
-def measure(quality: str, folder: Path) -> dict[str, Any]:
-    """One run."""
+def measure(drive: Path, frames: str | None, quality: str, folder: Path) -> dict[str, Any]:
+    """One run.
+
+    Args:
+        frames: which of the drive, as for ``unveil run``; None = all.
+    """
     clock = Clock()
     changed = [(Optimization, "step", "steps"), (on_device, "render", "rendering"), (remains, "_draw", "rendering")]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in changed]
@@ -66,7 +73,8 @@ def measure(quality: str, folder: Path) -> dict[str, Any]:
     for owner, name, kind in changed:
         setattr(owner, name, clock.timed(kind, getattr(owner, name)))
     try:
-        space = run(DRIVE, folder / quality, RunSettings(quality=quality, device="cpu"), reporter=clock.heard)
+        settings = RunSettings(quality=quality, device="cpu", frames=frames)
+        space = run(drive, folder / quality, settings, reporter=clock.heard)
     finally:
         for owner, name, function in before:
             setattr(owner, name, function)
@@ -90,12 +98,18 @@ def measure(quality: str, folder: Path) -> dict[str, Any]:
 
 def main() -> None:
     """Measure the qualities named on the command line, draft and standard by default."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("qualities", nargs="*", default=["draft", "standard"])
+    parser.add_argument("--drive", type=Path, default=DRIVE)
+    parser.add_argument("--frames")
+    given = parser.parse_args()
+    runs = json.loads(RESULTS.read_text())["runs"] if RESULTS.is_file() else []
     with tempfile.TemporaryDirectory() as folder:
-        rows = [measure(quality, Path(folder)) for quality in sys.argv[1:] or ("draft", "standard")]
-    for row in rows:
-        print(json.dumps(row), flush=True)
-    document = {"machine": machine(), "drive": DRIVE.name, "runs": rows}
-    (HERE / "results" / "gpu_share.json").write_text(json.dumps(document, indent=1) + "\n")
+        for quality in given.qualities:
+            row = {"drive": given.drive.name, **measure(given.drive, given.frames, quality, Path(folder))}
+            print(json.dumps(row), flush=True)
+            runs = [r for r in runs if (r["drive"], r["quality"]) != (row["drive"], quality)] + [row]
+    RESULTS.write_text(json.dumps({"machine": machine(), "runs": runs}, indent=1) + "\n")
 
 
 if __name__ == "__main__":
