@@ -23,6 +23,9 @@ __all__ = ["Grid", "HeightField", "first_met"]
 STEPS, HALVINGS = 100, 6
 """A ray looks for the ground at no more than so many depths, each at least a constant factor beyond the last (7 % from 0.3 to
 300 m); between the two about the ground it halves the way so often and then goes straight: to a thousandth of the depth."""
+DOWN = 0.75
+"""Share of the way to the highest ground that a ray is not looked at: on level ground that is met where it is highest, and a place
+over it has to be seen first."""
 STEEP = 1.5
 """The ground rises by no more than this a metre: a ray high over it need not look for it sooner. Kerbs are steeper, but low."""
 CHUNK = 4096
@@ -196,7 +199,9 @@ def _walk(
     for k in range(begin, stop):
         east, north, rise = rays[k, 0], rays[k, 1], rays[k, 2]
         closing = max(STEEP * np.sqrt(east * east + north * north) - min(rise, 0.0), 1e-9)
-        over, last, now, node = np.nan, near, near, first_node
+        # Nothing is met over the highest ground: a ray comes down most of the way to it at once.
+        now = max(near, DOWN * (start[2] - top) / -rise) if rise < 0 else near
+        over, last, node = np.nan, now, first_node
         while now <= far:
             z = start[2] + now * rise
             if rise >= 0 and z > top:
