@@ -16,7 +16,14 @@ import pytest
 import torch
 
 from tests.drives.tiny_drive import make_tiny_drive
-from unveil_core.base.errors import InUseError, OutOfMemoryError, UnveilError, WorkspaceError
+from unveil_core.base.errors import (
+    GpuTooSmallError,
+    InUseError,
+    OutOfMemoryError,
+    SettingsError,
+    UnveilError,
+    WorkspaceError,
+)
 from unveil_core.base.kernels.device import current_device, note_of_device
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.runner import run_stages
@@ -43,13 +50,39 @@ def go(root: Path, drive: Path, stage: Stage = STAGE) -> list[str]:
     return run_stages(Workspace.create(root), (stage,), RunSettings(), drive)
 
 
-def test_want_of_the_gpu_s_memory_is_told_with_what_to_do(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "said",
+    [
+        "CUDA out of memory. Tried to allocate 9 GiB. GPU 0 has a total capacity of 8 GiB",
+        "CUDA error: out of memory\nCompile with `TORCH_USE_CUDA_DSA`",
+        "Triton Error [CUDA]: out of memory",
+        "CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling `cublasCreate(handle)`",
+    ],
+)
+def test_want_of_the_gpu_s_memory_is_told_with_what_to_do(said: str, tmp_path: Path) -> None:
     def hungry(context: StageContext) -> None:
-        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 9 GiB. GPU 0 has a total capacity of 8 GiB")
+        raise RuntimeError(said)
 
     (tmp_path / "drive").write_text("a street")
     with pytest.raises(OutOfMemoryError, match=r"no memory left on the GPU for read \(.*--device cpu: it goes on"):
         go(tmp_path / "ws", tmp_path / "drive", replace(STAGE, run=hungry))
+
+
+def test_a_gpu_that_is_full_when_a_run_goes_on_costs_nothing_that_was_computed(tmp_path: Path) -> None:
+    def begins(context: StageContext) -> None:
+        context.kept.once("half", lambda: {"found": np.arange(3)})
+        raise GpuTooSmallError("the GPU has 1 GB free", mend="use --device cpu")
+
+    def goes_on(context: StageContext) -> None:
+        assert context.kept.once("half", dict)["found"].tolist() == [0, 1, 2]
+        read(context)
+
+    (tmp_path / "drive").write_text("a street")
+    with pytest.raises(SettingsError, match="1 GB free"):
+        go(tmp_path / "ws", tmp_path / "drive", replace(STAGE, run=begins))
+    assert run_stages(
+        Workspace.open(tmp_path / "ws"), (replace(STAGE, run=goes_on),), RunSettings(), tmp_path / "drive"
+    )
 
 
 def test_a_stage_records_what_it_worked_on_and_why_not_elsewhere(tmp_path: Path) -> None:

@@ -122,3 +122,25 @@ def test_planes_of_the_gpu_s_backend_are_those_of_the_processor_s() -> None:
         other = rendered(scene(), turned(0.0), planes, label_count=LABELS, near=0.2, far=100.0)
     for name in planes:
         np.testing.assert_allclose(array(getattr(other, name)), array(getattr(here, name)), atol=1e-4)
+
+
+def test_where_the_gpu_has_no_memory_left_the_processor_renders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless the GPU was asked for. What fails here is the first rendering, as the GPU's would."""
+    surfels, camera = scene(), turned(0.0)
+
+    def full(
+        surfels: Surfels, camera: Any, outputs: Collection[str], *, backend: str = "auto", **more: Any
+    ) -> Rendered:
+        if backend == "triton":
+            raise RuntimeError("Triton Error [CUDA]: out of memory")
+        return render(surfels, camera, outputs, backend=backend, **more)
+
+    monkeypatch.setattr(on_device, "render", full)
+    with working_on(Device("cpu", "triton")) as used:
+        found = rendered(surfels, camera, ("rgb",), near=0.1, far=100.0)
+        rendered(surfels, camera, ("rgb",), near=0.1, far=100.0)
+    expected = render(surfels, camera, ("rgb",), near=0.1, far=100.0)
+    assert np.array_equal(array(found.rgb), array(expected.rgb))
+    assert used.notes == ["rendering on the processor: the GPU has no memory left"]
+    with working_on(Device("cpu", "triton", asked_for=True)), pytest.raises(RuntimeError, match="out of memory"):
+        rendered(surfels, camera, ("rgb",), near=0.1, far=100.0)

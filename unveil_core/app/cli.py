@@ -57,10 +57,12 @@ def main(argv: list[str] | None = None) -> int:
 def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
     """Line and exit code of an error that none of the program's own says better."""
     # Loads NumPy, which is loaded by then where anything went wrong that is worth to be told apart.
-    from unveil_core.base.files import full_disk, is_out_of_memory
+    from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 
     if interrupted:  # libraries that are being loaded make an error of their own of it
         return CANCELLED.removeprefix("unveil: "), 130
+    if is_out_of_gpu_memory(error):
+        return "no memory left on the GPU (end other programs that use it, or use --device cpu)", 1
     if is_out_of_memory(error):
         return NO_MEMORY.removeprefix("unveil: "), 1
     text = " ".join(f"{type(error).__name__}: {error}".split())

@@ -75,6 +75,7 @@ def check_footage(
     cars: int = CARS,
     settings: RunSettings | None = None,
     quality: str | None = None,
+    device: str | None = None,
     reporter: Reporter = silent,
 ) -> dict[str, Any]:
     """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
@@ -85,7 +86,7 @@ def check_footage(
             look at and ``holdout.json``; beside a workspace, with ``_holdout`` appended, by default.
         cars: how many are wanted; where there is room for fewer, fewer.
         settings: of the run of a drive; a workspace brings its own.
-        quality: of the run with the cars, if not that of the workspace.
+        quality: of the run with the cars, if not that of the workspace; device: likewise, see ``RunSettings``.
         reporter: receives each event.
     Returns:
         what :func:`unveil_core.evaluate.holdout.scores.measure_holdout` returns, with ``quality`` and ``seconds``.
@@ -122,6 +123,7 @@ def check_footage(
     chosen = replace(
         recorded.without_drive_options(),
         quality=quality or recorded.quality,
+        device=device or recorded.device,
         # The images are what they are to be already.
         work_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,

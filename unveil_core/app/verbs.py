@@ -142,8 +142,9 @@ def _check_footage(arguments: argparse.Namespace) -> int:
             arguments.workspace,
             arguments.output,
             cars=CARS if arguments.cars is None else arguments.cars,
-            settings=RunSettings(quality=arguments.quality or "standard"),
+            settings=RunSettings(quality=arguments.quality or "standard", device=arguments.works_on),
             quality=arguments.quality,
+            device=arguments.works_on,
             reporter=reporter,
         )
     print(json.dumps({"holdout": found}) if arguments.json else "\n".join(holdout_lines(found)))

@@ -11,6 +11,8 @@ __all__ = [
     "Cancelled",
     "DiskFullError",
     "DriveError",
+    "GpuMemoryError",
+    "GpuTooSmallError",
     "InUseError",
     "Interrupted",
     "OutOfMemoryError",
@@ -98,6 +100,10 @@ class OutOfMemoryError(Exception):
         )
 
 
+class GpuTooSmallError(SettingsError):
+    """The GPU has too little memory for what it is to do, or too little is free: what was computed so far is kept."""
+
+
 class GpuMemoryError(OutOfMemoryError):
     """The GPU had no more memory: a failure (exit code 1) that says what would fit.
 
@@ -109,8 +115,8 @@ class GpuMemoryError(OutOfMemoryError):
         self.path = path
         Exception.__init__(
             self,
-            f"{path}: no memory left on the GPU for {stage} (end other programs that use it, or run it with a smaller "
-            "--work-side, fewer --splats, or --device cpu: it goes on where it stopped)",
+            f"{path}: no memory left on the GPU for {stage} (end other programs that use it, or use --device cpu: it goes on "
+            "where it stopped; or begin again with a smaller --work-side or fewer --splats)",
         )
 
 

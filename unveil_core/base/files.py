@@ -154,14 +154,13 @@ NO_MEMORY = (
     "Insufficient memory",
     "Unable to allocate",
     "can't start new thread",
-    "CUDA out of memory",
 )
 """What PyTorch, the C++ library, OpenCV, NumPy and Python's threads say for want of memory, in errors that are no MemoryError."""
 
 
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether an error came from want of memory; libraries raise many kinds for it."""
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or is_out_of_gpu_memory(error):
         return True
     if isinstance(error, OSError):
         return error.errno == errno.ENOMEM
@@ -169,8 +168,9 @@ def is_out_of_memory(error: BaseException) -> bool:
 
 
 def is_out_of_gpu_memory(error: BaseException) -> bool:
-    """Whether it was a GPU's memory that an error came from want of."""
-    return isinstance(error, RuntimeError) and "CUDA out of memory" in str(error)
+    """Whether it was a GPU's memory that an error came from want of: PyTorch, CUDA, Triton and cuBLAS each say it their way."""
+    said = str(error).lower()
+    return isinstance(error, RuntimeError) and (("cuda" in said and "out of memory" in said) or "alloc_failed" in said)
 
 
 def refuse_devices(path: Path) -> None:

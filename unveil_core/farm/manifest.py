@@ -21,6 +21,7 @@ from unveil_core.base.checks.fields import checked
 from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
+from unveil_core.base.kernels.device import CPU, name_of_device
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import place_drive
@@ -182,7 +183,7 @@ def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: 
         work.blocks,
         round(expected.memory_mb),
         round(sum(expected.seconds.values())),
-        int(settings.device == "cuda"),
+        int(settings.device == "cuda" or name_of_device(settings.device) != CPU.name),
     )
 
 

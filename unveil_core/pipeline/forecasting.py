@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from unveil_core.base.kernels.device import chosen_device
+from unveil_core.base.kernels.device import name_of_device
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import Placement
@@ -94,9 +93,7 @@ def expected_of(
         names = [name for name in names if states[name] != "done"]
     if not names:
         return None
-    # Torch takes a second to import: it is not asked where the system has no GPU.
-    may_be_gpu = settings.device != "cpu" and shutil.which("nvidia-smi") is not None
-    machine = this_machine(device=chosen_device(settings.device).name if may_be_gpu else "cpu")
+    machine = this_machine(device=name_of_device(settings.device))
     if not machine.known:
         tell("measuring how fast this machine is")
         machine.speed = measured_seconds() / reference_seconds()

@@ -24,6 +24,7 @@ from unveil_core.base.errors import (
     DiskFullError,
     DriveError,
     GpuMemoryError,
+    GpuTooSmallError,
     Interrupted,
     OutOfMemoryError,
     SettingsError,
@@ -228,13 +229,15 @@ def run_block(
             partial = open_partial(workspace, stage.name, wanted)
         with workspace.lock(shared=True):
             attempt = _Attempt(workspace, stage, settings, drive, stop, reporter)
-            with ThreadErrors() as threads, working_on(settings.device):
+            with ThreadErrors() as threads, working_on(settings.device) as used:
                 try:
                     stage.run_block(attempt.context(partial), number)
                 finally:
                     if threads.found:
                         _drop(workspace, stage, partial)
             threads.check()
+            for line in used.notes:
+                reporter(workspace.log(stage.name, line, level="notice"))
             if stop.is_set():
                 raise Cancelled(stage.name)
             if error := _change_of(stage, workspace, digests):
@@ -384,7 +387,7 @@ class _Attempt:
             except UnveilError as change:
                 said = change  # a file that vanished or grew may lead to any error
         # What was computed so far serves the next attempt, unless it may be what is wrong.
-        if not isinstance(said, Cancelled | OutOfMemoryError | OSError):
+        if not isinstance(said, Cancelled | OutOfMemoryError | GpuTooSmallError | OSError):
             shutil.rmtree(partial, ignore_errors=True)
             Parts(parts_of(workspace.root, stage.name)).drop_unfinished()
         self._record_end(said, error)

@@ -6,6 +6,7 @@ A scene is brought to the device once and stays there while it is rendered from 
 from __future__ import annotations
 
 from collections.abc import Collection
+from threading import Lock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -13,7 +14,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.base.kernels.device import current_device
+from unveil_core.base.files import is_out_of_gpu_memory
+from unveil_core.base.kernels.device import current_device, note_of_device
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.api import Rendered, render
 from unveil_core.surfels.surfels import Surfels
@@ -25,6 +27,7 @@ KEPT = 2
 
 _there: WeakKeyDictionary[Surfels, tuple[str, Surfels]] = WeakKeyDictionary()
 """For each scene in the processor's memory its device and its copy there, the oldest first."""
+_lock = Lock()
 
 
 def there(surfels: Surfels) -> Surfels:
@@ -32,11 +35,12 @@ def there(surfels: Surfels) -> Surfels:
     device = current_device().name
     if surfels.device == torch.device(device):
         return surfels
-    known = _there.pop(surfels, None)
-    copy = surfels.to(device) if known is None or known[0] != device else known[1]
-    _there[surfels] = (device, copy)
-    for old in list(_there)[:-KEPT]:
-        _there.pop(old, None)
+    with _lock:
+        known = _there.pop(surfels, None)
+        copy = surfels.to(device) if known is None or known[0] != device else known[1]
+        _there[surfels] = (device, copy)
+        for old in list(_there)[:-KEPT]:
+            _there.pop(old, None)
     return copy
 
 
@@ -49,17 +53,23 @@ def rendered(
     near: float,
     far: float,
 ) -> Rendered:
-    """The planes, on the device of the run and without gradients; arguments as of ``render``."""
+    """The planes without gradients, on the device of the run; arguments as of ``render``.
+
+    On the processor where a GPU that was not asked for has no memory left.
+    """
+    device = current_device()
+    options: dict[str, Any] = {"label_count": label_count, "near": near, "far": far}
     with torch.no_grad():
-        return render(
-            there(surfels),
-            camera,
-            outputs,
-            label_count=label_count,
-            near=near,
-            far=far,
-            backend=current_device().backend,
-        )
+        try:
+            return render(there(surfels), camera, outputs, backend=device.backend, **options)
+        except RuntimeError as error:
+            if device.asked_for or not is_out_of_gpu_memory(error):
+                raise
+        with _lock:
+            _there.clear()
+        torch.cuda.empty_cache()
+        note_of_device("rendering on the processor: the GPU has no memory left")
+        return render(surfels.to("cpu"), camera, outputs, **options)
 
 
 def array(plane: Tensor | None) -> NDArray[Any]:

@@ -233,7 +233,7 @@ def _truth(shown: Shown) -> Part | None:
         notes.append(f"What had to be invented was found with an overlap of {percent(truth['unobserved_mask_iou'])}.")
     filled = (_methods(metrics, "removed").get("telea") or {}).get("frames", truth.get("frames"))
     if not truth.get("baseline_seconds_per_frame"):
-        notes.append("Single-image inpainters were not asked for (--baselines).")
+        notes.append("Single-image inpainters were not measured (--baselines asks for them).")
     elif filled != truth.get("frames"):
         notes.append(f"Telea and shift-map were measured on {filled} of {truth.get('frames')} frames.")
     taken = truth.get("baseline_seconds_per_frame", {})

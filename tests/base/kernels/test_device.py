@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import pytest
 import torch
 
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.kernels import device
 from unveil_core.base.kernels.device import (
     CPU,
+    GPU,
     Device,
     check_device,
     chosen_device,
@@ -83,10 +86,34 @@ def test_what_is_missing_is_one_line(
     assert chosen_device("auto") == CPU == chosen_device("cpu")
 
 
-def test_a_card_that_can_be_used_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_card_on_which_a_kernel_runs_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The trial runs in Triton's interpreter, where no card is."""
     card(monkeypatch)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    monkeypatch.setattr(device, "GPU", GPU if torch.cuda.device_count() else Device("cpu", "triton"))
+    device._problem_of_trial.cache_clear()
     assert gpu_problem() is None
-    assert chosen_device("auto").name == chosen_device("cuda").name == "cuda:0"
-    assert chosen_device("cuda").asked_for and not chosen_device("auto").asked_for
+    assert chosen_device("auto") == device.GPU == replace(chosen_device("cuda"), asked_for=False)
+    assert chosen_device("cuda").asked_for
     assert chosen_device("cpu") == CPU
+    device._problem_of_trial.cache_clear()
+
+
+def test_one_on_which_none_runs_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where Triton finds no compiler; or the card is another program's alone."""
+    card(monkeypatch)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    monkeypatch.setattr(device, "GPU", Device("cuda:99"))
+    device._problem_of_trial.cache_clear()
+    problem = gpu_problem()
+    assert problem is not None and problem[0].startswith("a trial on the GPU failed: ") and "\n" not in problem[0]
+    assert chosen_device("auto") == CPU
+    device._problem_of_trial.cache_clear()
+
+    def busy(number: int) -> tuple[int, int]:
+        raise RuntimeError("CUDA error: all CUDA-capable devices are busy or unavailable\nmore")
+
+    monkeypatch.setattr(torch.cuda, "get_device_capability", busy)
+    with pytest.raises(SettingsError, match=r"the GPU cannot be used: CUDA error: .* unavailable \(end other programs"):
+        chosen_device("cuda")
+    assert chosen_device("auto") == CPU

@@ -8,9 +8,12 @@ trained goes to the device of the run and comes back; which one that is, :func:`
 from __future__ import annotations
 
 import importlib.util
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
 
@@ -24,6 +27,7 @@ __all__ = [
     "chosen_device",
     "current_device",
     "gpu_problem",
+    "name_of_device",
     "note_of_device",
     "working_on",
 ]
@@ -40,7 +44,7 @@ class Device:
     Attributes:
         name: as torch has it.
         backend: of the rasterizer there, see ``raster.render``; "auto" = that of the device.
-        asked_for: whether the user wants this one and no other; if not, the processor takes over what does not fit.
+        asked_for: whether the user wants this one and no other; if not, the processor takes what does not fit.
     """
 
     name: str
@@ -106,12 +110,39 @@ def gpu_problem() -> tuple[str, str] | None:
         return "this torch is a build without CUDA", "install PyTorch's build with CUDA"
     if not torch.cuda.is_available():
         return "torch sees no NVIDIA GPU", "see whether nvidia-smi lists one, and update its driver"
-    if (capability := torch.cuda.get_device_capability(0)) < LEAST_CAPABILITY:
+    try:
+        capability = torch.cuda.get_device_capability(0)
+    except RuntimeError as error:  # another program has it for itself, or all of its memory
+        return f"the GPU cannot be used: {_first_line(error)}", "end other programs that use it"
+    if capability < LEAST_CAPABILITY:
         known = f"{torch.cuda.get_device_name(0)} has compute capability {capability[0]}.{capability[1]}"
         return known, f"use a GPU of {LEAST_CAPABILITY[0]}.{LEAST_CAPABILITY[1]} or later"
     if importlib.util.find_spec("triton") is None:
         return "the package triton is missing", "pip install triton, on Windows triton-windows"
+    return _problem_of_trial()
+
+
+@cache
+def _problem_of_trial() -> tuple[str, str] | None:
+    """What keeps a kernel from being built and run on the GPU, and the mend; asked once, for it takes a second."""
+    try:
+        from unveil_core.base.kernels.gpu_trial import run_trial
+
+        run_trial(GPU.name)
+    except Exception as error:  # compilers, drivers and Triton raise all kinds
+        mend = "it takes a C compiler, Python's headers, triton 3.3 or later, and a PyTorch as new as the GPU"
+        return f"a trial on the GPU failed: {_first_line(error)}", mend
     return None
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
+
+
+def name_of_device(setting: str) -> str:
+    """The name of the device that a setting means; torch is not loaded, which takes a second, where the system has no GPU."""
+    has_driver = shutil.which("nvidia-smi") is not None or Path("/dev/nvidiactl").exists()
+    return chosen_device(setting).name if setting != "cpu" and has_driver else CPU.name
 
 
 def chosen_device(setting: str) -> Device:

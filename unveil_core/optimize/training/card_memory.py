@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
-from unveil_core.base.errors import SettingsError
+from unveil_core.base.errors import GpuTooSmallError
 from unveil_core.base.kernels.device import CPU, Device, note_of_device
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster.triton import memory
@@ -113,7 +113,7 @@ def place_for(device: Device, size: Callable[[], StepSize]) -> Place:
     Args:
         size: of the largest step; only asked where memory is scarce.
     Raises:
-        SettingsError: the GPU was asked for, and its memory is too small.
+        GpuTooSmallError: the GPU was asked for, and its memory is too small.
     """
     if not device.name.startswith("cuda"):
         return Place(device)
@@ -130,7 +130,7 @@ def _placed(device: Device, size: StepSize, free: int) -> Place:
     )
     smaller = fitting(size, free)
     if device.asked_for:
-        raise SettingsError(problem, mend=f"use {smaller} or --device cpu" if smaller else "use --device cpu")
+        raise GpuTooSmallError(problem, mend=f"use {smaller} or --device cpu" if smaller else "use --device cpu")
     why = f"training on the processor: {problem}" + (f" ({smaller} would fit)" if smaller else "")
     note_of_device(why)
     return Place(CPU, why)
