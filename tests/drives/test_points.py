@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from plyfile import PlyData, PlyElement
 
@@ -84,6 +84,7 @@ def test_a_hostile_file_is_one_line(tmp_path: Path, name: str) -> None:
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, 400), noise=st.binary(min_size=1, max_size=12), cut=st.integers(0, 12))
+@example(at=241, noise=b"\x81\x7f", cut=0)  # a signalling NaN
 @pytest.mark.parametrize("text", [False, True])
 def test_changed_bytes_are_read_or_refused(tmp_path: Path, at: int, noise: bytes, cut: int, *, text: bool) -> None:
     whole = ply("u1", [[1, 2, 3]] * 9, text=text)

@@ -47,7 +47,8 @@ def read_points(path: Path) -> PointCloud:
     try:
         check_counts(path)
         vertex = PlyData.read(str(path))["vertex"].data
-        positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
+        with np.errstate(invalid="ignore"):  # of a signalling NaN NumPy warns; it is told below, as any other
+            positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
         colors = _colors_of(vertex)
         classes = np.asarray(vertex["train_id"], dtype=np.uint8) if "train_id" in vertex.dtype.names else None
         moving = np.asarray(vertex["moving"]) != 0 if "moving" in vertex.dtype.names else None
