@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -31,12 +30,14 @@ CARD = torch.cuda.get_device_name() if torch.cuda.is_available() else None
 if CARD is None:
     os.environ.setdefault("TRITON_INTERPRET", "1")
 
+from unveil_core.base.kernels.device import GPU, working_on  # noqa: E402
 from unveil_core.bench import gpu as on_gpu  # noqa: E402
 from unveil_core.bench.compiled import CAPABILITIES, compiled  # noqa: E402
 from unveil_core.bench.rivals import gsplat_is_there  # noqa: E402
-from unveil_core.bench.scenes import LABELS, corridor, corridor_camera  # noqa: E402
+from unveil_core.bench.scenes import corridor, corridor_camera  # noqa: E402
+from unveil_core.bench.step import bench_step  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
-from unveil_core.raster.api import PLANES, render  # noqa: E402
+from unveil_core.raster.api import PLANES  # noqa: E402
 from unveil_core.raster.triton.memory import step_bytes  # noqa: E402
 
 RESULTS = HERE / "results" / "gpu.json"
@@ -61,7 +62,7 @@ def count_bytes() -> list[dict[str, Any]]:
         for count in (100_000, 1_000_000, 2_000_000):
             surfels = corridor(count)
             if CARD:
-                boxes, reached = None, on_gpu.intersections(on_gpu.there(surfels, "cuda"), camera)
+                boxes, reached = None, on_gpu.intersections(surfels.to("cuda"), camera)
             else:
                 boxes, reached = on_gpu.reached_tiles(surfels, camera)
             for scene, pairs in (("corridor", reached), ("large surfels", TILES_EACH * count)):
@@ -116,43 +117,8 @@ def tests() -> dict[str, Any]:
 
 def step() -> list[dict[str, Any]]:
     """Training steps with all losses of the second stage, as a run takes them."""
-    return [{"surfels": n, "size": size, **one_step(n, size)} for size in SIZES for n in COUNTS]
-
-
-def one_step(count: int, size: tuple[int, int], *, steps: int = 30) -> dict[str, float]:
-    """Median milliseconds of a step on the card and its peak bytes, against another street seen from the same place."""
-    import numpy as np
-
-    from unveil_core.optimize.training.parameters import LearningRates
-    from unveil_core.optimize.training.trainer import Optimization, TrainSettings
-    from unveil_core.optimize.training.views import training_view
-    from unveil_core.surfels.sky import Sky
-
-    camera = corridor_camera(*size)
-    sky = Sky(torch.rand(3, 64, 128, generator=torch.Generator().manual_seed(0)), np.eye(3))
-    with torch.no_grad():
-        seen = render(on_gpu.there(corridor(count, seed=1), "cuda"), camera, ("rgb", "semantics"), label_count=LABELS)
-    assert seen.rgb is not None and seen.semantics is not None
-    image = (seen.rgb.clamp(0, 1).cpu().numpy() * 255).astype(np.uint8)
-    view = training_view(camera, image, seen.semantics.argmax(2).cpu().numpy(), None, sky)
-    state = Optimization(
-        on_gpu.there(corridor(count), "cuda"),
-        sky,
-        TrainSettings(sky_rate=0.0),
-        LearningRates(means=1e-4),
-        label_count=LABELS,
-        sky_label=LABELS - 1,
-    )
-    view = view.to(torch.device("cuda"), sky)
-    times = []
-    torch.cuda.reset_peak_memory_stats()
-    for _ in range(steps + 3):
-        torch.cuda.synchronize()
-        begun = time.perf_counter()
-        state.step([view], geometry=True, done=0.0)
-        torch.cuda.synchronize()
-        times.append((time.perf_counter() - begun) * 1e3)
-    return {"ms": round(statistics.median(times[3:]), 3), "peak_bytes": torch.cuda.max_memory_allocated()}
+    with working_on(GPU):
+        return [bench_step(size=size, count=n, degree=0, iterations=30) for size in SIZES for n in COUNTS]
 
 
 def whole_run(drive: Path, workspace: Path, *options: str) -> dict[str, Any]:

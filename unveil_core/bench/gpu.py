@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -27,18 +26,12 @@ __all__ = [
     "kernel_times",
     "pass_times",
     "reached_tiles",
-    "there",
     "warp_times",
     "with_gradients",
 ]
 
 FEW = {**GROUPS, "all but label distortion": PLANES[:-1]}
 """Planes that are timed, by name: label distortion is a pass of its own on a GPU."""
-
-
-def there(surfels: Surfels, device: str) -> Surfels:
-    """The surfels on a device."""
-    return Surfels(**{f.name: getattr(surfels, f.name).to(device) for f in fields(surfels)})
 
 
 def with_gradients(surfels: Surfels) -> Surfels:
@@ -72,7 +65,7 @@ def backend_errors(
         counted &= chosen
     errors: dict[str, dict[str, Any]] = {}
     for plane in PLANES:
-        leaves = with_gradients(there(surfels, device))
+        leaves = with_gradients(surfels.to(device))
         out = render(leaves, camera, [plane], label_count=LABELS, near=NEAR, far=FAR, backend=backend)
         mask = counted if weights[plane].dim() == 2 else counted[..., None]
         value = getattr(out, plane).cpu() * mask
@@ -131,7 +124,7 @@ def pass_times(count: int, size: tuple[int, int], *, rounds: int, device: str = 
     Returns:
         "ms" by name; "intersections"; and of all planes "bytes_computed" and "bytes_measured" at the peak.
     """
-    camera, surfels = corridor_camera(*size), there(corridor(count), device)
+    camera, surfels = corridor_camera(*size), corridor(count).to(device)
     runs: dict[str, Callable[[], Any]] = {}
     for name, planes in FEW.items():
         runs[f"{name}: forward"] = _Waited(_pass(surfels, camera, planes, backward=False))
@@ -190,7 +183,7 @@ def reached_tiles(surfels: Surfels, camera: Camera) -> tuple[int, int]:
 
 def kernel_times(count: int, size: tuple[int, int], *, device: str = "cuda") -> dict[str, float]:
     """Milliseconds on the GPU of each kernel of one forward and backward pass of all planes, by name, the longest first."""
-    camera, surfels = corridor_camera(*size), there(corridor(count), device)
+    camera, surfels = corridor_camera(*size), corridor(count).to(device)
     run = _Waited(_pass(surfels, camera, PLANES, backward=True))
     run()
     with torch.profiler.profile(activities=[torch.profiler.ProfilerActivity.CUDA]) as profile:
@@ -204,7 +197,7 @@ def warp_times(count: int, size: tuple[int, int], *, rounds: int, device: str = 
     registers alone, is to be held against them."""
     from unveil_core.raster.triton import backend
 
-    run = _pass(there(corridor(count), device), corridor_camera(*size), PLANES, backward=True)
+    run = _pass(corridor(count).to(device), corridor_camera(*size), PLANES, backward=True)
     own = backend.FORWARD_WARPS, backend.BACKWARD_WARPS, backend.LABEL_WARPS
 
     def with_warps(forward: int, backward: int, label: int) -> None:

@@ -60,6 +60,8 @@ def bench_step(
     state = Optimization(
         start.to(there), sky, settings, LearningRates(means=1e-4), label_count=LABELS, sky_label=LABELS - 1
     )
+    if there.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(there)  # of what this process did before
     for _ in range(iterations + WARM_UP):
         begun = time.perf_counter()
         state.step(views, geometry=True, done=0.0)
