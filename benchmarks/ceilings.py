@@ -33,6 +33,7 @@ from unveil_core.base.types import Float32, Float64, Mask  # noqa: E402
 from unveil_core.drives.drive import Drive, Frame  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
+from unveil_core.evaluate.flicker import read_depth  # noqa: E402
 from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
 from unveil_core.geometry.camera import Camera  # noqa: E402
 from unveil_core.geometry.images import grow, sample_at  # noqa: E402
@@ -42,8 +43,6 @@ from unveil_core.workspace.files import frame_file  # noqa: E402
 from unveil_core.workspace.workspace import Workspace  # noqa: E402
 
 RESULTS = HERE / "results" / "ceilings.json"
-STEPS_A_METRE = 256
-"""Of the truth's depth images."""
 SAME, SAME_M = 0.03, 0.1
 """Difference of depth up to which another frame shows the same place, as a share of it, plus metres."""
 MIXED_PX = 2
@@ -95,11 +94,10 @@ def view_of(workspace: Workspace, truth: Path, frame: Frame) -> View:
     paths = [truth_file(truth / name, frame) for name in ("images", "depth")]
     if paths[0] is None or paths[1] is None:
         raise SystemExit(f"{truth}: has no images or no depth of {frame.name}")
-    depth = cv2.imread(str(paths[1]), cv2.IMREAD_UNCHANGED).astype(np.float64) / STEPS_A_METRE
-    removed, step = mask("removed"), height // depth.shape[0]
-    # A smaller depth image has the depth of every second pixel, say.
+    grid = read_depth(paths[1], frame.camera)
+    removed, depth, step = mask("removed"), grid.depth, grid.step
     at = np.zeros_like(removed)
-    at[step // 2 :: step, step // 2 :: step] = True
+    at[np.ix_(*grid.pixels())] = True
     rows, columns = np.nonzero(removed & at)
     return View(
         camera=frame.camera,
