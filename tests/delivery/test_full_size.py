@@ -193,6 +193,24 @@ def test_relit_footage_keeps_its_grain() -> None:
     assert 0.7 < high[inner].std() / wanted[inner].std() < 1.3
 
 
+def test_a_deep_blue_shadow_comes_out_as_grey_as_the_street() -> None:
+    """Under a car hardly any light is left, and that is the sky's: red gains ten times, blue four."""
+    relit = np.zeros((40, 60), bool)
+    relit[8:30, 10:50] = True
+    shaded = nearest(relit, 3)
+    dark = np.array([0.03, 0.035, 0.09], np.float32)
+    picture = np.full((120, 180, 3), 0.4, np.float32)
+    picture[shaded] = dark
+    generator = np.random.default_rng(0)
+    picture *= 1 + 0.05 * generator.normal(size=(120, 180, 1)).astype(np.float32)
+    clean = np.full((40, 60, 3), round(0.4 * 255), np.uint8)
+    frame = delivered((picture * 255).round().astype(np.uint8), np.zeros_like(relit), relit, clean, side=60)
+    inside = cv2.erode(shaded.astype(np.uint8), np.ones((7, 7))) > 0
+    mean = frame[inside].astype(float).mean(axis=0) / 255
+    assert np.abs(mean - 0.4).max() < 0.02
+    assert frame[inside].std() > 1.0  # it is the footage, not the enlarged clean frame
+
+
 def test_what_a_darker_camera_shows_is_brought_to_the_colours_of_the_frame() -> None:
     street = np.random.default_rng(0).random((20, 3)).astype(np.float32)
     dark, bright = Exposure(np.full(3, 0.6), np.full(3, 0.02)), Exposure(np.array([1.2, 1.0, 0.9]), np.zeros(3))

@@ -113,7 +113,7 @@ def full_size_frame(
     result = original.copy()
     lit = original
     if relit.any():
-        lit = (original + DARKEST) * _relight(frame, at) - DARKEST
+        lit = _relit(frame, at, original)
         result[relit] = lit[relit]
     if removed.any():
         base = resampled(frame.clean.astype(np.float32) / 255, at, cv2.INTER_CUBIC)
@@ -127,15 +127,23 @@ def full_size_frame(
     return out
 
 
-def _relight(frame: CleanFrame, at: Float32) -> Float32:
-    """(H, W, 3) ratio of light that the relit pixels around a position (H, W, 2) gained; 1 where there are none."""
+def _relit(frame: CleanFrame, at: Float32, original: Float32) -> Float32:
+    """(H, W, 3) the footage ``original`` (H, W, 3) with the light that the relit pixels around its positions (H, W, 2) gained.
+
+    Where they gained more than ``RATIOS`` allow, the colour is still theirs, and only the footage's detail is held back: with each
+    channel held for itself the shade of a car, which is dark and blue, would stay blue.
+    """
     before, after = (p.astype(np.float32) / 255 + DARKEST for p in (frame.photograph, frame.clean))
     weight = frame.relit[..., None].astype(np.float32)
     # Beside them lie pixels of removed objects, whose change is no light.
     share = np.atleast_3d(resampled(weight, at, cv2.INTER_LINEAR))
-    change = resampled((np.clip(after / before, *RATIOS) - 1) * weight, at, cv2.INTER_LINEAR)
-    ratio: Float32 = 1 + change / np.maximum(share, 1e-3)
-    return ratio
+    some = np.maximum(share, 1e-3)
+    change, dark, light = (
+        resampled(plane * weight, at, cv2.INTER_LINEAR) / some
+        for plane in (np.clip(after / before, *RATIOS) - 1, before, after)
+    )
+    lit = light + (original + DARKEST - dark) * (1 + change) - DARKEST
+    return np.where(share > 1e-3, lit, original).astype(np.float32)
 
 
 def _box(mask: Mask, margin: int) -> tuple[slice, slice]:
