@@ -54,6 +54,19 @@ def test_another_houses_windows_come_in_this_ones_plaster() -> None:
     assert np.median(np.abs(color - PANE)[pane]) < 0.03
 
 
+def test_behind_a_lorry_a_house_keeps_the_colour_of_its_plaster() -> None:
+    """All that is known over the gap are panes, which are no plaster, and tell nothing of its colour."""
+    truth = facade(change=100.0, door=100.0)
+    hidden = gap(truth.shape, (5.0, 13.0, 4.4))
+    known = ~hidden
+    known[:, int(5.3 * PER_M) :] = False
+    color, filled, _ = fill_facade(np.where(known[..., None], truth, 0), known, hidden, texels_per_m=PER_M)
+    assert filled[hidden].all()
+    own = np.stack([PLASTER[0], PANE, PLINTH])
+    apart = np.abs(color[hidden][:, None] - own).max(axis=2).min(axis=1)
+    assert (apart > 0.03).mean() < 0.01
+
+
 def test_a_door_is_not_put_under_a_window() -> None:
     truth = facade()
     hidden = gap(truth.shape, (18.0, 19.6, 1.6))

@@ -69,13 +69,35 @@ def fill_facade(
     if not len(rows):
         return result, filled, opened
     wall = _plaster(color, known, texels_per_m)
-    ratio = np.clip(wall[rows] / np.maximum(wall[source], 1e-3), *RATIO_LIMITS)[:, None]
+    ratio = np.clip(_ratios(color, known, rows, source, wall, texels_per_m), *RATIO_LIMITS)[:, None]
     # Windows and doors do not take the colour of the plaster around them.
     plaster = _likeness(color[source], wall[source][:, None])
     take = wanted[rows] & known[source]
     result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**plaster, 0, 1), result[rows])
     filled[rows], opened[rows] = take, wanted[rows] & sky[source]
     return result, filled, opened
+
+
+def _ratios(
+    color: Float32, known: Mask, rows: NDArray[np.int64], source: NDArray[np.int64], wall: Float32, texels_per_m: float
+) -> Float32:
+    """(R, 3) by how much brighter than its ``source`` each of the ``rows`` (R,) is, one value for all that come from one place.
+
+    Compared at the heights that are known of both: behind a lorry only the windows of the upper floor are, and are no plaster.
+    Where too few are, the colours ``wall`` (A, 3) of the plaster are compared.
+    """
+    ratio = wall[rows] / np.maximum(wall[source], 1e-3)
+    half, shift = max(1, int(WALL_M * texels_per_m)), source - rows
+    breaks = np.flatnonzero((np.diff(shift) != 0) | (np.diff(rows) != 1)) + 1
+    for first, last in zip([0, *breaks], [*breaks, len(rows)], strict=True):
+        d = int(shift[first])
+        low, high = max(0, -d, rows[first] - half), min(len(color), len(color) - d, rows[last - 1] + 1 + half)
+        here, there = np.s_[low:high], np.s_[low + d : high + d]
+        both = known[here] & known[there]
+        if both.sum() >= half * half:
+            # Of the ratios the middle one: most texels are the same of both, and some a window here and plaster there.
+            ratio[first:last] = np.median(color[here][both] / np.maximum(color[there][both], 1e-3), axis=0)
+    return np.asarray(ratio, dtype=np.float32)
 
 
 def _coarse(color: Float32, known: Mask, wanted: Mask, sky: Mask, factor: int) -> tuple[Float32, Mask, Mask, Mask]:
