@@ -38,6 +38,21 @@ def test_what_lies_in_the_hole_does_not_matter() -> None:
     assert results[0] is not None and np.array_equal(results[0], results[1])
 
 
+def test_what_comes_from_another_height_costs() -> None:
+    """Noise in two channels, and the row's number in the third, which says where a patch came from."""
+    image = np.random.default_rng(3).integers(0, 256, (96, 128, 3)).astype(np.uint8)
+    rows = np.broadcast_to(np.arange(96)[:, None], (96, 128))
+    image[..., 2] = rows
+    mask = box(image.shape, 20, 76, 40, 90)
+
+    def astray(row_cost: float) -> float:
+        filled = patch_fill(np.where(mask[..., None], 0, image).astype(np.uint8), mask, row_cost=row_cost)
+        assert filled is not None
+        return float(np.abs(filled[..., 2].astype(float) - rows)[mask].mean())
+
+    assert astray(100.0) < 0.5 * astray(0.0)
+
+
 @pytest.mark.parametrize("name", ["none", "all", "corner known", "one pixel", "border", "stripes"])
 def test_masks_of_every_kind(name: str) -> None:
     image = np.random.default_rng(1).integers(1, 255, (40, 48, 3), dtype=np.uint8)

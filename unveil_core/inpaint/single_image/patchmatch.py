@@ -42,12 +42,13 @@ class PatchFillSettings:
 
 
 def patch_fill(
-    image: NDArray[np.uint8], mask: Mask, settings: PatchFillSettings | None = None
+    image: NDArray[np.uint8], mask: Mask, settings: PatchFillSettings | None = None, *, row_cost: float = 0.0
 ) -> NDArray[np.uint8] | None:
     """Fill ``mask``.
 
     Args:
         image: (H, W, 3) uint8; mask: (H, W) bool, True = to fill.
+        row_cost: of a patch from another row, squared levels of 255 for each squared pixel of distance.
     Returns:
         (H, W, 3) uint8, the image itself outside of ``mask``; None where no known patch exists to take from.
     """
@@ -77,7 +78,8 @@ def patch_fill(
         cost = np.empty(hole.shape, np.float32)
         certainty, places = _certainty(hole), np.argwhere(sources)
         for turn in range(rounds):
-            _match(picture, sources, places, targets, match, cost, settings.searches, turn + 100 * depth)
+            per_row = np.float32(row_cost * 4.0**depth)
+            _match(picture, sources, places, targets, match, cost, per_row, settings.searches, turn + 100 * depth)
             # A third of the patches decide; the final vote is sharper still, so that texture is not averaged away.
             spread = max(
                 np.float32(np.percentile(cost[targets].astype(float), 25 if turn + 1 == rounds else 50)), LEAST_SPREAD
@@ -164,18 +166,22 @@ def _distance(picture, y, x, v, u, limit):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _try(picture, sources, match, cost, y, x, v, u):  # type: ignore[no-untyped-def]
+def _try(picture, sources, match, cost, row_cost, y, x, v, u):  # type: ignore[no-untyped-def]
     if v < 0 or u < 0 or v >= sources.shape[0] or u >= sources.shape[1] or not sources[v, u]:
         return
-    d = _distance(picture, y, x, v, u, cost[y, x])
+    level = row_cost * np.float32((v - y) * (v - y))
+    if level >= cost[y, x]:
+        return
+    d = level + _distance(picture, y, x, v, u, cost[y, x] - level)
     if d < cost[y, x]:
         cost[y, x] = d
         match[y, x, 0], match[y, x, 1] = v, u
 
 
 @njit(cache=True)
-def _match(picture, sources, places, targets, match, cost, searches, turn):  # type: ignore[no-untyped-def]
-    """Improve the nearest known patch of every target patch in place; ``cost`` gets the mean squared differences."""
+def _match(picture, sources, places, targets, match, cost, row_cost, searches, turn):  # type: ignore[no-untyped-def]
+    """Improve the nearest known patch of every target patch in place; ``cost`` gets the mean squared differences, and what the
+    rows between cost."""
     rows, columns = targets.shape
     for y in range(rows):
         for x in range(columns):
@@ -186,8 +192,8 @@ def _match(picture, sources, places, targets, match, cost, searches, turn):  # t
                 pick = int(_noise(y, x, turn) * len(places))
                 v, u = places[pick, 0], places[pick, 1]
                 match[y, x, 0], match[y, x, 1] = v, u
-            cost[y, x] = np.float32(1e30)
-            cost[y, x] = _distance(picture, y, x, v, u, np.float32(1e30))
+            level = row_cost * np.float32((v - y) * (v - y))
+            cost[y, x] = level + _distance(picture, y, x, v, u, np.float32(1e30))
     reach = max(rows, columns)
     for sweep in range(searches):
         step = 1 if sweep % 2 == 0 else -1
@@ -198,16 +204,36 @@ def _match(picture, sources, places, targets, match, cost, searches, turn):  # t
                 if not targets[y, x]:
                     continue
                 if 0 <= y - step < rows and targets[y - step, x]:
-                    _try(picture, sources, match, cost, y, x, match[y - step, x, 0] + step, match[y - step, x, 1])
+                    _try(
+                        picture,
+                        sources,
+                        match,
+                        cost,
+                        row_cost,
+                        y,
+                        x,
+                        match[y - step, x, 0] + step,
+                        match[y - step, x, 1],
+                    )
                 if 0 <= x - step < columns and targets[y, x - step]:
-                    _try(picture, sources, match, cost, y, x, match[y, x - step, 0], match[y, x - step, 1] + step)
+                    _try(
+                        picture,
+                        sources,
+                        match,
+                        cost,
+                        row_cost,
+                        y,
+                        x,
+                        match[y, x - step, 0],
+                        match[y, x - step, 1] + step,
+                    )
                 radius = reach
                 draw = 0
                 while radius >= 1:
                     at = (turn * 16 + sweep) * 32 + draw
                     v = match[y, x, 0] + int(np.floor((2 * _noise(y, x, at) - 1) * radius + 0.5))
                     u = match[y, x, 1] + int(np.floor((2 * _noise(x, y, at + 7919) - 1) * radius + 0.5))
-                    _try(picture, sources, match, cost, y, x, v, u)
+                    _try(picture, sources, match, cost, row_cost, y, x, v, u)
                     radius //= 2
                     draw += 1
 

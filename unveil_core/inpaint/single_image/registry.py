@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -27,6 +28,12 @@ __all__ = [
 ]
 
 
+ROW_LEVELS, ROW_SHARE = 20.0, 1 / 32
+"""What a patch from another height of the picture costs: as much as a difference of so many levels of 255 for each such share of
+the picture's width. Cameras drive level: what is at a height is mostly like what is beside it, and the road does not rise above
+the horizon."""
+
+
 class SingleImageInpainter(Protocol):
     """Fill ``mask`` (H, W) of ``image`` (H, W, 3) uint8 RGB; pixels outside the mask come back unchanged."""
 
@@ -43,9 +50,14 @@ def navier_stokes(image: Picture, mask: Mask) -> Picture:
     return classic(image, mask, 5, cv2.INPAINT_NS)
 
 
-def exemplar(image: Picture, mask: Mask) -> Picture:
-    """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none."""
-    filled = patch_fill(image, mask)
+def exemplar(image: Picture, mask: Mask, *, width: int | None = None) -> Picture:
+    """Patches of the image's own surroundings (:mod:`unveil_core.inpaint.single_image.patchmatch`); Telea where there are none.
+
+    Args:
+        width: of the whole picture, pixels, where ``image`` is a part of it.
+    """
+    per_row = ROW_LEVELS / (ROW_SHARE * (width or image.shape[1]))
+    filled = patch_fill(image, mask, row_cost=per_row**2)
     return telea(image, mask) if filled is None else filled
 
 
@@ -79,11 +91,14 @@ def fill_around(inpaint: SingleImageInpainter, image: Picture, mask: Mask) -> Pi
     """
     if isinstance(inpaint, OnnxSingleImage):
         return inpaint(image, mask)
+    if inpaint is exemplar:
+        inpaint = partial(exemplar, width=image.shape[1])
     result = image.copy()
     count, _, boxes, _ = cv2.connectedComponentsWithStats(grow(mask, 3).astype(np.uint8), connectivity=8)
     for k in range(1, count):
         x, y, w, h = (int(v) for v in boxes[k, :4])
         margin = max(20, (w + h) // 3)
-        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - margin) : x + w + margin]
+        aside = max(margin, w)  # most of what is like the hole is beside it
+        part = np.s_[max(0, y - margin) : y + h + margin, max(0, x - aside) : x + w + aside]
         result[part] = inpaint(np.ascontiguousarray(result[part]), np.ascontiguousarray(mask[part]))
     return result
