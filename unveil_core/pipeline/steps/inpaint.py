@@ -40,6 +40,7 @@ from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_cameras
+from unveil_core.remove.reaching import Shortened
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -94,7 +95,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         fill.fill(sun, shadows=shadows)
         tested += [_sun_assumed(sun)] if shadows else []
         displaced, relit, ground = _renew_ground(context, given, fill)
-    remaining = surfels.select(torch.from_numpy(~(gone | displaced)))
+    remaining = given.shortened.of(surfels).select(torch.from_numpy(~(gone | displaced)))
     completed = None if fill is None else fill.complete(remaining)
     if completed is not None and scene.labels.index("building") is not None:
         tested.append(_facades_assumed(completed.sides, completed.mended))
@@ -175,6 +176,7 @@ class _Given:
     drive: Drive
     scene: SceneLabels
     removal: Removal
+    shortened: Shortened
     sky: Sky
     views: Views
     shaded: Sequence[Mask]
@@ -199,7 +201,8 @@ def _read(context: StageContext) -> _Given:
     shaded = read_moving(workspace.root).shadows(drive, objects, context.settings.shadows)
     removed = cache.frames(len(frames), lambda i: objects[i] | shaded[i])
     views = drive_views(drive, scene, surfels, images, removed, cache, context.scratch("depths"))
-    return _Given(drive, scene, removal, load_sky(workspace.root / "surfels/sky.npz"), views, shaded, unobserved)
+    short = Shortened.from_table(load_array(workspace.root / "surfels/shortened.npy"))
+    return _Given(drive, scene, removal, short, load_sky(workspace.root / "surfels/sky.npz"), views, shaded, unobserved)
 
 
 def _mask(frames: Sequence[Frame], folder: Path, i: int) -> Mask:

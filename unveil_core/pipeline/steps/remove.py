@@ -28,6 +28,7 @@ from unveil_core.remove.behind import empty_street
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.missed import missed_pixels
 from unveil_core.remove.observed import SeenView, SeenViews, never_seen, seen_view
+from unveil_core.remove.reaching import shortened
 from unveil_core.remove.regions import region_map
 from unveil_core.remove.remains import remains
 from unveil_core.remove.selection import select_removed
@@ -166,7 +167,9 @@ def run(context: StageContext) -> None:
 
     gone |= context.kept.once("remains", find_remains)["found"]
     save_array(gone.astype(np.uint8), context.output("surfels/removed.npy"))
-    empty = empty_street(surfels, gone, ground, on_ground)
+    short = shortened(surfels, ~gone, views)
+    save_array(short.table(), context.output("surfels/shortened.npy"))
+    empty = empty_street(short.of(surfels), gone, ground, on_ground)
     for done, frame in enumerate(frames):
         last = frame_file(context.output("regions"), frame)
         if not last.is_file():  # not written by an attempt that was interrupted

@@ -29,6 +29,7 @@ from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
 from unveil_core.provenance.of_workspace import provenance_of
 from unveil_core.raster.picture import picture_of
+from unveil_core.remove.reaching import Shortened
 from unveil_core.remove.selection import near_removed
 from unveil_core.surfels.initialize import repainted
 from unveil_core.surfels.ply import read_surfels, write_surfels
@@ -137,8 +138,9 @@ def _scene(context: StageContext) -> tuple[Surfels, Mask]:
     seeds = read_surfels(workspace.root / "surfels/seeds.ply")
     stays = ~(gone | displaced)
     near = near_removed(full, gone, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
+    short = Shortened.from_table(load_array(workspace.root / "surfels/shortened.npy"))
     movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
-    return concatenate([full.select(torch.from_numpy(stays)), seeds]), movable
+    return concatenate([short.of(full).select(torch.from_numpy(stays)), seeds]), movable
 
 
 def _work(
