@@ -2,11 +2,14 @@
 
     python benchmarks/ceilings.py WORKSPACE [...]
 
-WORKSPACE is a finished one whose drive has a truth (``benchmarks/streets.py --keep DIR`` keeps them). Two tables a workspace, in
+WORKSPACE is a finished one whose drive has a truth (``benchmarks/streets.py --keep DIR`` keeps them). Three tables a workspace, in
 benchmarks/results/ceilings.json:
 
 * ``transfer``: removed pixels that other frames show, coloured from the nearest of these by the *true* depth, against our frames on
   the same pixels. What is missing between the two is geometry and blending, not knowledge.
+* ``bound``: PSNR of all removed pixels if those that other frames show were coloured so (those of the sky, and others that no
+  photograph shows by the true depth, exactly), and those that nobody saw were the true empty street itself, blurred by so many
+  pixels: all of its structure guessed right, and no more than that.
 * ``parts``: the removed pixels by what they truly show (sky, ground, upright), whether any frame shows it, and where our colour is
   from: their share, their share of the squared error, and PSNR. Of that error, ``coarse`` is the share that survives a blur of 4
   pixels: a wrong thing rather than a wrong grain.
@@ -50,6 +53,8 @@ MIXED_PX = 2
 ON_GROUND_M, ON_GROUND = 0.35, 0.02
 """Height over the street up to which a place is ground, metres, plus a share of its distance."""
 COARSE_PX = 4.0
+BOUND_PX = (1.0, 2.0, 4.0)
+"""Standard deviations of a Gaussian up to which unseen structure is taken to be guessed, pixels."""
 ORIGINS = ("photograph", "relit", "seen elsewhere", "continued", "invented")
 SHOWN = ("sky", "ground", "upright")
 LEAST = 0.005
@@ -150,13 +155,14 @@ def psnr(squared: Float64) -> float | None:
 
 
 def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
-    """Both tables of a run."""
+    """All tables of a run."""
     if drive.truth_root is None:
         raise SystemExit(f"{workspace.root}: its drive has no truth")
     views = [view_of(workspace, drive.truth_root, f) for f in drive.frames]
     ground = read_ground(workspace.ground_npz).street
     transfer: list[Float64] = []
     parts: list[Float64] = []
+    bounds: list[Float64] = []
     for view in views:
         at = view.rows, view.columns
         true, ours = view.true[at].astype(np.float64), view.ours[at]
@@ -165,6 +171,8 @@ def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
         parts.append(np.column_stack([kinds(view, ground), view.unseen[at], view.origin[at], error, coarse]))
         seen = ~view.unseen[at]
         by_truth = np.square(carried(view, [v for v in views if v is not view]) - true).mean(axis=1)
+        soft = [np.square(cv2.GaussianBlur(view.true, (0, 0), px)[at] - true).mean(axis=1) for px in BOUND_PX]
+        bounds.append(np.where(seen[:, None], np.nan_to_num(by_truth)[:, None], np.column_stack(soft)))
         transfer.append(np.column_stack([by_truth, error])[seen])
     pairs, rows = np.concatenate(transfer), np.concatenate(parts)
     there = np.isfinite(pairs[:, 0])
@@ -190,6 +198,7 @@ def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
     return {
         "removed": psnr(rows[:, 3]),
         "transfer": {"share": round(float(there.mean()), 3), "true": psnr(pairs[there, 0]), "ours": psnr(pairs[there, 1])},
+        "bound": {f"{px:g} px": psnr(e) for px, e in zip(BOUND_PX, np.concatenate(bounds).T, strict=True)},
         "parts": table,
     }
 
@@ -201,7 +210,7 @@ def main() -> None:
     for folder in parser.parse_args().workspaces:
         workspace = Workspace.open(folder)
         results[folder.name] = found = measured(workspace, read_imported(workspace.drive_dir, points=False))
-        print(folder.name, found["removed"], found["transfer"])
+        print(folder.name, found["removed"], found["transfer"], found["bound"])
         for row in found["parts"]:
             print("   ", *(f"{k} {v}" for k, v in row.items()))
         write_json_atomic(RESULTS, results)
