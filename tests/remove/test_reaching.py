@@ -53,7 +53,7 @@ def test_an_end_behind_the_object_goes() -> None:
 
 def test_what_leaves_the_picture_and_what_nobody_sees_stay_as_they_are() -> None:
     # One reaches over the picture's border, one lies behind the object with both its ends, one far behind the wall.
-    scene = row_of_surfels(np.array([[-7.4, 2.0, 10.0], [1.2, 2.0, 10.0], [-3.0, 4.0, 20.0]]), np.full((3, 2), 0.3))
+    scene = row_of_surfels(np.array([[-7.4, 2.0, 10.0], [1.2, 2.0, 10.0], [-3.0, 4.0, 20.0]]), np.full((3, 2), 0.41))
     assert len(shortened(scene, np.ones(3, dtype=bool), one_view()).index) == 0
 
 
