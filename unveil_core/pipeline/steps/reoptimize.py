@@ -139,6 +139,7 @@ def _scene(context: StageContext) -> tuple[Surfels, Mask]:
     stays = ~(gone | displaced)
     near = near_removed(full, gone, REOPTIMIZE_PRESETS[context.settings.quality].near_m)
     short = Shortened.from_table(load_array(workspace.root / "surfels/shortened.npy"))
+    near[short.index] = True  # what is left of them has to show what they all showed
     movable = np.concatenate([(near | relit)[stays], np.ones(len(seeds), dtype=bool)])
     return concatenate([short.of(full).select(torch.from_numpy(stays)), seeds]), movable
 
