@@ -26,8 +26,8 @@ REACH = 2.5
 STEPS = 5
 """Places on each of a surfel's four arms that are looked for in the frames."""
 LEAST_M = 1.0
-"""Length of an arm below which it is let be, metres. On five streets by seed metres of streaks went (+0.3 dB on one, no change on
-others); shortened from 0.1 m on, walls and hedges lost what carried on behind objects rightly (-0.3 dB on three)."""
+"""Length of an arm below which it is let be, metres. Of two streets by seed one lost its streaks (+0.3 dB) and the other did not
+change; shortened from 0.1 m on, walls and hedges lost what carried on behind objects rightly (-0.3 dB on three)."""
 SHORTEST = 0.1
 """Least share of an axis that is left."""
 AT_ONCE = 50_000

@@ -204,29 +204,11 @@ def _match(picture, sources, places, targets, match, cost, row_cost, searches, t
                 if not targets[y, x]:
                     continue
                 if 0 <= y - step < rows and targets[y - step, x]:
-                    _try(
-                        picture,
-                        sources,
-                        match,
-                        cost,
-                        row_cost,
-                        y,
-                        x,
-                        match[y - step, x, 0] + step,
-                        match[y - step, x, 1],
-                    )
+                    v, u = match[y - step, x, 0] + step, match[y - step, x, 1]
+                    _try(picture, sources, match, cost, row_cost, y, x, v, u)
                 if 0 <= x - step < columns and targets[y, x - step]:
-                    _try(
-                        picture,
-                        sources,
-                        match,
-                        cost,
-                        row_cost,
-                        y,
-                        x,
-                        match[y, x - step, 0],
-                        match[y, x - step, 1] + step,
-                    )
+                    v, u = match[y, x - step, 0], match[y, x - step, 1] + step
+                    _try(picture, sources, match, cost, row_cost, y, x, v, u)
                 radius = reach
                 draw = 0
                 while radius >= 1:

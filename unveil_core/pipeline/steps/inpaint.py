@@ -170,6 +170,7 @@ class _Given:
     """What the stage reads: the drive, the chosen labels, what is removed, the frames, and what nobody saw of each.
 
     Attributes:
+        shortened: surfels of the full scene that lost what reached behind removed objects.
         shaded: (H, W) bool per frame, shadows of moving objects; unobserved: (H, W) bool per frame.
     """
 
