@@ -52,6 +52,31 @@ def test_a_street_that_falls_beyond_the_way_is_followed() -> None:
     assert abs(float(ground.height_at(np.array([35.0]), np.array([0.0]))[0]) - 2.0) < 0.1
 
 
+def test_a_surface_far_under_the_road_makes_no_pit() -> None:
+    """Too few frames tell depth badly: behind a kerb or ahead of the way ground was put metres under the road."""
+    cameras = [look(np.array([x, 0.0, 1.6 + 0.05 * x]), 0.0) for x in np.arange(12.0)]
+    path = fit_path(cameras)
+    generator = np.random.default_rng(0)
+    x, y = generator.uniform(0, 40, 6000), generator.uniform(-6, 6, 6000)
+    kept = (x < 20) | (generator.uniform(size=6000) < 0.1)
+    seen = np.c_[x, y, 0.05 * x][kept]
+    deep = np.c_[generator.uniform(20, 28, 3000), generator.uniform(-6, 6, 3000), np.full(3000, -10.0)]
+    ground = fit_street(road(np.r_[seen, deep]), LABELS, cameras, path)
+    assert ground is not None
+    s, t = (p.ravel() for p in np.meshgrid(np.arange(1.0, 38.0), (-4.0, 0.0, 4.0)))
+    assert np.abs(ground.height_at(s, t) - 0.05 * s).max() < 0.25
+
+
+def test_a_bank_beside_the_road_is_ground() -> None:
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(12.0)]
+    generator = np.random.default_rng(0)
+    x, y = generator.uniform(0, 20, 8000), generator.uniform(-7, 7, 8000)
+    bank = np.maximum(np.abs(y) - 3.5, 0) * 0.7
+    ground = fit_street(road(np.c_[x, y, bank]), LABELS, cameras, fit_path(cameras))
+    assert ground is not None
+    assert abs(float(ground.height_at(np.array([8.0]), np.array([6.0]))[0]) - 1.75) < 0.15
+
+
 def test_labelled_points_tell_the_sidewalk_that_no_camera_sees() -> None:
     """Behind parked cars no surfel lies; a LiDAR measures the sidewalk there, and the wall that ends it."""
     cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(20.0)]

@@ -10,7 +10,7 @@ from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.kernels.hashing import slot_of
 from unveil_core.base.parallel import thread_count
 
-__all__ = ["estimate_normals", "quats_from_normals", "thin_points"]
+__all__ = ["estimate_normals", "quats_from_normals", "thin_points", "thinned_to"]
 
 
 def thin_points(positions: NDArray[np.float64], cell: NDArray[np.float64] | float) -> NDArray[np.int64]:
@@ -45,6 +45,16 @@ def _firsts(keys, table):  # type: ignore[no-untyped-def]
                 break
             slot = (slot + 1) & (table.size - 1)
     return first
+
+
+def thinned_to(positions: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+    """Indices of at most so many points, spread over what all of them (P, 3) cover: one per cell of the finest grid of which that is
+    true."""
+    some, cell = np.arange(len(positions)), 0.0
+    while len(some) > most:
+        cell = max(0.05, cell * 1.5)
+        some = thin_points(positions, cell)
+    return some
 
 
 def estimate_normals(

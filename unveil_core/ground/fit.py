@@ -37,6 +37,12 @@ STRAY_M, AROUND_WAY_M = 0.5, 3.0
 """With classes, what lies no farther aside of the path than underfoot, and no farther from the way along it than the second, is a
 stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
 road behind them, and where nothing else was seen they would lift the street."""
+STEEPEN, BANK = 0.25, 1.0
+"""Beyond the way and beside it the ground may differ by more: by the first times the metres before its start or after its end, where
+it goes on as steeply as it did, as at the foot of a hill, and by the second times the metres farther aside than underfoot, as a bank
+does. What lies deeper is a surface put behind the one that the frames show, as where they are too few to tell depth."""
+GRADE_M = 10.0
+"""Length of the way from whose ends its grade is taken, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,21 +127,29 @@ def _underfoot(path: StreetPath, means: Float64, level: Mask, cameras: Sequence[
 
 
 def _strays(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> Mask:
-    """Which places (N, 3) under the way are not as far below the cameras as most of them."""
-    street, drop, beside = _below_way(path, means, cameras)
-    under = beside & (np.abs(street[:, 1]) < UNDERFOOT_M)
+    """Which places (N, 3) are not as far below the cameras as most of those under the way: there hardly, farther off by more."""
+    street, drop, beyond = _below_way(path, means, cameras)
+    aside = np.maximum(np.abs(street[:, 1]) - UNDERFOOT_M, 0)
+    under = (beyond == 0) & (aside == 0)
     if under.sum() < FEWEST:
         return np.zeros(len(means), dtype=bool)
-    return under & (np.abs(drop - np.median(drop[under])) > STRAY_M)
+    return np.abs(drop - np.median(drop[under])) > STRAY_M + STEEPEN * beyond + BANK * aside
 
 
-def _below_way(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> tuple[Float64, Float64, Mask]:
-    """Street coordinates (N, 3) of places, how far they lie below the cameras beside them (N,), and whether any is beside (N,)."""
+def _below_way(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> tuple[Float64, Float64, Float64]:
+    """Street coordinates (N, 3) of places, how far they lie below the cameras beside them, or below the line on which these would
+    drive on (N,), and how far they lie before the way or after it along the street (N,), metres."""
     street, track = path.to_street(means), path.to_street(np.stack([c.centre for c in cameras]))
-    order = np.argsort(track[:, 0])
-    drop = np.interp(street[:, 0], track[order, 0], track[order, 2]) - street[:, 2]
-    beside = (street[:, 0] > track[:, 0].min() - AROUND_WAY_M) & (street[:, 0] < track[:, 0].max() + AROUND_WAY_M)
-    return street, drop, beside
+    s, height = track[np.argsort(track[:, 0])][:, [0, 2]].T
+    along = street[:, 0]
+    level = np.interp(along, s, height)
+    for end, sign in ((s[0], -1), (s[-1], 1)):
+        near = np.abs(s - end) <= GRADE_M
+        run = np.ptp(s[near])
+        grade = (height[near][-1] - height[near][0]) / run if run > GRADE_M / 2 else 0.0
+        level += grade * sign * np.maximum(sign * (along - end), 0)
+    beyond = np.maximum(np.maximum(s[0] - AROUND_WAY_M - along, along - s[-1] - AROUND_WAY_M), 0)
+    return street, level - street[:, 2], beyond
 
 
 def fit_drive_terrain(

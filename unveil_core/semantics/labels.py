@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -35,6 +36,8 @@ class SceneLabels:
         removed: names of the classes that are removed whole; may be empty when single instances are chosen.
         instances: ids of single objects that are removed.
         pixel_counts: pixels per label over the drive, as many as labels.
+        overlooked: folder of masks, as ``<camera>/<frame>.png``, of the pixels in which a frame's labels overlook an object and do
+            not count; None where nobody has looked for such.
     """
 
     labels: LabelSet
@@ -42,6 +45,7 @@ class SceneLabels:
     removed: tuple[str, ...]
     instances: tuple[int, ...]
     pixel_counts: tuple[int, ...]
+    overlooked: Path | None = None
 
     @property
     def removed_labels(self) -> tuple[int, ...]:
@@ -169,9 +173,13 @@ def _check_instances(drive: Drive, instances: Sequence[int], known: Collection[i
 
 
 def frame_labels(frame: Frame, scene: SceneLabels) -> NDArray[np.int64]:
-    """(H, W) compact labels of a frame, -1 where unknown (void, or a frame without a mask)."""
+    """(H, W) compact labels of a frame, -1 where unknown (void, an overlooked object, or a frame without a mask)."""
     if scene.source == "semantics":
-        return scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
+        label = scene.labels.compact(read_label_image(frame.semantic_path))  # type: ignore[arg-type]
+        without = None if scene.overlooked is None else scene.overlooked / frame.camera_name / f"{frame.name}.png"
+        if without is not None and without.is_file():
+            label[read_label_image(without) > 127] = -1
+        return label
     if scene.source == "nothing":
         return np.zeros((frame.camera.height, frame.camera.width), dtype=np.int64)
     if frame.mask_path is None:

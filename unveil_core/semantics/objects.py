@@ -20,7 +20,7 @@ from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.marked import MarkedObject, matte
 from unveil_core.geometry.axes import UP, up_frame
-from unveil_core.geometry.cloud import estimate_normals, thin_points
+from unveil_core.geometry.cloud import estimate_normals, thinned_to
 from unveil_core.semantics.catalogue import Sighting, best_sighting, sightings_in_images, sightings_of_points
 from unveil_core.semantics.instances import Box, cluster_points, fit_box, vote_instances
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
@@ -109,11 +109,7 @@ def find_objects(
     """
     axes = up_frame(UP)
     positions = drive.points.positions
-    cell = 0.0
-    some = np.arange(len(positions))
-    while len(some) > MOST_POINTS:
-        cell = max(0.05, cell * 1.5)
-        some = thin_points(positions, cell)
+    some = thinned_to(positions, MOST_POINTS)
     cameras = [f.camera for f in drive.frames]
     normals, spacing = estimate_normals(positions[some], np.stack([c.centre for c in cameras]))
     placed = PointsNear(positions[some], spacing, normals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def load_labels(workspace: Workspace) -> SceneLabels:
         WorkspaceError: labels.json is missing or damaged.
     """
     path = workspace.labels_json
-    return _labels(path, {"removed": [], "instances": [], **_object(path)})
+    return _labels(workspace, path, {"removed": [], "instances": [], **_object(path)})
 
 
 def load_selection(workspace: Workspace) -> SceneLabels:
@@ -49,7 +50,7 @@ def load_selection(workspace: Workspace) -> SceneLabels:
         WorkspaceError: labels.json or selection.json is missing or damaged.
     """
     path = workspace.selection_json
-    return _labels(path, {**_object(workspace.labels_json), **_object(path)})
+    return _labels(workspace, path, {**_object(workspace.labels_json), **_object(path)})
 
 
 def _object(path: Path) -> dict[str, Any]:
@@ -63,9 +64,9 @@ def _object(path: Path) -> dict[str, Any]:
     return content
 
 
-def _labels(path: Path, content: dict[str, Any]) -> SceneLabels:
+def _labels(workspace: Workspace, path: Path, content: dict[str, Any]) -> SceneLabels:
     try:
-        return SceneLabels.from_json(content)
+        return replace(SceneLabels.from_json(content), overlooked=workspace.root / "masks/overlooked")
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise WorkspaceError(f"is no choice of labels: {error}", path=path, mend=MEND) from error
 

@@ -1,0 +1,133 @@
+"""Objects that a frame's labels overlook: a network loses a car in one frame or two that it finds in the others.
+
+Points vote for their label by the frames that see them (``semantics.votes``). A frame that calls a car road in between would make
+part of the car road, and the car's colours the street's. Here such frames are found before the votes are counted: they have no say
+where they overlook something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.ndimage import distance_transform_edt
+
+from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import NEAR_M
+from unveil_core.drives.drive import Drive
+from unveil_core.geometry.cloud import estimate_normals, thinned_to
+from unveil_core.geometry.images import border_px
+from unveil_core.semantics.labels import SceneLabels, labels_of_frames
+from unveil_core.semantics.visibility import PointsInView, PointsNear
+from unveil_core.semantics.votes import view_weights
+
+__all__ = ["overlooked_pixels"]
+
+MOST_POINTS = 200_000
+"""Points that are asked, however long the drive is."""
+SAY = 0.5
+"""Share of the other frames' votes from which on a point is an object's: most of them say so."""
+ALIKE = 0.1
+"""Difference between this photograph and those that show the object, levels from 0 to 1, up to which all show the same: a
+yellow car that shines from close by is 0.085 off (street 20), a car and the road behind it twice that. Where something else stands
+in front, or the object has moved, they differ."""
+BORDER_PX = 4
+"""Pixels at 384 in width beside an object's own label in which a point that is called otherwise is an error of its border."""
+LEAST_POINTS = 6
+"""Points beyond that border from which on an object is overlooked."""
+WIDEST_PX = 6
+"""Half the width of a point, pixels at 384 in width: lines of a LiDAR are a few pixels apart."""
+
+
+def overlooked_pixels(
+    drive: Drive,
+    scene: SceneLabels,
+    images: Sequence[NDArray[np.uint8]],
+    *,
+    cache: FrameCache | None = None,
+    progress: Progress = no_progress,
+) -> Sequence[Mask]:
+    """(H, W) per frame, pixels where its labels overlook an object that could be removed, found when asked for.
+
+    Args:
+        drive: an imported drive; scene: its labels.
+        images: (H, W, 3) per frame.
+        cache: room for the frames.
+    """
+    cameras = [f.camera for f in drive.frames]
+    points = drive.points if drive.points.moving is None else drive.points.select(~drive.points.moving)
+    positions = points.positions[thinned_to(points.positions, MOST_POINTS)]
+    if not len(positions):
+        return Frames(len(cameras), lambda v: np.zeros((cameras[v].height, cameras[v].width), dtype=bool))
+    cache = cache or FrameCache()
+    normals, spacing = estimate_normals(positions, np.stack([c.centre for c in cameras]))
+    placed = PointsNear(positions, spacing, normals)
+    labels = labels_of_frames(drive.frames, scene, cache)
+
+    def seen_points(v: int) -> PointsInView:
+        progress(v + 1, len(cameras), "looking for overlooked objects")
+        return placed.seen_by(cameras[v], near=NEAR_M)
+
+    views: Sequence[PointsInView] = cache.frames(len(cameras), seen_points)
+    total, objects = np.zeros((2, len(positions)))
+    color = np.zeros((len(positions), 3))
+    for v, seen in enumerate(views):
+        label = labels[v]
+        weight, own = _votes(label, seen, scene)
+        total[seen.index] += weight
+        objects[seen.index] += weight * own
+        color[seen.index] += (weight * own)[:, None] * images[v][seen.rows, seen.columns]
+    color /= np.maximum(objects, 1e-12)[:, None] * 255
+
+    def pixels(v: int) -> Mask:
+        seen, label = views[v], labels[v]
+        weight, own = _votes(label, seen, scene)
+        others = objects[seen.index] - weight * own
+        lost = ~own & (weight > 0) & (others > 0) & (others >= SAY * (total[seen.index] - weight))
+        apart = np.abs(images[v][seen.rows, seen.columns] / 255 - color[seen.index]).mean(axis=1)
+        at = (seen.rows[lost], seen.columns[lost])
+        half = spacing[seen.index[lost]] * cameras[v].fx / seen.depth[lost]
+        return _regions(np.isin(label, scene.removable_labels), at, half, apart[lost])
+
+    return cache.frames(len(cameras), pixels)
+
+
+def _votes(
+    label: NDArray[np.int64], seen: PointsInView, scene: SceneLabels
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """(M,) what a view's votes count, 0 where it has no label, and whether they are for an object."""
+    here = label[seen.rows, seen.columns]
+    return np.where(here >= 0, view_weights(label, seen), 0.0), np.isin(here, scene.removable_labels)
+
+
+def _regions(
+    own: Mask, at: tuple[NDArray[np.int64], NDArray[np.int64]], half: NDArray[np.float64], apart: NDArray[np.float64]
+) -> Mask:
+    """(H, W) the pixels around lost points, where enough of them lie together and show the object.
+
+    Args:
+        own: (H, W) pixels that the frame's labels give to objects.
+        at: rows and columns (M,) of the lost points; half: (M,) half their width, pixels; apart: (M,) how far their colour is from
+            that of the object, levels from 0 to 1.
+    """
+    drawn = np.zeros(own.shape, np.uint8)
+    if not len(half):
+        return drawn > 0
+    scale = max(1.0, own.shape[1] / 384)  # as borders are, see border_px
+    for row, column, h in zip(*at, np.clip(half, 1.0, WIDEST_PX * scale), strict=True):
+        cv2.circle(drawn, (int(column), int(row)), round(float(h)), 1, -1)
+    side = 2 * border_px(own.shape[1]) + 1
+    drawn = cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    count, component = cv2.connectedComponents(drawn, connectivity=8)
+    group = component[at]
+    beyond = distance_transform_edt(~own)[at] > BORDER_PX * scale if own.any() else np.ones(len(group), dtype=bool)
+    lost = np.bincount(group[beyond], minlength=count) >= LEAST_POINTS
+    lost &= np.asarray(ndimage.median(apart, group, np.arange(count))) < ALIKE
+    lost[0] = False
+    found: Mask = ndimage.binary_fill_holes(lost[component]) & ~own
+    return found
