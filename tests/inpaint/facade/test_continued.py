@@ -143,6 +143,19 @@ def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
         assert feet_of_poles(other, ground, cameras, depths, hidden) is None
 
 
+def test_a_low_crown_has_one_trunk() -> None:
+    """Its tufts hang side by side over the car, apart from each other, and none of them stands on a trunk of its own."""
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    tufts = [pole(1.6, 2.5, at=(11.0 + 0.5 * k, 4.0)) for k in (-2, -1, 1, 2)]
+    tree = concatenate([*tufts, pole(1.2, 3.5)])
+    feet = feet_of_poles(tree, ground, cameras, depths, hidden)
+    assert feet is not None
+    assert np.abs(feet.means.double().numpy()[:, 0] - 11.0).max() < 0.2
+    signs = feet_of_poles(tree, ground, cameras, depths, hidden, poles=(0,))
+    assert signs is not None and np.ptp(signs.means.double().numpy()[:, 0]) > 1.8
+
+
 def test_a_sign_gets_the_foot_of_another_pole() -> None:
     ground, _ = street(np.inf)
     cameras, depths, hidden = scene_views(False)

@@ -25,6 +25,8 @@ HANGS_M = 2.0
 NARROW_M, LINK_M, LEAST = 0.6, 0.2, 25
 """Greatest thickness of a pole or trunk, largest horizontal gap within it, metres, and its fewest surfels. Chosen on the two
 sample streets."""
+TREE_M = 2.0
+"""Distance within which plants have one trunk, metres: the tufts of a low crown hang side by side, and none of them is one."""
 SLIM_M = 0.3
 """Greatest thickness of a pole that another sign may stand on, metres."""
 FRINGE_M, SLICE_M = 0.1, 0.4
@@ -64,7 +66,7 @@ def feet_of_poles(
     across = (means[low] @ path.axes.T)[:, :2]
     group = connected_points(across, LINK_M)
     is_plate, is_pole = (np.isin(standing.labels.numpy()[low], kinds) for kinds in (plates, poles))
-    parts, hung, post = [], [], None
+    parts, trunks, hung, post = [], [], [], None
     for g in np.unique(group):
         members = np.flatnonzero(group == g)
         if len(members) < LEAST:
@@ -79,7 +81,10 @@ def feet_of_poles(
         if plate and begins > LOW_M:
             hung.append((stands, begins))
         elif thick < NARROW_M and LOW_M < begins < HANGS_M and not plate:
-            parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
+            if is_pole[members].mean() > 0.5:
+                parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
+            else:
+                trunks.append((members, begins, stands))
         elif (
             thick < SLIM_M
             and begins < LOW_M
@@ -87,6 +92,11 @@ def feet_of_poles(
             and (post is None or len(members) > len(post[0]))
         ):
             post = low[members], height[low[members]], stands
+    taken: list[NDArray[np.float64]] = []
+    for members, begins, stands in sorted(trunks, key=lambda trunk: trunk[1]):  # tufts hang higher than the trunk reaches
+        if all(np.linalg.norm(stands - other) > TREE_M for other in taken):
+            taken.append(stands)
+            parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
     if post is not None:
         parts += [_set_up(standing, *post, place=place, top=top, up=path.axes[2]) for place, top in hung]
     if not parts:
