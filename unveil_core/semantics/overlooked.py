@@ -129,5 +129,9 @@ def _regions(
     lost = np.bincount(group[beyond], minlength=count) >= LEAST_POINTS
     lost &= np.asarray(ndimage.median(apart, group, np.arange(count))) < ALIKE
     lost[0] = False
-    found: Mask = ndimage.binary_fill_holes(lost[component]) & ~own
-    return found
+    # Panes and what is black send no point back: an object's outline is taken as convex.
+    outlines = [cv2.convexHull(np.argwhere(component == k)[:, ::-1].astype(np.int32)) for k in np.flatnonzero(lost)]
+    found = np.zeros(own.shape, np.uint8)
+    for outline in outlines:
+        cv2.fillConvexPoly(found, outline, 1)
+    return (found > 0) & ~own
