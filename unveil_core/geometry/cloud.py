@@ -48,8 +48,8 @@ def _firsts(keys, table):  # type: ignore[no-untyped-def]
 
 
 def thinned_to(positions: NDArray[np.float64], most: int) -> NDArray[np.int64]:
-    """Indices of at most so many points, spread over what all of them (P, 3) cover: one per cell of the finest grid of which that is
-    true."""
+    """Indices of at most so many points, spread over what all of them (P, 3) cover: one per cell of the finest grid that leaves so
+    few."""
     some, cell = np.arange(len(positions)), 0.0
     while len(some) > most:
         cell = max(0.05, cell * 1.5)

@@ -38,9 +38,9 @@ STRAY_M, AROUND_WAY_M = 0.5, 3.0
 stray if its drop differs by more than the first from the median: before a side camera's lens a few surfels float, named for the
 road behind them, and where nothing else was seen they would lift the street."""
 STEEPEN, BANK = 0.25, 1.0
-"""Beyond the way and beside it the ground may differ by more: by the first times the metres before its start or after its end, where
-it goes on as steeply as it did, as at the foot of a hill, and by the second times the metres farther aside than underfoot, as a bank
-does. What lies deeper is a surface put behind the one that the frames show, as where they are too few to tell depth."""
+"""Beyond the way and beside it the ground may differ by more: by the first times the metres before its start or after its end, as
+at the foot of a hill, where the way is taken to go on as steeply as it did; by the second times the metres farther aside than
+underfoot, as a bank. What lies deeper was put behind the surface that frames show, where these are too few to tell depth."""
 GRADE_M = 10.0
 """Length of the way from whose ends its grade is taken, metres."""
 

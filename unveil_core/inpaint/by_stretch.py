@@ -27,6 +27,7 @@ from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.half_trees import PlantView, complete_trees
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
@@ -45,6 +46,7 @@ T = TypeVar("T")
 
 SEEN_M = 60.0
 """How far beyond its ends a stretch's frames sample the ground of the next ones, metres: farther off it fills few pixels."""
+COMPLETED = ("walls", "feet", "trees", "curtains")
 COVERED = 0.5
 """Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
 
@@ -54,7 +56,7 @@ class Completed:
     """What completes things that were seen in part.
 
     Attributes:
-        walls: surfels of houses where something of them is missing; feet: of poles; None where nothing is.
+        walls: surfels of houses where something of them is missing; feet: of poles; trees: of trees; None where nothing is.
         curtains: surfels in facades' planes over which the sky goes on, None where none does.
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
@@ -62,13 +64,14 @@ class Completed:
 
     walls: Surfels | None
     feet: Surfels | None
+    trees: Surfels | None
     curtains: Surfels | None
     sides: int
     mended: int
 
     def surfels(self) -> list[Surfels]:
         """Those that become part of the scene."""
-        return [part for part in (self.walls, self.feet) if part is not None]
+        return [part for part in (self.walls, self.feet, self.trees) if part is not None]
 
 
 class StreetFill:
@@ -291,7 +294,7 @@ class StreetFill:
             remaining: the scene without what is removed.
         """
         s = self.ground.path.to_street(remaining.means.double().numpy())[:, 0]
-        found: dict[str, list[Surfels]] = {"walls": [], "feet": [], "curtains": []}
+        found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
         for stretch in self.stretches:
 
@@ -305,16 +308,17 @@ class StreetFill:
             for name, parts in found.items():
                 own = {key.removeprefix(f"{name}."): a for key, a in arrays.items() if key.startswith(f"{name}.")}
                 parts += [Surfels.from_arrays(own)] if own else []
-        walls, feet, curtains = (concatenate(parts) if parts else None for parts in found.values())
-        return Completed(walls, feet, curtains, int(sides.sum()), int(mended.sum()))
+        walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
+        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()))
 
     def _completed(self, stretch: Stretch, local: Surfels) -> dict[str, NDArray[Any]]:
-        """What a stretch owns of that, the arrays of ``walls``, ``feet`` and ``curtains`` by name; (2,) whether houses stand on
+        """What a stretch owns of that, the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``."""
-        found: dict[str, list[Surfels]] = {"walls": [], "feet": [], "curtains": []}
+        found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         add = self._owned_into(stretch, found)
         told = [self._complete_side(stretch, local, add, left=left) for left in (False, True)]
         add("feet", self._feet(stretch, local))
+        add("trees", self._trees(stretch, local))
         arrays = {
             f"{name}.{key}": array
             for name, parts in found.items()
@@ -375,6 +379,20 @@ class StreetFill:
             plates=names(("traffic sign", "traffic light")),
             poles=names(("pole",)),
         )
+
+    def _trees(self, stretch: Stretch, local: Surfels) -> Surfels | None:
+        """The hidden parts of trees beside a stretch."""
+        plant = self.scene.labels.index("vegetation")
+        if plant is None:
+            return None
+        sky, views = self.scene.labels.indices(("sky",)), self.views
+
+        def plant_view(k: int) -> PlantView:
+            i = stretch.frames[k]
+            label = views.labels[i]
+            return PlantView(self.cameras[i], label == plant, np.isin(label, sky), views.depths[i], views.removed[i])
+
+        return complete_trees(local.select(local.labels == plant), self.ground, Frames(len(stretch.frames), plant_view))
 
 
 def sky_behind(curtains: Surfels | None, cameras: Sequence[Camera], cache: FrameCache) -> Sequence[Mask] | None:

@@ -15,7 +15,7 @@ from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["feet_of_poles"]
+__all__ = ["feet_of_poles", "hidden_and_through", "only_hidden"]
 
 LOW_M, HIGH_M = 0.25, 2.6
 """Height over the ground above which a pole that begins there lacks its foot, and up to which poles are looked for, metres:
@@ -93,7 +93,9 @@ def feet_of_poles(
         ):
             post = low[members], height[low[members]], stands
     taken: list[NDArray[np.float64]] = []
-    for members, begins, stands in sorted(trunks, key=lambda trunk: trunk[1]):  # tufts hang higher than the trunk reaches
+    for members, begins, stands in sorted(
+        trunks, key=lambda trunk: trunk[1]
+    ):  # tufts hang higher than the trunk reaches
         if all(np.linalg.norm(stands - other) > TREE_M for other in taken):
             taken.append(stands)
             parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
@@ -102,7 +104,7 @@ def feet_of_poles(
     if not parts:
         return None
     feet = concatenate(parts)
-    feet = feet.select(torch.from_numpy(_hidden(feet, cameras, depths, removed)))
+    feet = feet.select(torch.from_numpy(only_hidden(feet, cameras, depths, removed)))
     return feet if len(feet) else None
 
 
@@ -149,21 +151,31 @@ def _set_up(
     return concatenate(copies)
 
 
-def _hidden(
+def only_hidden(
     feet: Surfels,
     cameras: Sequence[Camera],
     depths: Sequence[NDArray[np.float32]],
     removed: Sequence[NDArray[np.bool_]],
 ) -> NDArray[np.bool_]:
     """(N,) bool, surfels that a removed object hides in some view, and through which no view saw anything farther away."""
-    means = feet.means.detach().double().numpy()
-    hidden, through = np.zeros(len(means), dtype=bool), np.zeros(len(means), dtype=bool)
+    hidden, through = hidden_and_through(feet.means.detach().double().numpy(), cameras, depths, removed)
+    return hidden & ~through
+
+
+def hidden_and_through(
+    places: NDArray[np.float64],
+    cameras: Sequence[Camera],
+    depths: Sequence[NDArray[np.float32]],
+    removed: Sequence[NDArray[np.bool_]],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which places (N, 3) a removed object hides in some view, and through which some view saw what is farther away, (N,) each."""
+    hidden, through = np.zeros(len(places), dtype=bool), np.zeros(len(places), dtype=bool)
     for camera, depth, gone in zip(cameras, depths, removed, strict=True):
-        pixel, z = camera.project(means)
+        pixel, z = camera.project(places)
         inside = np.flatnonzero(camera.in_picture(pixel, z))
         x, y = pixel[inside].astype(np.int64).T
         hidden[inside[gone[y, x]]] = True
         # At the border of what is removed pixels are mixed.
         clear = ~grow(gone, border_px(camera.width, 1))[y, x]
         through[inside[clear & (depth[y, x] > BEHIND * z[inside])]] = True
-    return hidden & ~through
+    return hidden, through

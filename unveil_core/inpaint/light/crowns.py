@@ -5,16 +5,18 @@ A crown is assumed symmetric about its trunk: its surfels are repeated, turned b
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from unveil_core.base.types import Float64
+from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.clusters import connected_points
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["complete_crowns"]
+__all__ = ["CROWN_M", "FOOT_M", "complete_crowns", "trunk_places", "turned_half"]
 
 FOOT_M = (0.4, 1.6)
 """Heights over the ground between which a tree is only its trunk, metres: of street trees, kept clear for traffic; not of
@@ -45,30 +47,30 @@ def complete_crowns(plants: Surfels, ground: Ground) -> Surfels:
     local = means @ path.axes.T
     crown = np.flatnonzero(height > FOOT_M[1])
     low = local[(height > FOOT_M[0]) & (height <= FOOT_M[1]), :2]
-    trunks = _trunks(low, local[crown, :2])
+    trunks = trunk_places(low, local[crown, :2])
     if not len(trunks):
         return plants.select(torch.zeros(len(plants), dtype=torch.bool))
     distance, nearest = cKDTree(trunks).query(local[crown, :2])
     near = distance < CROWN_M
     crown, trunk = crown[near], trunks[nearest[near]]
-    turned = local[crown].copy()
-    turned[:, :2] = 2 * trunk - turned[:, :2]
-    part = plants.select(torch.from_numpy(np.isin(np.arange(len(plants)), crown)))
+    which = np.zeros(len(plants), dtype=bool)
+    which[crown] = True
+    return turned_half(plants, which, trunk, ground)
+
+
+def turned_half(plants: Surfels, which: Mask, trunks: Float64, ground: Ground) -> Surfels:
+    """The M surfels of a mask (N,), each turned by half a turn about an upright line, ``trunks`` (M, 2) along the ground's axes."""
+    path, part = ground.path, plants.select(torch.from_numpy(which))
+    turned = part.means.detach().double().numpy() @ path.axes.T
+    turned[:, :2] = 2 * trunks - turned[:, :2]
     # Half a turn about the unit vector u is the quaternion (0, u).
     up = torch.from_numpy(path.axes[2]).to(part.quats)
     w, v = part.quats[:, :1], part.quats[:, 1:]
     quats = torch.cat([-(v @ up)[:, None], w * up + torch.linalg.cross(up.expand_as(v), v)], dim=1)
-    return Surfels(
-        torch.from_numpy(turned @ path.axes).to(part.means),
-        quats,
-        part.log_scales,
-        part.opacity_logits,
-        part.sh,
-        part.labels,
-    )
+    return replace(part, means=torch.from_numpy(turned @ path.axes).to(part.means), quats=quats)
 
 
-def _trunks(low: Float64, high: Float64) -> Float64:
+def trunk_places(low: Float64, high: Float64) -> Float64:
     """(T, 2) middles of trunks: narrow near the ground (N, 2 horizontal positions ``low``), with something above (``high``)."""
     if not len(low) or not len(high):
         return np.zeros((0, 2))

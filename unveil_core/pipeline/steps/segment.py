@@ -18,8 +18,8 @@ __all__ = ["run"]
 
 
 def run(context: StageContext) -> Facts:
-    """labels.json: which labels occur; movers/: dynamic objects; masks/overlooked: pixels in which labels overlook an object, only of
-    frames that have such."""
+    """labels.json: which labels occur; movers/: dynamic objects; masks/overlooked: pixels in which labels overlook an object, of
+    frames that have such. Returns how many objects are dynamic, and what was assumed."""
     drive = read_imported(context.workspace.drive_dir)
     scene = find_labels(drive)
     write_json_atomic(context.output("labels.json"), scene.labels_json())

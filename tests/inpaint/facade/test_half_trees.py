@@ -1,0 +1,99 @@
+"""Trees of which a lorry hides all but a part of the crown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.inpaint.facade.test_continued import street
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.facade.half_trees import PlantView, complete_trees
+from unveil_core.surfels.initialize import surfels_from_points
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+GROUND, _ = street(np.inf)
+FAR = 200.0
+CROWN, HIGH = 1.5, 4.0
+"""Radius of a crown and height of its middle, metres."""
+LORRY_M = 3.2
+
+
+def tree(x: float, y: float, size: float = 1.0, *, over_lorry: bool = False, seed: int = 0) -> Surfels:
+    """A trunk and a ball of leaves, or what of it is seen over the lorry."""
+    rng = np.random.default_rng(seed)
+    leaves = rng.normal(size=(900, 3))
+    leaves *= CROWN * rng.uniform(0.7, 1, (900, 1)) / np.linalg.norm(leaves, axis=1, keepdims=True)
+    leaves[:, 2] += HIGH
+    angle, h = rng.uniform(0, 2 * np.pi, 200), rng.uniform(0.05, HIGH - CROWN + 0.2, 200)
+    places = size * np.concatenate([leaves, np.c_[0.12 * np.cos(angle), 0.12 * np.sin(angle), h]]) + (x, y, 0)
+    if over_lorry:
+        places = places[places[:, 2] > 1.5 + (LORRY_M - 1.5) * places[:, 1] / 3]
+    grey, normal = np.full((len(places), 3), 60, np.uint8), np.tile([-1.0, 0, 0], (len(places), 1))
+    return surfels_from_points(
+        places, grey, np.zeros(len(places), np.int64), normal, np.full(len(places), 0.2), opacity=0.9
+    )
+
+
+def look(x: float) -> Camera:
+    """Along the street and a little to the left, from 1.5 m."""
+    turn = np.radians(15)
+    pose = np.eye(4)
+    pose[:3, :3] = [[np.sin(turn), -np.cos(turn), 0], [0, 0, -1], [np.cos(turn), np.sin(turn), 0]]
+    pose[:3, 3] = -pose[:3, :3] @ np.array([x, 0.0, 1.5])
+    return Camera(240, 160, 150.0, 150.0, 120.0, 80.0, pose)
+
+
+def shown(camera: Camera, surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) pixels of a tree, and its depth."""
+    mask, depth = np.zeros((160, 240), dtype=bool), np.full((160, 240), FAR, np.float32)
+    _, pixels, z = camera.shown(surfels.means.double().numpy(), nearest=0.5)
+    for (x, y), d in zip(pixels.astype(int), z, strict=True):
+        r = max(1, round(0.2 * 150 / d))
+        part = np.s_[max(0, y - r) : y + r + 1, max(0, x - r) : x + r + 1]
+        mask[part] = True
+        depth[part] = np.minimum(depth[part], d)
+    return mask, depth
+
+
+def views(*trees: Surfels, lorry: bool = True) -> list[PlantView]:
+    """Frames towards trees; a lorry hides what is lower than LORRY_M at y = 3, between x = 9 and 19."""
+    found = []
+    for x in np.arange(0.0, 7.0):
+        camera = look(x)
+        plant, depth = np.zeros((160, 240), dtype=bool), np.full((160, 240), FAR, np.float32)
+        for one in trees:
+            mask, own = shown(camera, one)
+            plant, depth = plant | mask, np.minimum(depth, own)
+        rays = camera.rays()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = 3.0 / rays[..., 1]
+        at = camera.centre + z[..., None] * rays
+        hidden = lorry & (z > 0) & (at[..., 0] > 9) & (at[..., 0] < 19) & (at[..., 2] < LORRY_M) & (at[..., 2] > 0)
+        sky = ~plant & ~hidden & (rays[..., 2] > 0)
+        found.append(PlantView(camera, plant & ~hidden, sky, np.where(hidden, z, depth).astype(np.float32), hidden))
+    return found
+
+
+@pytest.mark.parametrize("size", [1.0, 1.15])
+def test_a_half_seen_tree_is_completed_after_a_whole_one(size: float) -> None:
+    whole, half = tree(20.0, -4.0), tree(17.0, 5.0, size, seed=1)
+    top = tree(17.0, 5.0, size, over_lorry=True, seed=1)
+    found = complete_trees(concatenate([whole, top]), GROUND, views(whole, half))
+    assert found is not None
+    means = found.means.double().numpy()
+    middle = np.median(means[:, :2], axis=0)
+    assert np.abs(middle - (17.0, 5.0)).max() < 1.0, "it stands where the tree does"
+    assert means[:, 2].min() < 1.0 and means[:, 2].max() < size * (HIGH + CROWN) + 0.4
+    # Nothing of it where a frame looks past the tree.
+    for view in views(whole, half):
+        inside, past = view.camera.fall_in(means, view.sky)
+        assert past.sum() < 0.02 * max(inside.sum(), 1)
+
+
+def test_nothing_is_made_up_where_nothing_hides_or_no_tree_tells() -> None:
+    whole, half = tree(20.0, -4.0), tree(17.0, 5.0, seed=1)
+    top = tree(17.0, 5.0, over_lorry=True, seed=1)
+    seen = views(whole, half)
+    assert complete_trees(top, GROUND, seen) is None, "no whole tree to go by"
+    assert complete_trees(concatenate([whole, half]), GROUND, seen) is None, "both are whole"
+    assert complete_trees(concatenate([whole, top]), GROUND, views(whole, top, lorry=False)) is None, "a balloon"

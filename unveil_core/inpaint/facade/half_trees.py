@@ -1,0 +1,292 @@
+"""Completes trees of which something removed hides all but a part of the crown, after a whole tree of the same street.
+
+Over a lorry the top of a crown is seen, and what is under it in no frame: it would float. What the frames do show of it, its
+outline against the sky and the houses, tells where it stands and how large it is; a whole tree of the street, stood there in this
+size, is what it is taken to look like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import torch
+
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.clusters import connected_points
+from unveil_core.geometry.images import border_px, grow
+from unveil_core.ground.street import Ground
+from unveil_core.inpaint.facade.poles import hidden_and_through, only_hidden
+from unveil_core.inpaint.light.crowns import CROWN_M, FOOT_M, trunk_places, turned_half
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["PlantView", "complete_trees"]
+
+LINK_M, LEAST = 0.7, 25
+"""Largest gap within a crown, metres, and its fewest surfels."""
+WHOLE = 200
+"""Fewest surfels of a whole tree after which others are completed: it was seen from close by."""
+MODELS = 2
+"""Whole trees that are tried, those with most surfels."""
+TRUNK_M = 0.6
+"""Distance from its middle within which low surfels are a trunk's, metres."""
+SEEN_PX, VIEWS = 24, 6
+"""Pixels at 384 in width that a crown covers in a frame to be fitted there; and how many frames, those that show most of it."""
+CUT_PX, CUT = 3, 0.5
+"""A crown's lower rim is cut where something removed begins within so many pixels under it; a crown that is cut along this share of
+its rim in most frames goes on behind it."""
+AROUND_M, STEP_M = 3.0, 0.75
+"""Distance from the seen part within which the tree may stand, and the steps in which it is looked for, metres."""
+NEAR_M, FINE_M = 1.2, 0.3
+"""The same around the best of these places."""
+TRUNK = 0.3
+"""What a trunk costs through which frames look, of what the crown's outline scores: it is slim, and few pixels tell of it."""
+SIZES = (0.8, 0.9, 1.0, 1.12, 1.25)
+"""The sizes that are tried: what makes the model as high as the seen part, times these."""
+POINTS, TUFT_M = 500, 0.25
+"""Points that stand for a model while its place is looked for, and half the width of each, metres."""
+AGREES = 0.5
+"""Share of what the frames show of a crown, and of what the model would cover wrongly, that it must cover."""
+ASTRAY = 0.05
+"""What of that a metre costs that the tree stands from the middle of its seen part: outlines from a few places in a row hardly tell
+distance, and the scene's depth does."""
+BEHIND = 1.1
+"""Ratio of the scene's depth to the tree's from which on a frame looks past the tree."""
+
+
+_Found = tuple[float, int, Float64, float]
+"""How well a tree agrees with what is seen, which model it is, where it stands (2,), and how large it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantView:
+    """What a frame shows of plants.
+
+    Attributes:
+        camera: of the frame.
+        on_plant: (H, W) bool, pixels of plants; sky: (H, W) bool, of the sky.
+        depth: (H, W) of the full scene, metres; removed: (H, W) bool, pixels of what is removed.
+    """
+
+    camera: Camera
+    on_plant: Mask
+    sky: Mask
+    depth: Float32
+    removed: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A whole tree: its surfels; where each lies from its foot, (N, 3) along the ground's axes, the last over the ground; its
+    height, metres; on which side of the street it stands."""
+
+    surfels: Surfels
+    places: Float64
+    height: float
+    left: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """A view, coarser than its frame where that is large, with the part of a crown that it shows, ``crown`` (H, W), and the pixels
+    that look past it, ``past`` (H, W)."""
+
+    camera: Camera
+    crown: Mask
+    past: Mask
+
+
+def complete_trees(plants: Surfels, ground: Ground, views: Sequence[PlantView]) -> Surfels | None:
+    """Surfels for the hidden parts of trees of which a part of the crown was seen; None where there are no such, or no whole tree.
+
+    Args:
+        plants: surfels of vegetation that stay; ground: what they stand on.
+        views: what the frames show.
+    """
+    path = ground.path
+    means = plants.means.detach().double().numpy()
+    height = ground.over(path.to_street(means))
+    local = means @ path.axes.T
+    crown = np.flatnonzero((height > FOOT_M[1]) & (plants.opacity_logits.detach().numpy() > 0))
+    low = np.flatnonzero((height > FOOT_M[0]) & (height <= FOOT_M[1]))
+    trunks = trunk_places(local[low, :2], local[crown, :2])
+    if not len(trunks):
+        return None
+    away = np.linalg.norm(local[crown, None, :2] - trunks, axis=2)
+    near = away.argmin(axis=1)
+    models = _models(plants, ground, local, height, trunks)
+    lone = crown[away[np.arange(len(crown)), near] > CROWN_M]
+    if not models or not len(lone):
+        return None
+    group = connected_points(local[lone], LINK_M)
+    size = np.exp(plants.log_scales.detach().double().numpy()).max(axis=1)
+    parts = []
+    for members in (lone[group == g] for g in np.unique(group)):
+        outlines = _outlines(means[members], size[members], views) if len(members) >= LEAST else []
+        if outlines:
+            top = float(np.percentile(height[members], 98))
+            tree = _fitted(models, ground, local[members], top, outlines, views)
+            parts += [] if tree is None else [tree]
+    if not parts:
+        return None
+    cameras, depths, removed = zip(*((v.camera, v.depth, v.removed) for v in views), strict=True)
+    trees = concatenate(parts)
+    trees = trees.select(torch.from_numpy(only_hidden(trees, cameras, depths, removed)))
+    return trees if len(trees) else None
+
+
+def _models(plants: Surfels, ground: Ground, local: Float64, height: Float64, trunks: Float64) -> list[_Model]:
+    """The whole trees with most surfels."""
+    found = []
+    for place in trunks:
+        away = np.linalg.norm(local[:, :2] - place, axis=1)
+        other = np.linalg.norm(local[:, None, :2] - trunks, axis=2).min(axis=1) < away - 1e-9
+        crown = (height > FOOT_M[1]) & (away < CROWN_M) & ~other
+        if crown.sum() < WHOLE:
+            continue
+        trunk = (height > 0) & (height <= FOOT_M[1]) & (away < TRUNK_M)
+        surfels = concatenate(
+            [
+                plants.select(torch.from_numpy(crown | trunk)),
+                turned_half(plants, crown, np.tile(place, (crown.sum(), 1)), ground),
+            ]
+        )
+        means = surfels.means.double().numpy()
+        street = ground.path.to_street(means)
+        places = np.column_stack([(means @ ground.path.axes.T)[:, :2] - place, ground.over(street)])
+        left = bool(np.median(street[:, 1]) > 0)
+        found.append(_Model(surfels, places, float(np.percentile(places[:, 2], 98)), left))
+    return sorted(found, key=lambda m: -len(m.surfels))[:MODELS]
+
+
+def _outlines(means: Float64, size: Float64, views: Sequence[PlantView]) -> list[_Outline]:
+    """The frames that show most of a crown's part (N, 3), of surfels of ``size`` (N,); none where it is not cut."""
+    found, cut = [], []
+    for view in views:
+        index, pixels, z = view.camera.shown(means, nearest=0.5)
+        if len(index) < LEAST / 2:
+            continue
+        column, row = pixels.astype(np.int64).T
+        shown = np.abs(view.depth[row, column] - z) < 0.5 + 0.1 * z
+        crown = np.zeros(view.on_plant.shape, np.uint8)
+        reach = np.clip(1.2 * size[index] * view.camera.fx / z, 1, view.camera.width / 48)
+        for x, y, r in zip(column[shown], row[shown], reach[shown], strict=True):
+            cv2.circle(crown, (int(x), int(y)), round(float(r)), 1, -1)
+        scale = max(1.0, view.camera.width / 384)
+        seen = (crown > 0) & view.on_plant & ~view.removed
+        if seen.sum() < SEEN_PX * scale**2:
+            continue
+        columns = np.flatnonzero(seen.any(axis=0))
+        lowest = seen.shape[0] - 1 - seen[::-1, columns].argmax(axis=0)
+        below = [np.minimum(lowest + k, seen.shape[0] - 1) for k in range(1, round(CUT_PX * scale) + 1)]
+        cut.append(np.any([view.removed[b, columns] for b in below], axis=0).mean() >= CUT)
+        past = view.sky | (view.depth > BEHIND * np.median(z[shown]) + 0.5)
+        past &= ~view.on_plant & ~grow(view.removed, border_px(view.camera.width, 1))
+        found.append(_coarse(_Outline(view.camera, seen, past)))
+    if not cut or np.mean(cut) < 0.5:
+        return []
+    return sorted(found, key=lambda o: -int(o.crown.sum()))[:VIEWS]
+
+
+def _coarse(outline: _Outline) -> _Outline:
+    """The outline in a picture about 384 pixels wide."""
+    step = max(1, outline.camera.width // 384)
+    small = outline.camera.resized(outline.camera.width // step, outline.camera.height // step)
+    crown, past = (m[::step, ::step][: small.height, : small.width] for m in (outline.crown, outline.past))
+    return _Outline(small, crown, past)
+
+
+def _fitted(
+    models: Sequence[_Model],
+    ground: Ground,
+    seen: Float64,
+    top: float,
+    outlines: Sequence[_Outline],
+    views: Sequence[PlantView],
+) -> Surfels | None:
+    """A model where, and as large as, its outline agrees best with what the frames show; None where none agrees.
+
+    Args:
+        seen: (N, 3) the seen part along the ground's axes; top: its height over the ground, metres.
+        outlines: of the seen part; views: of all frames, none of which may look through the trunk.
+    """
+    middle = np.median(seen[:, :2], axis=0)
+    some = [_few(model) for model in models]
+    planes = [[getattr(v, name) for v in views] for name in ("camera", "depth", "removed")]
+
+    def agreement(k: int, place: Float64, size: float) -> _Found:
+        away = float(np.linalg.norm(place - middle))
+        return _agreement(some[k], ground, place, size, outlines) - ASTRAY * away, k, place, size
+
+    def with_trunk(found: _Found) -> _Found:
+        score, k, place, size = found
+        trunk = models[k].places
+        trunk = trunk[(trunk[:, 2] < FOOT_M[1])][:POINTS]
+        world = (_foot(ground, place) + size * trunk) @ ground.path.axes
+        through = hidden_and_through(world, *planes)[1].mean() if len(world) else 0.0
+        return score - TRUNK * float(through), k, place, size
+
+    steps = np.arange(-AROUND_M, AROUND_M + 1e-9, STEP_M)
+    coarse = [
+        agreement(k, middle + (dx, dy), factor * top / model.height)
+        for k, model in enumerate(models)
+        for factor in SIZES
+        for dx in steps
+        for dy in steps
+    ]
+    _, k, place, size = max(coarse, key=_score)
+    steps = np.arange(-NEAR_M, NEAR_M + 1e-9, FINE_M)
+    fine = [with_trunk(agreement(k, place + (dx, dy), size)) for dx in steps for dy in steps]
+    score, k, place, size = max(fine, key=_score)
+    return _stood(models[k], ground, place, size) if score >= AGREES else None
+
+
+def _score(found: _Found) -> float:
+    return found[0]
+
+
+def _few(model: _Model) -> Float64:
+    """(P, 3) places that stand for a model."""
+    step = max(1, len(model.places) // POINTS)
+    return model.places[::step]
+
+
+def _foot(ground: Ground, place: Float64) -> Float64:
+    """(3,) where on the ground a tree stands, along the ground's axes, its plan ``place`` (2,) given."""
+    axes = ground.path.axes
+    street = ground.path.to_street((np.append(place, 0.0) @ axes)[None])
+    return np.append(place, float(ground.height_at(street[:, 0], street[:, 1])[0]))
+
+
+def _agreement(points: Float64, ground: Ground, place: Float64, size: float, outlines: Sequence[_Outline]) -> float:
+    """Pixels of the crown that a tree would cover, as a share of all of them and those past it that it would cover."""
+    world = (_foot(ground, place) + size * points) @ ground.path.axes
+    hit = asked = 0
+    for outline in outlines:
+        index, pixels, z = outline.camera.shown(world, nearest=0.5)
+        asked += int(outline.crown.sum())
+        if not len(index):
+            continue
+        column, row = pixels.astype(np.int64).T
+        covered = np.zeros(outline.crown.shape, np.uint8)
+        covered[row, column] = 1
+        reach = max(1, round(size * TUFT_M * outline.camera.fx / float(np.median(z))))
+        covered = cv2.dilate(covered, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+        hit += int((outline.crown & (covered > 0)).sum())
+        asked += int((outline.past & (covered > 0)).sum())
+    return hit / max(asked, 1)
+
+
+def _stood(model: _Model, ground: Ground, place: Float64, size: float) -> Surfels:
+    """The model's surfels, stood at a place in a size."""
+    axes = ground.path.axes
+    world = (_foot(ground, place) + size * model.places) @ axes
+    surfels = model.surfels
+    return replace(
+        surfels,
+        means=torch.from_numpy(world).to(surfels.means),
+        log_scales=surfels.log_scales + float(np.log(size)),
+    )
