@@ -7,7 +7,7 @@ where they overlook something.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import NEAR_M
-from unveil_core.drives.drive import Drive
+from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.cloud import estimate_normals, thinned_to
 from unveil_core.geometry.images import border_px
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
@@ -32,6 +32,8 @@ MOST_POINTS = 200_000
 """Points that are asked, however long the drive is."""
 SAY = 0.5
 """Share of the other frames' votes from which on a point is an object's: most of them say so."""
+LONGEST = 3
+"""Frames of a camera in a row up to which an object is overlooked: what is gone for longer has moved."""
 ALIKE = 0.1
 """Difference between this photograph and those that show the object, levels from 0 to 1, up to which all show the same: a
 yellow car that shines from close by is 0.085 off (street 20), a car and the road behind it twice that. Where something else stands
@@ -83,18 +85,48 @@ def overlooked_pixels(
         objects[seen.index] += weight * own
         color[seen.index] += (weight * own)[:, None] * images[v][seen.rows, seen.columns]
     color /= np.maximum(objects, 1e-12)[:, None] * 255
+    brief = _brief(drive, views, lambda v: _votes(labels[v], views[v], scene), len(positions))
 
     def pixels(v: int) -> Mask:
         seen, label = views[v], labels[v]
         weight, own = _votes(label, seen, scene)
         others = objects[seen.index] - weight * own
-        lost = ~own & (weight > 0) & (others > 0) & (others >= SAY * (total[seen.index] - weight))
+        lost = ~own & (weight > 0) & brief[v] & (others > 0) & (others >= SAY * (total[seen.index] - weight))
         apart = np.abs(images[v][seen.rows, seen.columns] / 255 - color[seen.index]).mean(axis=1)
         at = (seen.rows[lost], seen.columns[lost])
         half = spacing[seen.index[lost]] * cameras[v].fx / seen.depth[lost]
         return _regions(np.isin(label, scene.removable_labels), at, half, apart[lost])
 
     return cache.frames(len(cameras), pixels)
+
+
+def _brief(
+    drive: Drive,
+    views: Sequence[PointsInView],
+    votes: Callable[[int], tuple[NDArray[np.float64], NDArray[np.bool_]]],
+    count: int,
+) -> Sequence[NDArray[np.bool_]]:
+    """(M,) per view, which of the points that it sees no more than :data:`LONGEST` of its camera's frames in a row, it among them,
+    call something else than an object.
+
+    Args:
+        votes: gives the weights and votes (M,) of a view; count: of all points.
+    """
+    found: list[NDArray[np.uint8]] = [np.zeros(0, np.uint8)] * len(views)
+    for track in tracks(drive):
+        before: dict[int, NDArray[np.uint8]] = {}
+        for backwards in (False, True):
+            run = np.zeros(count, np.int16)
+            for v in track[::-1] if backwards else track:
+                index = views[v].index
+                weight, own = votes(v)
+                run[index[own]] = 0
+                run[index[~own & (weight > 0)]] += 1
+                if backwards:
+                    found[v] = np.packbits(before.pop(v) + run[index] - 1 <= LONGEST)
+                else:
+                    before[v] = np.minimum(run[index], LONGEST + 1).astype(np.uint8)
+    return Frames(len(views), lambda v: np.unpackbits(found[v], count=len(views[v].index)).astype(bool))
 
 
 def _votes(
