@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import torch
+from scipy.spatial import cKDTree
 
-from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.base.types import Float32, Float64, Labels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.clusters import connected_points
 from unveil_core.geometry.images import border_px, grow
@@ -46,6 +47,8 @@ TRUNK = 0.3
 """What a trunk costs through which frames look, of what the crown's outline scores: it is slim, and few pixels tell of it."""
 SIZES = (0.8, 0.9, 1.0, 1.12, 1.25)
 """The sizes that are tried: what makes the model as high as the seen part, times these."""
+FIT_PX = 256
+"""Width of the pictures in which it is looked for, pixels: a crown is some tens of them wide."""
 POINTS, TUFT_M = 500, 0.25
 """Points that stand for a model while its place is looked for, and half the width of each, metres."""
 AGREES = 0.5
@@ -81,12 +84,11 @@ class PlantView:
 @dataclass(frozen=True, eq=False)
 class _Model:
     """A whole tree: its surfels; where each lies from its foot, (N, 3) along the ground's axes, the last over the ground; its
-    height, metres; on which side of the street it stands."""
+    height, metres."""
 
     surfels: Surfels
     places: Float64
     height: float
-    left: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +117,10 @@ def complete_trees(plants: Surfels, ground: Ground, views: Sequence[PlantView]) 
     trunks = trunk_places(local[low, :2], local[crown, :2])
     if not len(trunks):
         return None
-    away = np.linalg.norm(local[crown, None, :2] - trunks, axis=2)
-    near = away.argmin(axis=1)
-    models = _models(plants, ground, local, height, trunks)
-    lone = crown[away[np.arange(len(crown)), near] > CROWN_M]
+    away, nearest = cKDTree(trunks).query(local[:, :2])
+    lone = crown[away[crown] > CROWN_M]
+    trees = [_model(plants, ground, local, height, k, trunks[k], (away, nearest)) for k in range(len(trunks))]
+    models = sorted((m for m in trees if m is not None), key=lambda m: -len(m.surfels))[:MODELS]
     if not models or not len(lone):
         return None
     group = connected_points(local[lone], LINK_M)
@@ -133,33 +135,38 @@ def complete_trees(plants: Surfels, ground: Ground, views: Sequence[PlantView]) 
     if not parts:
         return None
     cameras, depths, removed = zip(*((v.camera, v.depth, v.removed) for v in views), strict=True)
-    trees = concatenate(parts)
-    trees = trees.select(torch.from_numpy(only_hidden(trees, cameras, depths, removed)))
-    return trees if len(trees) else None
+    found = concatenate(parts)
+    found = found.select(torch.from_numpy(only_hidden(found, cameras, depths, removed)))
+    return found if len(found) else None
 
 
-def _models(plants: Surfels, ground: Ground, local: Float64, height: Float64, trunks: Float64) -> list[_Model]:
-    """The whole trees with most surfels."""
-    found = []
-    for place in trunks:
-        away = np.linalg.norm(local[:, :2] - place, axis=1)
-        other = np.linalg.norm(local[:, None, :2] - trunks, axis=2).min(axis=1) < away - 1e-9
-        crown = (height > FOOT_M[1]) & (away < CROWN_M) & ~other
-        if crown.sum() < WHOLE:
-            continue
-        trunk = (height > 0) & (height <= FOOT_M[1]) & (away < TRUNK_M)
-        surfels = concatenate(
-            [
-                plants.select(torch.from_numpy(crown | trunk)),
-                turned_half(plants, crown, np.tile(place, (crown.sum(), 1)), ground),
-            ]
-        )
-        means = surfels.means.double().numpy()
-        street = ground.path.to_street(means)
-        places = np.column_stack([(means @ ground.path.axes.T)[:, :2] - place, ground.over(street)])
-        left = bool(np.median(street[:, 1]) > 0)
-        found.append(_Model(surfels, places, float(np.percentile(places[:, 2], 98)), left))
-    return sorted(found, key=lambda m: -len(m.surfels))[:MODELS]
+def _model(
+    plants: Surfels,
+    ground: Ground,
+    local: Float64,
+    height: Float64,
+    number: int,
+    place: Float64,
+    trunks: tuple[Float64, Labels],
+) -> _Model | None:
+    """The tree of one trunk; None where too little of it was seen.
+
+    Args:
+        local: (N, 3) of the plants along the ground's axes; height: (N,) over the ground.
+        number, place: the trunk's, (2,) in plan; trunks: how far and which the nearest trunk of each surfel is, (N,) each.
+    """
+    away, nearest = trunks
+    own = nearest == number
+    crown = own & (height > FOOT_M[1]) & (away < CROWN_M)
+    if crown.sum() < WHOLE:
+        return None
+    trunk = own & (height > 0) & (height <= FOOT_M[1]) & (away < TRUNK_M)
+    far_side = turned_half(plants, crown, np.tile(place, (int(crown.sum()), 1)), ground)
+    surfels = concatenate([plants.select(torch.from_numpy(crown | trunk)), far_side])
+    means = surfels.means.double().numpy()
+    street = ground.path.to_street(means)
+    places = np.column_stack([(means @ ground.path.axes.T)[:, :2] - place, ground.over(street)])
+    return _Model(surfels, places, float(np.percentile(places[:, 2], 98)))
 
 
 def _outlines(means: Float64, size: Float64, views: Sequence[PlantView]) -> list[_Outline]:
@@ -192,8 +199,8 @@ def _outlines(means: Float64, size: Float64, views: Sequence[PlantView]) -> list
 
 
 def _coarse(outline: _Outline) -> _Outline:
-    """The outline in a picture about 384 pixels wide."""
-    step = max(1, outline.camera.width // 384)
+    """The outline in a picture about :data:`FIT_PX` wide."""
+    step = max(1, outline.camera.width // FIT_PX)
     small = outline.camera.resized(outline.camera.width // step, outline.camera.height // step)
     crown, past = (m[::step, ::step][: small.height, : small.width] for m in (outline.crown, outline.past))
     return _Outline(small, crown, past)
@@ -266,14 +273,15 @@ def _agreement(points: Float64, ground: Ground, place: Float64, size: float, out
     world = (_foot(ground, place) + size * points) @ ground.path.axes
     hit = asked = 0
     for outline in outlines:
-        index, pixels, z = outline.camera.shown(world, nearest=0.5)
+        pixels, z = outline.camera.project(world)
+        inside = outline.camera.in_picture(pixels, z, nearest=0.5)
         asked += int(outline.crown.sum())
-        if not len(index):
+        if not inside.any():
             continue
-        column, row = pixels.astype(np.int64).T
+        column, row = pixels[inside].astype(np.int64).T
         covered = np.zeros(outline.crown.shape, np.uint8)
         covered[row, column] = 1
-        reach = max(1, round(size * TUFT_M * outline.camera.fx / float(np.median(z))))
+        reach = max(1, round(size * TUFT_M * outline.camera.fx / float(np.median(z[inside]))))
         covered = cv2.dilate(covered, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
         hit += int((outline.crown & (covered > 0)).sum())
         asked += int((outline.past & (covered > 0)).sum())
