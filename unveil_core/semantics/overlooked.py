@@ -7,7 +7,7 @@ where they overlook something.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -75,26 +75,26 @@ def overlooked_pixels(
         return placed.seen_by(cameras[v], near=NEAR_M)
 
     views: Sequence[PointsInView] = cache.frames(len(cameras), seen_points)
+    votes = cache.frames(len(cameras), lambda v: _votes(labels[v], views[v], scene))
     total, objects = np.zeros((2, len(positions)))
     color = np.zeros((len(positions), 3))
     for v, seen in enumerate(views):
-        label = labels[v]
-        weight, own = _votes(label, seen, scene)
+        weight, own = votes[v]
         total[seen.index] += weight
         objects[seen.index] += weight * own
         color[seen.index] += (weight * own)[:, None] * images[v][seen.rows, seen.columns]
     color /= np.maximum(objects, 1e-12)[:, None] * 255
-    brief = _brief(drive, views, lambda v: _votes(labels[v], views[v], scene), len(positions))
+    brief = _brief(drive, views, votes, len(positions))
 
     def pixels(v: int) -> Mask:
-        seen, label = views[v], labels[v]
-        weight, own = _votes(label, seen, scene)
-        others = objects[seen.index] - weight * own
+        seen, (weight, own) = views[v], votes[v]
+        # Where this frame has no vote for an object, all such votes are others'.
+        others = objects[seen.index]
         lost = ~own & (weight > 0) & brief[v] & (others > 0) & (others >= SAY * (total[seen.index] - weight))
-        apart = np.abs(images[v][seen.rows, seen.columns] / 255 - color[seen.index]).mean(axis=1)
-        at = (seen.rows[lost], seen.columns[lost])
-        half = spacing[seen.index[lost]] * cameras[v].fx / seen.depth[lost]
-        return _regions(np.isin(label, scene.removable_labels), at, half, apart[lost])
+        index, at = seen.index[lost], (seen.rows[lost], seen.columns[lost])
+        apart = np.abs(images[v][at] / 255 - color[index]).mean(axis=1)
+        half = spacing[index] * cameras[v].fx / seen.depth[lost]
+        return _regions(np.isin(labels[v], scene.removable_labels), at, half, apart)
 
     return cache.frames(len(cameras), pixels)
 
@@ -102,14 +102,14 @@ def overlooked_pixels(
 def _brief(
     drive: Drive,
     views: Sequence[PointsInView],
-    votes: Callable[[int], tuple[NDArray[np.float64], NDArray[np.bool_]]],
+    votes: Sequence[tuple[NDArray[np.float64], NDArray[np.bool_]]],
     count: int,
 ) -> Sequence[NDArray[np.bool_]]:
     """(M,) per view, which of the points that it sees no more than :data:`LONGEST` of its camera's frames in a row, it among them,
     call something else than an object.
 
     Args:
-        votes: gives the weights and votes (M,) of a view; count: of all points.
+        votes: weights and votes (M,) of each view; count: of all points.
     """
     found: list[NDArray[np.uint8]] = [np.zeros(0, np.uint8)] * len(views)
     for track in tracks(drive):
@@ -118,7 +118,7 @@ def _brief(
             run = np.zeros(count, np.int16)
             for v in track[::-1] if backwards else track:
                 index = views[v].index
-                weight, own = votes(v)
+                weight, own = votes[v]
                 run[index[own]] = 0
                 run[index[~own & (weight > 0)]] += 1
                 if backwards:
