@@ -27,7 +27,7 @@ from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
-from unveil_core.inpaint.facade.half_trees import PlantView, complete_trees
+from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
@@ -385,14 +385,16 @@ class StreetFill:
         plant = self.scene.labels.index("vegetation")
         if plant is None:
             return None
-        sky, views = self.scene.labels.indices(("sky",)), self.views
-
-        def plant_view(k: int) -> PlantView:
-            i = stretch.frames[k]
-            label = views.labels[i]
-            return PlantView(self.cameras[i], label == plant, np.isin(label, sky), views.depths[i], views.removed[i])
-
-        return complete_trees(local.select(local.labels == plant), self.ground, Frames(len(stretch.frames), plant_view))
+        sky, labels = self.scene.labels.indices(("sky",)), self.of_frames(stretch, self.views.labels)
+        return complete_trees(
+            local.select(local.labels == plant),
+            self.ground,
+            self.cameras_of(stretch),
+            self.of_frames(stretch, self.views.depths),
+            self.of_frames(stretch, self.views.removed),
+            on_plant=Frames(len(labels), lambda k: labels[k] == plant),
+            sky=Frames(len(labels), lambda k: np.isin(labels[k], sky)),
+        )
 
 
 def sky_behind(curtains: Surfels | None, cameras: Sequence[Camera], cache: FrameCache) -> Sequence[Mask] | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from tests.inpaint.facade.test_continued import street
 from unveil_core.geometry.camera import Camera
-from unveil_core.inpaint.facade.half_trees import PlantView, complete_trees
+from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 
@@ -55,7 +57,20 @@ def shown(camera: Camera, surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:
     return mask, depth
 
 
-def views(*trees: Surfels, lorry: bool = True) -> list[PlantView]:
+class View(NamedTuple):
+    camera: Camera
+    depth: np.ndarray
+    removed: np.ndarray
+    on_plant: np.ndarray
+    sky: np.ndarray
+
+
+def completed(plants: Surfels, seen: list[View]) -> Surfels | None:
+    cameras, depths, removed, on_plant, sky = zip(*seen, strict=True)
+    return complete_trees(plants, GROUND, cameras, depths, removed, on_plant=on_plant, sky=sky)
+
+
+def views(*trees: Surfels, lorry: bool = True) -> list[View]:
     """Frames towards trees; a lorry hides what is lower than LORRY_M at y = 3, between x = 9 and 19."""
     found = []
     for x in np.arange(0.0, 7.0):
@@ -70,7 +85,7 @@ def views(*trees: Surfels, lorry: bool = True) -> list[PlantView]:
         at = camera.centre + z[..., None] * rays
         hidden = lorry & (z > 0) & (at[..., 0] > 9) & (at[..., 0] < 19) & (at[..., 2] < LORRY_M) & (at[..., 2] > 0)
         sky = ~plant & ~hidden & (rays[..., 2] > 0)
-        found.append(PlantView(camera, plant & ~hidden, sky, np.where(hidden, z, depth).astype(np.float32), hidden))
+        found.append(View(camera, np.where(hidden, z, depth).astype(np.float32), hidden, plant & ~hidden, sky))
     return found
 
 
@@ -78,7 +93,7 @@ def views(*trees: Surfels, lorry: bool = True) -> list[PlantView]:
 def test_a_half_seen_tree_is_completed_after_a_whole_one(size: float) -> None:
     whole, half = tree(20.0, -4.0), tree(17.0, 5.0, size, seed=1)
     top = tree(17.0, 5.0, size, over_lorry=True, seed=1)
-    found = complete_trees(concatenate([whole, top]), GROUND, views(whole, half))
+    found = completed(concatenate([whole, top]), views(whole, half))
     assert found is not None
     means = found.means.double().numpy()
     middle = np.median(means[:, :2], axis=0)
@@ -94,6 +109,6 @@ def test_nothing_is_made_up_where_nothing_hides_or_no_tree_tells() -> None:
     whole, half = tree(20.0, -4.0), tree(17.0, 5.0, seed=1)
     top = tree(17.0, 5.0, over_lorry=True, seed=1)
     seen = views(whole, half)
-    assert complete_trees(top, GROUND, seen) is None, "no whole tree to go by"
-    assert complete_trees(concatenate([whole, half]), GROUND, seen) is None, "both are whole"
-    assert complete_trees(concatenate([whole, top]), GROUND, views(whole, top, lorry=False)) is None, "a balloon"
+    assert completed(top, seen) is None, "no whole tree to go by"
+    assert completed(concatenate([whole, half]), seen) is None, "both are whole"
+    assert completed(concatenate([whole, top]), views(whole, top, lorry=False)) is None, "a balloon"

@@ -7,7 +7,7 @@ size, is what it is taken to look like.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -24,7 +24,7 @@ from unveil_core.inpaint.facade.poles import hidden_and_through, only_hidden
 from unveil_core.inpaint.light.crowns import CROWN_M, FOOT_M, trunk_places, turned_half
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["PlantView", "complete_trees"]
+__all__ = ["complete_trees"]
 
 LINK_M, LEAST = 0.7, 25
 """Largest gap within a crown, metres, and its fewest surfels."""
@@ -60,25 +60,27 @@ BEHIND = 1.1
 """Ratio of the scene's depth to the tree's from which on a frame looks past the tree."""
 
 
+_Planes = tuple[Sequence[Camera], Sequence[Float32], Sequence[Mask]]
+"""Of each frame its camera, its depth (H, W), and what is removed (H, W)."""
 _Found = tuple[float, int, Float64, float]
 """How well a tree agrees with what is seen, which model it is, where it stands (2,), and how large it is."""
 
 
 @dataclass(frozen=True, eq=False)
-class PlantView:
+class _PlantView:
     """What a frame shows of plants.
 
     Attributes:
         camera: of the frame.
-        on_plant: (H, W) bool, pixels of plants; sky: (H, W) bool, of the sky.
         depth: (H, W) of the full scene, metres; removed: (H, W) bool, pixels of what is removed.
+        on_plant: (H, W) bool, pixels of plants; sky: (H, W) bool, of the sky.
     """
 
     camera: Camera
-    on_plant: Mask
-    sky: Mask
     depth: Float32
     removed: Mask
+    on_plant: Mask
+    sky: Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +103,22 @@ class _Outline:
     past: Mask
 
 
-def complete_trees(plants: Surfels, ground: Ground, views: Sequence[PlantView]) -> Surfels | None:
+def complete_trees(
+    plants: Surfels,
+    ground: Ground,
+    cameras: Sequence[Camera],
+    depths: Sequence[Float32],
+    removed: Sequence[Mask],
+    *,
+    on_plant: Sequence[Mask],
+    sky: Sequence[Mask],
+) -> Surfels | None:
     """Surfels for the hidden parts of trees of which a part of the crown was seen; None where there are no such, or no whole tree.
 
     Args:
         plants: surfels of vegetation that stay; ground: what they stand on.
-        views: what the frames show.
+        cameras, depths, removed: the views, depth (H, W) of the full scene and what is removed (H, W) bool.
+        on_plant, sky: (H, W) bool per view, pixels of plants and of the sky.
     """
     path = ground.path
     means = plants.means.detach().double().numpy()
@@ -125,18 +137,20 @@ def complete_trees(plants: Surfels, ground: Ground, views: Sequence[PlantView]) 
         return None
     group = connected_points(local[lone], LINK_M)
     size = np.exp(plants.log_scales.detach().double().numpy()).max(axis=1)
+    crowns = [c for c in (lone[group == g] for g in np.unique(group)) if len(c) >= LEAST]
+    planes = (cameras, depths, removed)
+    views = (_PlantView(*view) for view in zip(*planes, on_plant, sky, strict=True))
+    seen = _outlines([(means[c], size[c]) for c in crowns], views)
     parts = []
-    for members in (lone[group == g] for g in np.unique(group)):
-        outlines = _outlines(means[members], size[members], views) if len(members) >= LEAST else []
+    for members, outlines in zip(crowns, seen, strict=True):
         if outlines:
             top = float(np.percentile(height[members], 98))
-            tree = _fitted(models, ground, local[members], top, outlines, views)
+            tree = _fitted(models, ground, local[members], top, outlines, planes)
             parts += [] if tree is None else [tree]
     if not parts:
         return None
-    cameras, depths, removed = zip(*((v.camera, v.depth, v.removed) for v in views), strict=True)
     found = concatenate(parts)
-    found = found.select(torch.from_numpy(only_hidden(found, cameras, depths, removed)))
+    found = found.select(torch.from_numpy(only_hidden(found, *planes)))
     return found if len(found) else None
 
 
@@ -169,33 +183,54 @@ def _model(
     return _Model(surfels, places, float(np.percentile(places[:, 2], 98)))
 
 
-def _outlines(means: Float64, size: Float64, views: Sequence[PlantView]) -> list[_Outline]:
-    """The frames that show most of a crown's part (N, 3), of surfels of ``size`` (N,); none where it is not cut."""
-    found, cut = [], []
+def _outlines(crowns: Sequence[tuple[Float64, Float64]], views: Iterable[_PlantView]) -> list[list[_Outline]]:
+    """Of each crown's seen part the frames that show most of it; none where it is not cut.
+
+    Args:
+        crowns: of each the places (N, 3) and sizes (N,) of its surfels.
+    """
+    found: list[list[_Outline]] = [[] for _ in crowns]
+    cut: list[list[bool]] = [[] for _ in crowns]
     for view in views:
-        index, pixels, z = view.camera.shown(means, nearest=0.5)
-        if len(index) < LEAST / 2:
-            continue
-        column, row = pixels.astype(np.int64).T
-        shown = np.abs(view.depth[row, column] - z) < 0.5 + 0.1 * z
-        crown = np.zeros(view.on_plant.shape, np.uint8)
-        reach = np.clip(1.2 * size[index] * view.camera.fx / z, 1, view.camera.width / 48)
-        for x, y, r in zip(column[shown], row[shown], reach[shown], strict=True):
-            cv2.circle(crown, (int(x), int(y)), round(float(r)), 1, -1)
-        scale = max(1.0, view.camera.width / 384)
-        seen = (crown > 0) & view.on_plant & ~view.removed
-        if seen.sum() < SEEN_PX * scale**2:
-            continue
-        columns = np.flatnonzero(seen.any(axis=0))
-        lowest = seen.shape[0] - 1 - seen[::-1, columns].argmax(axis=0)
-        below = [np.minimum(lowest + k, seen.shape[0] - 1) for k in range(1, round(CUT_PX * scale) + 1)]
-        cut.append(np.any([view.removed[b, columns] for b in below], axis=0).mean() >= CUT)
-        past = view.sky | (view.depth > BEHIND * np.median(z[shown]) + 0.5)
-        past &= ~view.on_plant & ~grow(view.removed, border_px(view.camera.width, 1))
-        found.append(_coarse(_Outline(view.camera, seen, past)))
-    if not cut or np.mean(cut) < 0.5:
-        return []
-    return sorted(found, key=lambda o: -int(o.crown.sum()))[:VIEWS]
+        for k, (means, size) in enumerate(crowns):
+            outline = _outline(means, size, view)
+            if outline is not None:
+                cut[k].append(_is_cut(outline.crown, view.removed))
+                # Only so many are held, however long the drive is.
+                found[k] = sorted([*found[k], _coarse(outline)], key=lambda o: -int(o.crown.sum()))[:VIEWS]
+    return [own if told and np.mean(told) >= 0.5 else [] for own, told in zip(found, cut, strict=True)]
+
+
+def _outline(means: Float64, size: Float64, view: _PlantView) -> _Outline | None:
+    """What a view shows of a crown's part (N, 3), of surfels of ``size`` (N,); None where that is too little."""
+    index, pixels, z = view.camera.shown(means, nearest=0.5)
+    if len(index) < LEAST / 2:
+        return None
+    column, row = pixels.astype(np.int64).T
+    shown = np.abs(view.depth[row, column] - z) < 0.5 + 0.1 * z
+    crown = np.zeros(view.on_plant.shape, np.uint8)
+    reach = np.clip(1.2 * size[index] * view.camera.fx / z, 1, view.camera.width / 48)
+    for x, y, r in zip(column[shown], row[shown], reach[shown], strict=True):
+        cv2.circle(crown, (int(x), int(y)), round(float(r)), 1, -1)
+    seen = (crown > 0) & view.on_plant & ~view.removed
+    if seen.sum() < SEEN_PX * _scale(view.camera.width) ** 2:
+        return None
+    past = view.sky | (view.depth > BEHIND * np.median(z[shown]) + 0.5)
+    past &= ~view.on_plant & ~grow(view.removed, border_px(view.camera.width, 1))
+    return _Outline(view.camera, seen, past)
+
+
+def _is_cut(crown: Mask, removed: Mask) -> bool:
+    """Whether something removed (H, W) begins under a crown (H, W)."""
+    columns, height = np.flatnonzero(crown.any(axis=0)), len(crown)
+    lowest = height - 1 - crown[::-1, columns].argmax(axis=0)
+    below = [np.minimum(lowest + k, height - 1) for k in range(1, round(CUT_PX * _scale(crown.shape[1])) + 1)]
+    return bool(np.any([removed[b, columns] for b in below], axis=0).mean() >= CUT)
+
+
+def _scale(width: int) -> float:
+    """How much wider a picture is than 384 pixels."""
+    return max(1.0, width / 384)
 
 
 def _coarse(outline: _Outline) -> _Outline:
@@ -212,29 +247,20 @@ def _fitted(
     seen: Float64,
     top: float,
     outlines: Sequence[_Outline],
-    views: Sequence[PlantView],
+    planes: _Planes,
 ) -> Surfels | None:
     """A model where, and as large as, its outline agrees best with what the frames show; None where none agrees.
 
     Args:
         seen: (N, 3) the seen part along the ground's axes; top: its height over the ground, metres.
-        outlines: of the seen part; views: of all frames, none of which may look through the trunk.
+        outlines: of the seen part; planes: of all frames, none of which may look through the trunk.
     """
     middle = np.median(seen[:, :2], axis=0)
     some = [_few(model) for model in models]
-    planes = [[getattr(v, name) for v in views] for name in ("camera", "depth", "removed")]
 
     def agreement(k: int, place: Float64, size: float) -> _Found:
         away = float(np.linalg.norm(place - middle))
         return _agreement(some[k], ground, place, size, outlines) - ASTRAY * away, k, place, size
-
-    def with_trunk(found: _Found) -> _Found:
-        score, k, place, size = found
-        trunk = models[k].places
-        trunk = trunk[(trunk[:, 2] < FOOT_M[1])][:POINTS]
-        world = (_foot(ground, place) + size * trunk) @ ground.path.axes
-        through = hidden_and_through(world, *planes)[1].mean() if len(world) else 0.0
-        return score - TRUNK * float(through), k, place, size
 
     steps = np.arange(-AROUND_M, AROUND_M + 1e-9, STEP_M)
     coarse = [
@@ -246,9 +272,23 @@ def _fitted(
     ]
     _, k, place, size = max(coarse, key=_score)
     steps = np.arange(-NEAR_M, NEAR_M + 1e-9, FINE_M)
-    fine = [with_trunk(agreement(k, place + (dx, dy), size)) for dx in steps for dy in steps]
-    score, k, place, size = max(fine, key=_score)
+    fine = [agreement(k, place + (dx, dy), size) for dx in steps for dy in steps]
+    through = _trunk_through(models[k], ground, [f[2] for f in fine], size, planes)
+    score, place = max(
+        ((f[0] - TRUNK * share, f[2]) for f, share in zip(fine, through, strict=True)), key=lambda f: f[0]
+    )
     return _stood(models[k], ground, place, size) if score >= AGREES else None
+
+
+def _trunk_through(model: _Model, ground: Ground, places: Sequence[Float64], size: float, planes: _Planes) -> Float64:
+    """(C,) share of its trunk through which frames look, if the model stood at each of C ``places`` (2,) in plan."""
+    trunk = model.places[model.places[:, 2] < FOOT_M[1]][:POINTS]
+    if not len(trunk):
+        return np.zeros(len(places))
+    feet = np.stack([_foot(ground, place) for place in places])
+    world = (feet[:, None] + size * trunk).reshape(-1, 3) @ ground.path.axes
+    share: Float64 = hidden_and_through(world, *planes)[1].reshape(len(places), -1).mean(axis=1)
+    return share
 
 
 def _score(found: _Found) -> float:
