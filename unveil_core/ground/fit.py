@@ -14,12 +14,12 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.street import Ground
-from unveil_core.ground.street_fit import fit_street_heights
+from unveil_core.ground.street_fit import WALL_FOOT_M, WALL_TOP_M, fit_street_heights
 from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["DriveGround", "fit_drive_terrain", "fit_street"]
+__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "side_places"]
 
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
@@ -108,6 +108,15 @@ def fit_street(
         more = measured_points(points, SIDE_CLASSES)
         walls = more if walls is None else np.concatenate([walls, more])
     return fit_street_heights(path, ground, walls=walls)
+
+
+def side_places(ground: Ground, surfels: Surfels, labels: LabelSet) -> Float64:
+    """(W, 3) places of what bounds the ground, as far up as it tells where the ground ends."""
+    chosen = np.isin(surfels.labels.numpy(), labels.indices(SIDE_CLASSES))
+    chosen &= surfels.opacity_logits.numpy() > OPAQUE_LOGIT
+    means = surfels.means.double().numpy()[chosen]
+    over = ground.over(ground.path.to_street(means))
+    return means[(over > WALL_FOOT_M) & (over < WALL_TOP_M)]
 
 
 def _facing(path: StreetPath, surfels: Surfels, chosen: Mask) -> Float64:

@@ -21,7 +21,18 @@ from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path_kernels import feet_on_path
 
-__all__ = ["EXTENSION_M", "StreetPath", "fit_path", "first_of_places", "places_of", "shift_path", "travelled", "way_of"]
+__all__ = [
+    "EXTENSION_M",
+    "SHARPEST_M",
+    "StreetPath",
+    "first_of_places",
+    "fit_path",
+    "places_of",
+    "prolonged_by",
+    "shift_path",
+    "travelled",
+    "way_of",
+]
 
 STEP_M = 0.25
 """Between nodes, metres: a tenth of what is smoothed over, so that headings of neighbouring nodes hardly differ."""
@@ -275,4 +286,25 @@ def shift_path(path: StreetPath, s: Float64, aside: Float64) -> StreetPath:
     # A heading must not follow each texel by which something was found beside its place.
     offset = gaussian_filter1d(np.interp(at, s, aside), 1.0 / path.step, mode="nearest")
     nodes = path.nodes + offset[:, None] * np.stack([-np.sin(path.heading), np.cos(path.heading)], axis=1)
+    return _evenly(path.axes, nodes, path.start, path.step)
+
+
+def prolonged_by(path: StreetPath, node: int, heading: float, bend: Float64) -> StreetPath:
+    """The path up to a node, from where it goes on with other bends, as long as it was.
+
+    Args:
+        heading: radians, with which it goes on.
+        bend: (M,) radians a metre of its next M steps, after which it is straight.
+    """
+    count = len(path.nodes) - node - 1
+    bend = np.concatenate([bend, np.zeros(max(0, count - len(bend)))])[:count]
+    turned = np.cumsum(bend) * path.step
+    angle = heading + turned - bend * path.step / 2
+    legs = path.step * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    nodes = np.concatenate([path.nodes[: node + 1], path.nodes[node] + np.cumsum(legs, axis=0)])
+    # The joint is smoothed as the way was, which itself is not smoothed again.
+    smooth = gaussian_filter1d(nodes, SMOOTHED_M / path.step, axis=0, mode="nearest")
+    reach = round(4 * SMOOTHED_M / path.step)
+    near = slice(max(0, node - reach), max(0, min(len(nodes) - reach, node + reach)))
+    nodes[near] = smooth[near]
     return _evenly(path.axes, nodes, path.start, path.step)

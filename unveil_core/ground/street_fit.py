@@ -11,7 +11,7 @@ from unveil_core.ground.one_place import limited_to_own
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.street import Ground
 
-__all__ = ["fit_street_heights"]
+__all__ = ["WALL_FOOT_M", "WALL_TOP_M", "fit_street_heights"]
 
 S_CELL_M, T_CELL_M = 1.0, 0.1
 """Cells along the street, where little changes, and across it, where a kerb is a step."""

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import border_px, sample_at
+from unveil_core.geometry.images import border_px
 from unveil_core.ground.street import Ground
+from unveil_core.inpaint.chart.texels import Texels
 from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 
 __all__ = [
@@ -40,9 +41,6 @@ OUTSIDE, OBSERVED, RELIT, INVENTED = 0, 1, 2, 3
 """Where a texel's colour comes from: nowhere (off the ground), the frames, the frames with a shadow taken away, the filling."""
 NEAREST_M = 0.3
 """Depth in front of which a camera shows no ground, metres: closer than any camera stands to it."""
-NEARNESS_POWER = 4
-"""A view weighs as its depth to the power of minus this: at a grazing angle its resolution along the street falls with the
-square of the depth, and the variance of what it shows of a texel with the fourth power."""
 RELIT_GAIN = 1.02
 """Gain above which ground counts as relit: two per cent, five levels of 255 in bright asphalt, are not seen."""
 TEXEL_M = 0.04
@@ -189,7 +187,7 @@ def read_chart(
     grid_s, grid_t = np.repeat(s, width), np.tile(t, height)
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
-    texels = _Texels.unseen(height * width)
+    texels = Texels.unseen(height * width)
     for v, camera in enumerate(cameras):
         here = float(ground.path.to_street(camera.centre[None])[0, 0])
         first = np.searchsorted(s, here - READ_M) * width
@@ -213,57 +211,3 @@ def read_chart(
         nearest=texels.nearest.astype(np.float32).reshape(height, width),
         replaced=np.zeros((height, width), dtype=bool),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Texels:
-    """What the views that were read so far show of T texels; the arrays are added to in place.
-
-    Attributes:
-        total: (T, 3) weighted sum of colours, 0 to 255; weight: (T,) sum of the weights.
-        nearest: (T,) depth of the texel in its nearest view, metres, inf where none shows it; label: (T,) there, -1 unknown.
-    """
-
-    total: Float64
-    weight: Float64
-    nearest: Float64
-    label: NDArray[np.int16]
-
-    @staticmethod
-    def unseen(count: int) -> _Texels:
-        return _Texels(
-            np.zeros((count, 3)), np.zeros(count), np.full(count, np.inf), np.full(count, -1, dtype=np.int16)
-        )
-
-    def add(
-        self,
-        index: NDArray[np.int64],
-        pixel: Float64,
-        depth: Float64,
-        image: NDArray[np.uint8],
-        label: NDArray[np.int64],
-        usable: NDArray[np.bool_],
-    ) -> None:
-        """Add one view.
-
-        Args:
-            index: (N,) texels that lie in the picture; pixel: (N, 2) where; depth: (N,) metres.
-            image: (H, W, 3); label: (H, W); usable: (H, W) bool.
-        """
-        column, row = pixel[:, 0].astype(np.int64), pixel[:, 1].astype(np.int64)
-        good = usable[row, column]
-        index, pixel, depth, column, row = index[good], pixel[good], depth[good], column[good], row[good]
-        if not len(index):
-            return
-        found = sample_at(image, pixel)
-        w = (1.0 / depth) ** NEARNESS_POWER
-        self.total[index] += found * w[:, None]
-        self.weight[index] += w
-        closer = depth < self.nearest[index]
-        self.label[index[closer]] = label[row[closer], column[closer]]
-        self.nearest[index[closer]] = depth[closer]
-
-    def color(self) -> Float32:
-        """(T, 3) mean colours in [0, 1], black where nothing was seen."""
-        mean = self.total / np.maximum(self.weight, 1e-300)[:, None] / 255
-        return np.where((self.weight > 0)[:, None], mean, 0).astype(np.float32)

@@ -16,11 +16,12 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
-from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street
+from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, side_places
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.street import Ground
 from unveil_core.ground.track import longest_track
+from unveil_core.inpaint.chart.ahead import path_ahead
 from unveil_core.inpaint.chart.rectify import rectified_path
 from unveil_core.inpaint.chart.street_chart import usable_pixels
 from unveil_core.pipeline.stage import Facts, StageContext
@@ -89,7 +90,11 @@ def run(context: StageContext) -> Facts:
         usable = context.cache.frames(len(frames), _usable(drive, scene, surfels, hidden, street, labels))
         images = context.cache.frames(len(frames), lambda i: exposures.read(frames[i]))
         cameras = [f.camera for f in frames]
-        rectified, moved = rectified_path(street, cameras, images, labels, usable, context.kept, context.progress)
+        frames_of = (cameras, images, labels, usable)
+        kinds, walls = scene.labels.indices(GROUND_CLASSES), side_places(street, surfels, scene.labels)
+        ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
+        street = fit_street(surfels, scene.labels, of_track, ahead, drive.points) or street
+        rectified, moved = rectified_path(street, *frames_of, context.kept, context.progress)
         street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
