@@ -67,3 +67,15 @@ def test_beyond_the_last_line_that_was_seen_the_street_goes_on_without_it() -> N
     median, level = lateral_profile(color, usable, window=WINDOW, hop=HOP)
     assert np.allclose(median[:, 44:], 0.4) and np.allclose(level[:, 44:], 0.4)
     assert np.allclose(median[:, :10], 0.4) and np.allclose(median[:, 40:44], 0.9)
+
+
+def test_a_line_that_is_seen_for_three_metres_is_the_colour_of_its_offset() -> None:
+    """Between two lorries: too little of any window, and all that is known of the offset."""
+    color = np.full((1600, 40, 3), 0.4, np.float32)
+    color[:, 20:23] = 0.8
+    usable = np.ones((1600, 40), bool)
+    usable[:, 15:] = False
+    usable[700:775, 15:] = True
+    median, level = lateral_profile(color, usable, window=500, hop=200)
+    assert np.allclose(median, color, atol=1e-3)
+    assert np.allclose(level[:, 21], 0.8, atol=1e-3)

@@ -20,6 +20,8 @@ LEAST_SHARE = 1 / 4
 many farther along. Chosen on the two sample streets."""
 LEAST_SAMPLES = 8
 """Fewest samples of a median, however short the window is."""
+RARE_SAMPLES = 16
+"""Fewest samples along the whole street of an offset that no window knows, for these to be its colour: 2 m."""
 SAMPLE_STEP = 3
 """Every third row of a window is sampled: neighbouring 4 cm texels come from the same pixels."""
 ALONG_LIMIT = 2.4
@@ -57,6 +59,12 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
         if enough.any():
             medians[k, enough] = _quantile(everything[part][:, enough], count[enough, None], 0.5)
             levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], LIT_QUANTILE)
+    # What was seen of an offset only here and there tells more of it than its neighbours do.
+    rare = ~np.isfinite(levels).any(axis=0) & (usable[::SAMPLE_STEP].sum(axis=0) >= RARE_SAMPLES)
+    if rare.any():
+        count = usable[::SAMPLE_STEP, rare].sum(axis=0)
+        medians[:, rare] = _quantile(everything[::SAMPLE_STEP, rare], count[:, None], 0.5)
+        levels[:, rare] = _quantile(all_luma[::SAMPLE_STEP, rare], count, LIT_QUANTILE)
     known = np.isfinite(levels)
     if known.any():
         medians, levels = _completed(medians, levels, known, hop=hop, window=window)

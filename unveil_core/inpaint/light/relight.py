@@ -112,9 +112,12 @@ def shadows_of_removed(
         contact = near & grow(footprint, touch)
         shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
-    # Right under the object little light came, and what is nearly black has nothing to relight.
-    hopeless = seen & ((footprint & shade.dark) | (shadow & (smooth < black_ratio * luminance(shade.lit))))
+    # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
+    shadow = shadow | (footprint & shade.dark)
+    hopeless = seen & shadow & (smooth < black_ratio * luminance(shade.lit))
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
+    # Its border is mixed with it.
+    hopeless |= grow(hopeless, SPECK_M * per_m) & shadow & seen
     return shadow, hopeless
 
 
