@@ -9,6 +9,7 @@ import pytest
 
 from tests.inpaint.facade.test_continued import street
 from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.facade import half_trees
 from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -36,13 +37,14 @@ def tree(x: float, y: float, size: float = 1.0, *, over_lorry: bool = False, see
     )
 
 
-def look(x: float) -> Camera:
-    """Along the street and a little to the left, from 1.5 m."""
-    turn = np.radians(15)
+def look(x: float, back: float = 0.0) -> Camera:
+    """Along the street and a little to the left, from 1.5 m; from farther ``back`` through a longer lens."""
+    turn = np.radians(15) * 17 / (17 + back)
     pose = np.eye(4)
     pose[:3, :3] = [[np.sin(turn), -np.cos(turn), 0], [0, 0, -1], [np.cos(turn), np.sin(turn), 0]]
-    pose[:3, 3] = -pose[:3, :3] @ np.array([x, 0.0, 1.5])
-    return Camera(240, 160, 150.0, 150.0, 120.0, 80.0, pose)
+    pose[:3, 3] = -pose[:3, :3] @ np.array([x - back, 0.0, 1.5])
+    focal = 150.0 * (17 + back) / 17
+    return Camera(240, 160, focal, focal, 120.0, 80.0, pose)
 
 
 def shown(camera: Camera, surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +52,7 @@ def shown(camera: Camera, surfels: Surfels) -> tuple[np.ndarray, np.ndarray]:
     mask, depth = np.zeros((160, 240), dtype=bool), np.full((160, 240), FAR, np.float32)
     _, pixels, z = camera.shown(surfels.means.double().numpy(), nearest=0.5)
     for (x, y), d in zip(pixels.astype(int), z, strict=True):
-        r = max(1, round(0.2 * 150 / d))
+        r = max(1, round(0.2 * camera.fx / d))
         part = np.s_[max(0, y - r) : y + r + 1, max(0, x - r) : x + r + 1]
         mask[part] = True
         depth[part] = np.minimum(depth[part], d)
@@ -70,11 +72,11 @@ def completed(plants: Surfels, seen: list[View]) -> Surfels | None:
     return complete_trees(plants, GROUND, cameras, depths, removed, on_plant=on_plant, sky=sky)
 
 
-def views(*trees: Surfels, lorry: bool = True) -> list[View]:
+def views(*trees: Surfels, lorry: bool = True, back: float = 0.0) -> list[View]:
     """Frames towards trees; a lorry hides what is lower than LORRY_M at y = 3, between x = 9 and 19."""
     found = []
     for x in np.arange(0.0, 7.0):
-        camera = look(x)
+        camera = look(x, back)
         plant, depth = np.zeros((160, 240), dtype=bool), np.full((160, 240), FAR, np.float32)
         for one in trees:
             mask, own = shown(camera, one)
@@ -83,7 +85,8 @@ def views(*trees: Surfels, lorry: bool = True) -> list[View]:
         with np.errstate(divide="ignore", invalid="ignore"):
             z = 3.0 / rays[..., 1]
         at = camera.centre + z[..., None] * rays
-        hidden = lorry & (z > 0) & (at[..., 0] > 9) & (at[..., 0] < 19) & (at[..., 2] < LORRY_M) & (at[..., 2] > 0)
+        along = at[..., 0] + 0.4 * back  # the lorry stands where it hides the same
+        hidden = lorry & (z > 0) & (along > 9) & (along < 19) & (at[..., 2] < LORRY_M) & (at[..., 2] > 0)
         sky = ~plant & ~hidden & (rays[..., 2] > 0)
         found.append(View(camera, np.where(hidden, z, depth).astype(np.float32), hidden, plant & ~hidden, sky))
     return found
@@ -103,6 +106,15 @@ def test_a_half_seen_tree_is_completed_after_a_whole_one(size: float) -> None:
     for view in views(whole, half):
         inside, past = view.camera.fall_in(means, view.sky)
         assert past.sum() < 0.02 * max(inside.sum(), 1)
+
+
+def test_a_tree_that_no_frame_sees_from_nearby_is_not_completed(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, half = tree(20.0, -4.0), tree(17.0, 5.0, seed=1)
+    plants = concatenate([whole, tree(17.0, 5.0, over_lorry=True, seed=1)])
+    seen = views(whole, half, back=20.0)
+    assert completed(plants, seen) is not None
+    monkeypatch.setattr(half_trees, "FARTHEST_M", 25.0)
+    assert completed(plants, seen) is None
 
 
 def test_nothing_is_made_up_where_nothing_hides_or_no_tree_tells() -> None:

@@ -36,6 +36,8 @@ TRUNK_M = 0.6
 """Distance from its middle within which low surfels are a trunk's, metres."""
 SEEN_PX, VIEWS = 24, 6
 """Pixels at 384 in width that a crown covers in a frame to be fitted there; and how many frames, those that show most of it."""
+FARTHEST_M = 60.0
+"""Farther off a frame tells nothing of where a crown stands, metres: its depth is off by more than trees are apart."""
 CUT_PX, CUT = 3, 0.5
 """A crown's lower rim is cut where something removed begins within so many pixels under it; a crown that is cut along this share of
 its rim in most frames goes on behind it."""
@@ -203,7 +205,7 @@ def _outlines(crowns: Sequence[tuple[Float64, Float64]], views: Iterable[_PlantV
 
 def _outline(means: Float64, size: Float64, view: _PlantView) -> _Outline | None:
     """What a view shows of a crown's part (N, 3), of surfels of ``size`` (N,); None where that is too little."""
-    index, pixels, z = view.camera.shown(means, nearest=0.5)
+    index, pixels, z = view.camera.shown(means, nearest=0.5, furthest=FARTHEST_M)
     if len(index) < LEAST / 2:
         return None
     column, row = pixels.astype(np.int64).T
