@@ -46,9 +46,9 @@ SHADOW_REACH_M = 2.0
 BLACK_RATIO = 0.3
 """Luma of a shadowed texel, as a share of its lit level, below which it holds no texture to relight and is invented: relighting
 would multiply its noise by more than three."""
-TEXTURE = 0.6
-"""Share of the quilted detail that is added to the medians, 0 to 1: all of it shows the patches' seams. Chosen on the two sample
-streets."""
+TEXTURE = 0.8
+"""Share of the quilted detail that is added to the medians, 0 to 1: all of it shows the patches' seams. On five drawn streets 0.8
+has 68 % of the true gradients where ground is invented and 0.6 has 64 %, for 0.02 dB."""
 PATCH_M, SEARCH_M = 0.8, 30.0
 """Side of a texture patch, and how far along the street one may come from, metres. Chosen on the two sample streets."""
 COVERED = 0.3
