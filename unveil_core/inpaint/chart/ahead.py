@@ -46,9 +46,10 @@ BENDS = np.array([0, 1 / 300, -1 / 300, 1 / 120, -1 / 120, 1 / 60, -1 / 60])
 """Changes of the bend from one piece to the next that are tried, radians a metre."""
 BEND_COST = 480.0
 """Square metres that a change of the bend by 1 radian a metre must gain: 4 for one to a radius of 120 m."""
-TURNS, TURN_COST = np.radians(np.arange(-15, 15.1, 1)), 13.8
+TURNS, TURN_COST = np.radians(np.arange(-15, 15.1, 1)), 60.0
 """Turns that are tried at the end of a way with a heading, and the square metres that a radian of them must gain: a car weaves by
-a degree or two, and where a bend has just ended the heading that is prolonged is 10 degrees off."""
+a degree or two, and where a bend has just ended the heading that is prolonged is 10 degrees off. Nine drawn streets are followed
+as well with 14, but a real one, of which 12 m were driven and where cars pass, turned by 8 degrees and back."""
 LEAST_WAY_M = 12.0
 """A way that has gone less since it turned a corner has no heading yet, metres."""
 CORNER_TURNS, CORNER_COST = np.radians(np.arange(-45, 45.1, 1.5)), 2.3
