@@ -96,3 +96,14 @@ def test_what_is_filled_was_wanted_and_is_a_colour(parts: list[tuple[float, floa
     assert not (filled & ~hidden).any()
     assert np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1
     assert np.array_equal(color[~filled], np.where(hidden[..., None], 0, truth)[~filled])
+
+
+def test_what_is_seen_between_two_cars_is_not_repeated_as_a_comb() -> None:
+    """A lamp and its foot before the house, in a gap of 80 cm, which is all that is known below."""
+    truth = facade(change=100.0, door=100.0)
+    hidden = gap(truth.shape, (0.0, 10.6, 1.0), (11.4, 24.0, 1.0))
+    seen = np.where(hidden[..., None], 0, truth)
+    seen[int(10.9 * PER_M) : int(11.1 * PER_M), :25] = 0.02
+    color, filled, _ = fill_facade(seen, ~hidden, hidden, texels_per_m=PER_M)
+    lamps = (color.max(axis=2) < 0.05) & hidden & filled
+    assert lamps.sum() < 0.01 * hidden.sum()

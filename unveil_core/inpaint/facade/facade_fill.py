@@ -21,6 +21,9 @@ __all__ = ["fill_facade"]
 SEARCH_M, STEP_M = 25.0, 0.08
 """Distance along the street that a column may come from, and the grid of shifts, metres: several houses, and a tenth of a window's
 width. Chosen on the two sample streets."""
+STRIP_M = 1.2
+"""Shortest part along the street that is copied, metres: what is seen of a house between two cars, a lamp and its foot, would be
+repeated as a comb."""
 CONTEXT_M, BESIDE_M = 1.6, 0.4
 """Heights above and below a gap, and lengths beside it, within which columns are compared, metres: to the sills and lintels of the
 floor above. Chosen on the two sample streets."""
@@ -59,6 +62,8 @@ def fill_facade(
         the picture (A, B, 3), the texels that were filled (A, B), and those that show the sky (A, B).
     """
     sky = np.zeros_like(known) if sky is None else sky
+    strip = np.ones((2 * round(STRIP_M / 2 * texels_per_m) + 1, 1), np.uint8)
+    known = cv2.morphologyEx(known.astype(np.uint8), cv2.MORPH_OPEN, strip).astype(bool)
     factor = max(1, round(STEP_M * texels_per_m))
     shift, possible = _shifts(*_coarse(color, known, wanted, sky, factor), texels_per_m / factor)
     result, filled, opened = color.copy(), np.zeros_like(wanted), np.zeros_like(wanted)
