@@ -107,3 +107,14 @@ def test_what_is_seen_between_two_cars_is_not_repeated_as_a_comb() -> None:
     color, filled, _ = fill_facade(seen, ~hidden, hidden, texels_per_m=PER_M)
     lamps = (color.max(axis=2) < 0.05) & hidden & filled
     assert lamps.sum() < 0.01 * hidden.sum()
+
+
+def test_below_all_that_is_known_a_house_is_plaster() -> None:
+    """A parked row hides the lowest metre and a half of all houses, and the lower half of their windows."""
+    truth = facade(door=100.0)
+    hidden = gap(truth.shape, (0.0, 24.0, 1.5))
+    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    assert filled[hidden].all()
+    s = np.arange(len(truth)) / PER_M
+    for house, plaster in zip(((s > 2) & (s < 11), (s > 14) & (s < 22)), PLASTER, strict=True):
+        assert np.abs(color[house][:, :30] - plaster).max() < 0.02

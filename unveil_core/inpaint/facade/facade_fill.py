@@ -41,9 +41,10 @@ streets."""
 WALL_M, HUE, LEVEL = 1.0, 0.2, 0.4
 """Half length along the street over which the plaster's colour is read, metres, and standard deviations of hue and of brightness
 (shares) within which something is plaster. Chosen on the two sample streets."""
-MISSING_COST, CHANGE_COST, DISTANCE_COST = 0.25, 0.4, 5e-5
+MISSING_COST, CHANGE_COST, DISTANCE_COST = 0.5, 1.2, 5e-5
 """Costs, in clipped squared differences, of a column that holds nothing for the gap, of another shift than the neighbour's, and of
-each step of distance. Chosen on the two sample streets."""
+each step of distance. With half and a third of the first two, stripes of windows were copied beside each other as a comb, and most
+of what a lorry hides to the eaves was left open."""
 SKY = np.float32(-2.0)
 """What stands for the sky among colours that are shares of the plaster's."""
 RATIO_LIMITS = (0.3, 3.0)
@@ -80,7 +81,16 @@ def fill_facade(
     take = wanted[rows] & known[source]
     result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**plaster, 0, 1), result[rows])
     filled[rows], opened[rows] = take, wanted[rows] & sky[source]
-    return result, filled, opened
+    # Below all that is known of it a house is plaster: what is copied there from around in the images draws windows down to the
+    # ground.
+    below = wanted & ~filled & ~opened & _under(known | filled)
+    result[below] = np.broadcast_to(wall[:, None], result.shape)[below]
+    return result, filled | below, opened
+
+
+def _under(known: Mask) -> Mask:
+    """(A, B) texels under the lowest known one of their row."""
+    return (np.cumsum(known, axis=1) == 0) & known.any(axis=1, keepdims=True)
 
 
 def _ratios(
