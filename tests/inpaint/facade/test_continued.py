@@ -82,6 +82,17 @@ def test_facades_are_found_where_houses_stand(radius: float) -> None:
     assert np.isnan(facade_offsets(houses(radius), ground, s, left=False)).all()
 
 
+def test_a_piece_that_is_drawn_out_towards_the_cameras_is_no_step_of_the_facade() -> None:
+    ground, _ = street(np.inf)
+    wall = houses(np.inf)
+    along = wall.means[:, 0]
+    drawn = wall.select((along > 12.0) & (along < 12.5))
+    drawn = replace(drawn, means=drawn.means - torch.tensor([0.0, 1.7, 0.0]))
+    wall = concatenate([wall.select((along < 11.4) | (along > 13.0)), drawn])
+    offset = facade_offsets(wall, ground, np.arange(1, 25, 0.1), left=True)
+    assert np.abs(offset - FACADE_T).max() < 0.2
+
+
 def test_a_wall_across_the_street_is_no_facade() -> None:
     ground, _ = street(np.inf)
     side = box_surfels(np.array([[9.9, 3.0, 0.0], [10.0, 3.2, 4.0]]))

@@ -48,6 +48,7 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
         if high - low >= LEAST:
             offset[k] = np.median(aside[low:high])
+    offset = _without_spikes(offset, round(LONG_M / 2 / BIN_M))
     known = np.flatnonzero(np.isfinite(offset))
     for a, b in zip(known, known[1:], strict=False):
         if 1 < b - a <= GAP_M / BIN_M and abs(offset[b] - offset[a]) < STEP_M:
@@ -60,6 +61,17 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(offset))
     return np.where(stands[below] & stands[above], smooth, np.nan)
+
+
+def _without_spikes(offset: Float64, half: int) -> Float64:
+    """Offsets (A,), each the median of those that are known no more than ``half`` places away: what stands out for less is a
+    post, or a piece of wall that was drawn out towards the cameras."""
+    padded = np.pad(offset, half, constant_values=np.nan)
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)
+    known = np.isfinite(offset)
+    result = offset.copy()
+    result[known] = np.nanmedian(around[known], axis=1)
+    return result
 
 
 def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
