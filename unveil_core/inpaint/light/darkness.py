@@ -24,6 +24,9 @@ LABEL_M, LABEL_HOP_M = 20.0, 4.0
 """Half length of the stretch, and step, for that of a label: shade that covers an offset for longer leaves others in the sun."""
 LABEL_QUANTILE = 0.8
 """Of a label's luma that stands for its sunlit level: a street whose houses shade four fifths of it is told right."""
+BLUER, LEAST_SHARE = 0.15, 0.05
+"""Logarithm of the ratio of blue to red by which shade is bluer than what the sun shines on, and the least share of a label's
+ground that either of them must be: asphalt of two ages has the same colour."""
 LEAST_TEXELS = 500
 """Fewest texels of a label in such a stretch, of every fifth row."""
 ROW_STEP = 5
@@ -53,9 +56,38 @@ def level_by_label(chart: StreetChart, seen: Mask) -> Float32:
                 found[k] = np.quantile(values, LABEL_QUANTILE)
         known = np.isfinite(found)
         if known.any():
+            # A street may lie in shade for longer than a stretch: then another part of it tells what the sun makes of it.
+            found = np.fmax(found, _in_the_sun(chart.color[::ROW_STEP][own[::ROW_STEP]]))
             along = np.interp(np.arange(rows), centres[known], found[known]).astype(np.float32)
             level = np.where(own, along[:, None], level)
     return level
+
+
+def _in_the_sun(color: Float32) -> float:
+    """Luma of what the sun shines on of ground (N, 3) of one label; NaN where not all tells of light and shade, two kinds of which
+    the darker one is much darker and bluer, for only the sky lights it."""
+    if len(color) < LEAST_TEXELS:
+        return np.nan
+    log = np.log(np.maximum(luminance(color), 0.02))
+    border = _otsu(log)
+    bright = log > border
+    if min(bright.mean(), 1 - bright.mean()) < LEAST_SHARE:
+        return np.nan
+    blue = np.log(np.maximum(color[:, 2], 0.02) / np.maximum(color[:, 0], 0.02))
+    fall, tint = (float(np.median(v[~bright]) - np.median(v[bright])) for v in (log, blue))
+    return float(np.exp(np.median(log[bright]))) if fall < np.log(DARK) and tint > BLUER else np.nan
+
+
+def _otsu(values: Float32) -> float:
+    """The border between two kinds of values (N,) that makes the variance between them greatest (Otsu, *A threshold selection
+    method from gray-level histograms*, 1979)."""
+    count, edges = np.histogram(values, 64)
+    middle = (edges[1:] + edges[:-1]) / 2
+    low, total = np.cumsum(count), np.cumsum(count * middle)
+    high = low[-1] - low
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between = low * high * (total / low - (total[-1] - total) / high) ** 2
+    return float(edges[1:][np.argmax(np.nan_to_num(between[:-1]))])
 
 
 def in_the_dark(chart: StreetChart, seen: Mask) -> Mask:

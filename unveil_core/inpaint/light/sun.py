@@ -20,7 +20,7 @@ from unveil_core.inpaint.light.sun_kernels import draw_fallen
 
 __all__ = ["ELEVATION_LIMITS", "Darkness", "Sun", "find_suns", "given_sun", "sun_towards"]
 
-LEAST_SCORE = 0.25
+LEAST_SCORE = 0.2
 """Correlation under which no direction explains the dark places: an overcast day, or no shadows in sight. Chosen on the two sample
 streets."""
 STANDS_M, HIGHEST_M = 0.3, 30.0
