@@ -260,8 +260,13 @@ def _prolonged(end: Float64, heading: float, bend: float, count: int) -> Float64
     """(|count|, 2) nodes that follow ``end`` (2,), or, where ``count`` is negative, that come before it, in order."""
     away = np.sign(count) * STEP_M * (np.arange(abs(count)) + 0.5)
     angle = heading + bend * away
-    legs = np.sign(count) * STEP_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return (end + np.cumsum(legs, axis=0))[:: int(np.sign(count))]
+    return _walked(end, angle, np.sign(count) * STEP_M)[:: int(np.sign(count))]
+
+
+def _walked(start: Float64, angle: Float64, step: float) -> Float64:
+    """(N, 2) the ends of steps one after the other from ``start`` (2,), with headings (N,)."""
+    legs = step * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.asarray(start + np.cumsum(legs, axis=0))
 
 
 def _evenly(axes: Float64, nodes: Float64, start: float, step: float) -> StreetPath:
@@ -300,8 +305,7 @@ def prolonged_by(path: StreetPath, node: int, heading: float, bend: Float64) -> 
     bend = np.concatenate([bend, np.zeros(max(0, count - len(bend)))])[:count]
     turned = np.cumsum(bend) * path.step
     angle = heading + turned - bend * path.step / 2
-    legs = path.step * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    nodes = np.concatenate([path.nodes[: node + 1], path.nodes[node] + np.cumsum(legs, axis=0)])
+    nodes = np.concatenate([path.nodes[: node + 1], _walked(path.nodes[node], angle, path.step)])
     # The joint is smoothed as the way was, which itself is not smoothed again.
     smooth = gaussian_filter1d(nodes, SMOOTHED_M / path.step, axis=0, mode="nearest")
     reach = round(4 * SMOOTHED_M / path.step)

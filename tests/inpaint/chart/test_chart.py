@@ -41,8 +41,8 @@ def in_shadow(s: np.ndarray, t: np.ndarray) -> np.ndarray:
     return (s > 9) & (s < 13.5) & (t >= -1.6) & (t < -0.6)
 
 
-@pytest.fixture(scope="module")
-def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+def painted_street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+    """Its ground, cameras, images, labels and what of each image shows ground."""
     cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
     path = fit_path(cameras)
     ground = fit_street_heights(path, street_points(RADIUS, 0.0))
@@ -61,6 +61,11 @@ def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], 
         usable.append((hit & ~in_car(s, t)).reshape(shape))
         usable[-1] = cv2.erode(usable[-1].astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     return ground, cameras, images, labels, usable
+
+
+@pytest.fixture(scope="module")
+def street() -> tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
+    return painted_street()
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.ground.test_street import drive_on_circle, street_points
-from tests.inpaint.chart.test_chart import RADIUS, paint
-from unveil_core.ground.path import fit_path
-from unveil_core.ground.street_fit import fit_street_heights
+from tests.inpaint.chart.test_chart import painted_street
 from unveil_core.inpaint.chart.plan_view import CELL_M, UNKNOWN, PlanView, read_plan
 
 ROAD, WALK, OTHER, WALL = range(4)
@@ -17,17 +14,8 @@ ROAD, WALK, OTHER, WALL = range(4)
 @pytest.fixture(scope="module")
 def plan() -> tuple[PlanView, np.ndarray]:
     """A bend of a street seen from above, and the lateral offsets (P, Q) of its cells."""
-    cameras = [c.resized(216, 144) for c in drive_on_circle(RADIUS, 0.0)]
-    path = fit_path(cameras)
-    ground = fit_street_heights(path, street_points(RADIUS, 0.0))
-    images, labels, usable = [], [], []
-    for camera in cameras:
-        depth, at = ground.intersect(camera, camera.rays().reshape(-1, 3))
-        shape = (camera.height, camera.width)
-        color = np.where(np.isfinite(depth)[:, None], paint(at[:, 0], at[:, 1]), 0.7)
-        images.append((color.reshape(*shape, 3) * 255).round().astype(np.uint8))
-        labels.append(np.where(np.abs(at[:, 1]) > 4, 1, 0).reshape(shape))
-        usable.append(np.isfinite(depth).reshape(shape))
+    ground, cameras, images, labels, usable = painted_street()
+    path = ground.path
     driven = path.nodes[(np.arange(len(path.nodes)) * path.step + path.start > 4)]
     low, high = driven[:80].min(axis=0) - 8, driven[:80].max(axis=0) + 8
     # A wall behind what was seen, and one that stands on seen ground.

@@ -10,19 +10,17 @@ filtering*, 1995).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.frame_cache import subset
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.path import SHARPEST_M, StreetPath, prolonged_by
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.plan_view import UNKNOWN, PlanView, read_plan
-from unveil_core.inpaint.chart.street_chart import READ_M
 
 __all__ = ["follow_street", "path_ahead"]
 
@@ -82,8 +80,9 @@ class _Section:
 
     def followed_by(self, other: _Section) -> _Section:
         """With the next piece's, before which these fade."""
-        old = replace(self, kinds=FADING * self.kinds, lines=FADING * self.lines, rows=FADING * self.rows)
-        return _Section(old.kinds + other.kinds, old.lines + other.lines, old.rows + other.rows)
+        return _Section(
+            FADING * self.kinds + other.kinds, FADING * self.lines + other.lines, FADING * self.rows + other.rows
+        )
 
     def agreement(self, other: _Section) -> Float64:
         """(N,) square metres of ``other`` that are what these tell, half less those that are not."""
@@ -137,11 +136,8 @@ def path_ahead(
     end = float(path.to_street(centres_of(track)).max(axis=0)[0])
     s = path.start + path.step * np.arange(len(path.nodes))
     around = path.nodes[(s > end - BEFORE_M) & (s < end + AHEAD_M)]
-    centres = (centres_of(cameras) @ path.axes.T)[:, :2]
     low, high = around.min(axis=0) - BESIDE_M, around.max(axis=0) + BESIDE_M
-    near = np.flatnonzero(((centres > low - READ_M) & (centres < high + READ_M)).all(axis=1)).tolist()
-    frames = (subset(images, near), subset(labels, near), subset(usable, near))
-    view = read_plan(ground, low, high, [cameras[i] for i in near], *frames, kinds=kinds, walls=walls)
+    view = read_plan(ground, low, high, cameras, images, labels, usable, kinds=kinds, walls=walls)
     return follow_street(path, end, view)
 
 

@@ -60,11 +60,11 @@ def lateral_profile(color: Float32, usable: NDArray[np.bool_], *, window: int, h
             medians[k, enough] = _quantile(everything[part][:, enough], count[enough, None], 0.5)
             levels[k, enough] = _quantile(all_luma[part][:, enough], count[enough], LIT_QUANTILE)
     # What was seen of an offset only here and there tells more of it than its neighbours do.
-    rare = ~np.isfinite(levels).any(axis=0) & (usable[::SAMPLE_STEP].sum(axis=0) >= RARE_SAMPLES)
+    count = usable[::SAMPLE_STEP].sum(axis=0)
+    rare = ~np.isfinite(levels).any(axis=0) & (count >= RARE_SAMPLES)
     if rare.any():
-        count = usable[::SAMPLE_STEP, rare].sum(axis=0)
-        medians[:, rare] = _quantile(everything[::SAMPLE_STEP, rare], count[:, None], 0.5)
-        levels[:, rare] = _quantile(all_luma[::SAMPLE_STEP, rare], count, LIT_QUANTILE)
+        medians[:, rare] = _quantile(everything[::SAMPLE_STEP, rare], count[rare, None], 0.5)
+        levels[:, rare] = _quantile(all_luma[::SAMPLE_STEP, rare], count[rare], LIT_QUANTILE)
     known = np.isfinite(levels)
     if known.any():
         medians, levels = _completed(medians, levels, known, hop=hop, window=window)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import luminance, masked_blur
+from unveil_core.geometry.reach import cameras_near, centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import NEAREST_M, READ_M
 from unveil_core.inpaint.chart.texels import Texels
@@ -84,8 +85,8 @@ def read_plan(
     at = np.flatnonzero(ground.inside(s, t))
     world = np.column_stack([cells[at], ground.height_at(s[at], t[at])]) @ axes
     texels = Texels.unseen(len(at))
-    for v, camera in enumerate(cameras):
-        shown, pixel, depth = camera.shown(world, nearest=NEAREST_M, furthest=READ_M)
+    for v in cameras_near(centres_of(cameras), world, READ_M):
+        shown, pixel, depth = cameras[v].shown(world, nearest=NEAREST_M, furthest=READ_M)
         if len(shown):  # else the view need not even be loaded
             texels.add(shown, pixel, depth, images[v], labels[v], usable[v])
     known = texels.weight > 0

@@ -65,29 +65,18 @@ def level_by_label(chart: StreetChart, seen: Mask) -> Float32:
 
 def _in_the_sun(color: Float32) -> float:
     """Luma of what the sun shines on of ground (N, 3) of one label; NaN where not all tells of light and shade, two kinds of which
-    the darker one is much darker and bluer, for only the sky lights it."""
+    the darker one is much darker and bluer, for only the sky lights it (the border between them by Otsu, *A threshold selection
+    method from gray-level histograms*, 1979)."""
     if len(color) < LEAST_TEXELS:
         return np.nan
     log = np.log(np.maximum(luminance(color), 0.02))
-    border = _otsu(log)
-    bright = log > border
+    steps = cv2.normalize(log, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
+    bright = cv2.threshold(steps, 0, 1, cv2.THRESH_OTSU)[1].ravel() > 0
     if min(bright.mean(), 1 - bright.mean()) < LEAST_SHARE:
         return np.nan
     blue = np.log(np.maximum(color[:, 2], 0.02) / np.maximum(color[:, 0], 0.02))
     fall, tint = (float(np.median(v[~bright]) - np.median(v[bright])) for v in (log, blue))
     return float(np.exp(np.median(log[bright]))) if fall < np.log(DARK) and tint > BLUER else np.nan
-
-
-def _otsu(values: Float32) -> float:
-    """The border between two kinds of values (N,) that makes the variance between them greatest (Otsu, *A threshold selection
-    method from gray-level histograms*, 1979)."""
-    count, edges = np.histogram(values, 64)
-    middle = (edges[1:] + edges[:-1]) / 2
-    low, total = np.cumsum(count), np.cumsum(count * middle)
-    high = low[-1] - low
-    with np.errstate(divide="ignore", invalid="ignore"):
-        between = low * high * (total / low - (total[-1] - total) / high) ** 2
-    return float(edges[1:][np.argmax(np.nan_to_num(between[:-1]))])
 
 
 def in_the_dark(chart: StreetChart, seen: Mask) -> Mask:
