@@ -12,7 +12,7 @@ from unveil_core.remove import selection
 from unveil_core.remove.regions import NOTHING, OBSERVED, SEEN_ELSEWHERE, UNOBSERVED, region_map, unobserved_mask
 from unveil_core.remove.selection import MARGIN_M, near_removed, select_removed
 from unveil_core.semantics.classes import LabelSet
-from unveil_core.semantics.instances import Box, fit_box
+from unveil_core.semantics.instances import Box, fit_box, without_strays
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.surfels import Surfels
 
@@ -115,13 +115,50 @@ def test_what_belongs_to_no_object_gets_no_box(monkeypatch: pytest.MonkeyPatch) 
     assert boxed == [30]
 
 
+def car_with_strays(generator: np.random.Generator) -> tuple[Surfels, np.ndarray, np.ndarray]:
+    """A car on a road, one of whose surfels in twenty lies up to 3 m beside it and under the road; and which are the road's."""
+    x, y, z = (
+        g.ravel() for g in np.meshgrid(np.arange(0, 4.3, 0.15), np.arange(0, 1.8, 0.15), np.arange(0.1, 1.5, 0.15))
+    )
+    shell = (x < 0.1) | (x > 4.1) | (y < 0.1) | (y > 1.6) | (z > 1.3)
+    car = np.column_stack([x, y, z])[shell]
+    strays = generator.uniform([-0.5, -3, -1.5], [4.5, 0, -0.2], (len(car) // 20, 3))
+    x, y = (g.ravel() for g in np.meshgrid(np.arange(-2, 6, 0.1), np.arange(-4, 4, 0.1)))
+    road = np.column_stack([x, y, np.zeros(x.size)])
+    labels = np.repeat([2, 0], [len(car) + len(strays), len(road)])
+    return surfels_at(np.concatenate([car, strays, road]), labels), (labels == 2).astype(np.int64), labels == 0
+
+
+def test_a_few_strays_do_not_make_a_car_as_wide_as_the_road() -> None:
+    surfels, ids, road = car_with_strays(np.random.default_rng(0))
+    means, gone = surfels.means.numpy(), select_removed(surfels, ids, scene(("car",)), too_close=0.0, axes=np.eye(3))
+    assert gone[~road].all()
+    beside = road & ((means[:, 1] < -0.3) | (means[:, 1] > 2.1))
+    assert not gone[beside].any()
+    box = fit_box(means[~road].astype(float), np.eye(3), gap=1.0)
+    assert box.contains(means[beside], np.eye(3), margin=MARGIN_M, above=MARGIN_M).any(), "the strays alone took it"
+
+
+def test_no_box_takes_what_lies_on_known_ground() -> None:
+    """A car of which only what lies under the road's surface was found: its box would begin there."""
+    surfels, ids, road = car_with_strays(np.random.default_rng(0))
+    lower = Surfels(surfels.means - torch.tensor([0.0, 0.0, 1.0]) * torch.from_numpy(~road)[:, None], *(
+        getattr(surfels, n) for n in ("quats", "log_scales", "opacity_logits", "sh", "labels")))  # fmt: skip
+    plain, spared = (
+        select_removed(lower, ids, scene(("car",)), too_close=0.0, axes=np.eye(3), ground=known)
+        for known in (None, road)
+    )
+    assert plain[road].any() and not spared[road].any()
+    assert np.array_equal(plain[~road], spared[~road])
+
+
 def all_against_all(surfels: Surfels, ids: np.ndarray, chosen_scene: SceneLabels) -> np.ndarray:
     """The same by comparing each object with all surfels."""
     labels, means, axes = surfels.labels.numpy(), surfels.means.double().numpy(), up_frame(UP)
     chosen, removable = (np.isin(labels, a) for a in (chosen_scene.removed_labels, chosen_scene.removable_labels))
     for instance in np.unique(ids[chosen])[np.unique(ids[chosen]) > 0]:
         own = means[chosen & (ids == instance)]
-        box = fit_box(own, axes, gap=1.0)
+        box = fit_box(without_strays(own), axes, gap=1.0)
         if selection._is_one(box, own, axes):
             above = -MARGIN_M if selection._hangs(box, means[~removable], axes) else MARGIN_M
             chosen |= box.contains(means, axes, margin=MARGIN_M, above=above) & ~removable

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.geometry.grid import PointGrid
-from unveil_core.semantics.instances import Box, fit_box
+from unveil_core.semantics.instances import Box, fit_box, without_strays
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.members import Members
 from unveil_core.surfels.surfels import Surfels
@@ -34,6 +34,7 @@ def select_removed(
     *,
     too_close: float,
     axes: NDArray[np.float64] | None = None,
+    ground: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """(N,) True where a surfel is removed.
 
@@ -46,6 +47,7 @@ def select_removed(
         too_close: surfels of other labels nearer than this to a removed one are removed too (their colour is that of its border);
             metres.
         axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
+        ground: (N,) surfels that lie where the ground is known to lie: no box takes them; None = not known.
     """
     labels = surfels.labels.numpy()
     chosen = np.isin(labels, scene.removed_labels)
@@ -61,14 +63,15 @@ def select_removed(
                 continue
             own = members[instance]
             own = own[chosen[own]]
-            box = fit_box(means[own], axes, gap=1.0)
+            box = fit_box(without_strays(means[own]), axes, gap=1.0)
             if not _is_one(box, means[own], axes):
                 continue
             half = float(np.hypot(*(np.asarray(box.size[:2]) / 2 + MARGIN_M)))
             near = others[grid.near(axes @ np.asarray(box.centre), half + SLACK_M)]
             # What its floor stands on stays, but under a floor that hangs in the air there is no ground to spare.
             above = -MARGIN_M if _hangs(box, means[near], axes) else MARGIN_M
-            chosen[near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]] = True
+            inside = near[box.contains(means[near], axes, margin=MARGIN_M, above=above)]
+            chosen[inside if ground is None else inside[~ground[inside]]] = True
     return chosen | near_removed(surfels, chosen, too_close)
 
 

@@ -19,7 +19,7 @@ from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
-from unveil_core.semantics.instances import fit_box, vote_instances
+from unveil_core.semantics.instances import fit_box, vote_instances, without_strays
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
@@ -66,7 +66,11 @@ def run(context: StageContext) -> None:
         context.progress(done + 1, len(listed), "naming objects")
         if not len(own):
             continue
-        box = known["box"] if known["source"] in ("box", "boxes") else fit_box(positions[own], axes, gap=1.0).to_json()
+        box = (
+            known["box"]
+            if known["source"] in ("box", "boxes")
+            else fit_box(without_strays(positions[own]), axes, gap=1.0).to_json()
+        )
         made, picture = workspace.root / str(known["thumbnail"]), None
         if known["thumbnail"] is not None and made.is_file():
             picture = f"instances/{number:04d}.png"

@@ -44,6 +44,8 @@ __all__ = ["run"]
 
 OWN_KINDS = 3
 """What a surfel is drawn as: stays, goes, goes as one that a person marked; then single objects."""
+ON_GROUND_M = 0.15
+"""Height over or under the ground within which a surfel lies on it, metres: what a fit along the whole street is off by."""
 LOOSE_M = 0.5
 """How far from an object its loose ends may lie, metres."""
 
@@ -97,6 +99,12 @@ def _loose_ends(drive: Drive, scene: SceneLabels, surfels: Surfels, gone: NDArra
     return unsupported(surfels.means.double().numpy(), gone, [f.camera for f in masked], masks, reach=LOOSE_M)
 
 
+def _of_ground(surfels: Surfels, scene: SceneLabels, street: Ground) -> NDArray[np.bool_]:
+    """(N,) surfels that are labelled as ground and lie on it."""
+    over = street.over(street.path.to_street(surfels.means.double().numpy()))
+    return np.isin(surfels.labels.numpy(), scene.labels.indices(GROUND_CLASSES)) & (np.abs(over) < ON_GROUND_M)
+
+
 def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground) -> NDArray[np.bool_]:
     """(N,) surfels labelled ground that float where objects are."""
     border = border_px(drive.frames[0].camera.width)
@@ -113,11 +121,12 @@ def run(context: StageContext) -> None:
     scene = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)
     of_surfel = load_array(workspace.root / "surfels/instances.npy")
-    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP))
     on_ground = scene.labels.indices(GROUND_CLASSES)
+    ground = read_ground(workspace.ground_npz)
+    of_ground = _of_ground(surfels, scene, ground.street) if on_ground and ground.street is not None else None
+    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP), ground=of_ground)
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
-    ground = read_ground(workspace.ground_npz)
     if on_ground and ground.street is not None:
         gone |= _floating(drive, scene, surfels, ground.street)
     by_hand = [m for m in marked_objects(context.settings.marked) if m.id in scene.instances]
