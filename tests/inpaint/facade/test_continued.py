@@ -181,6 +181,21 @@ def test_a_sign_gets_the_foot_of_another_pole() -> None:
     assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
 
 
+def test_a_sign_stands_on_its_own_pole_where_that_is_seen() -> None:
+    """A dark pole stands elsewhere; of its own, light one a piece of a hand's breadth is seen below the plate."""
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    plate = replace(pole(1.35, 1.8, half=0.25), labels=torch.full((len(pole(1.35, 1.8, half=0.25)),), 7))
+    own, other = pole(1.2, 1.35, half=0.03), pole(0.0, 2.4, at=(20.0, 5.0), half=0.05)
+    own, other = (replace(s, sh=torch.full_like(s.sh, level)) for s, level in ((own, 0.8), (other, -0.8)))
+    feet = feet_of_poles(concatenate([plate, own, other]), ground, cameras, depths, hidden, plates=(7,), poles=(0,))
+    assert feet is not None and (feet.sh == 0.8).all()
+    means = feet.means.double().numpy()
+    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.1
+    assert means[:, 2].min() < 0.1 and means[:, 2].max() < 1.3
+    assert np.diff(np.sort(means[:, 2])).max() < 0.15, "without a gap"
+
+
 def test_a_foot_is_seen_where_nothing_stands_before_it() -> None:
     ground, cameras = street(np.inf)
     means = pole(0.0, 0.4).means.double().numpy()

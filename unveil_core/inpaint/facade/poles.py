@@ -34,6 +34,8 @@ FRINGE_M, SLICE_M = 0.1, 0.4
 is repeated downwards, metres. Chosen on the two sample streets."""
 BEHIND = 1.1
 """Ratio of the scene's depth to a place's from which on the view saw something else through the place: nothing stands there."""
+LEAST_OWN = 4
+"""Fewest surfels of a sign's own pole, seen under it, for that to be drawn on to the ground instead of another sign's."""
 FLOOR_M = 0.05
 """How far under the ground a repeated surfel may lie, metres."""
 
@@ -79,7 +81,11 @@ def feet_of_poles(
         # Where it stands: the middle of its surfels, on the ground.
         stands = (means[low[members]] - height[low[members], None] * path.axes[2]).mean(axis=0)
         if plate and begins > LOW_M:
-            hung.append((stands, begins))
+            own = low[members[is_pole[members]]]
+            if len(own) < LEAST_OWN:
+                hung.append((stands, begins))
+            else:
+                parts.append(_drawn_down(standing, own, height[own], path.axes[2]))
         elif thick < NARROW_M and LOW_M < begins < HANGS_M and not plate:
             if is_pole[members].mean() > 0.5:
                 parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
@@ -124,6 +130,21 @@ def _repeated(
         copy = part.select(above)
         copies.append(replace(copy, means=copy.means - down * torch.from_numpy(up).to(copy.means)))
     return copies
+
+
+def _drawn_down(
+    standing: Surfels, index: NDArray[np.int64], height: NDArray[np.float64], up: NDArray[np.float64]
+) -> Surfels:
+    """Copies, down to the ground, of a short piece of a pole, of surfels ``index`` at ``height`` over the ground, all of its median
+    colour: what hides the rest has mixed with some of them."""
+    part = standing.select(torch.from_numpy(index))
+    part = replace(part, sh=part.sh.median(dim=0, keepdim=True).values.expand_as(part.sh).contiguous())
+    tall = max(FRINGE_M, float(np.ptp(height)))
+    copies = []
+    for k in range(1, int(np.ceil(height.max() / tall)) + 1):
+        copy = part.select(torch.from_numpy(height - k * tall > -FLOOR_M))
+        copies.append(replace(copy, means=copy.means - k * tall * torch.from_numpy(up).to(copy.means)))
+    return concatenate(copies)
 
 
 def _set_up(
