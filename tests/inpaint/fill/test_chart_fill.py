@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from unveil_core.inpaint.fill.chart_fill import _beside_what_is_known
+from tests.inpaint.sunny_street import sunny_chart
+from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE
+from unveil_core.inpaint.fill.chart_fill import _beside_what_is_known, fill_chart
 
 
 def test_columns_that_nobody_saw_get_the_texture_beside_them() -> None:
@@ -28,3 +32,31 @@ def test_a_chart_that_was_seen_all_over_stays() -> None:
     texture = np.ones((10, 6, 3), np.float32)
     quilted = np.full_like(texture, 0.5)
     assert np.array_equal(_beside_what_is_known(quilted, texture, np.ones((10, 6), bool)), quilted)
+
+
+def test_lines_are_read_right_between_two_cars() -> None:
+    """Bay lines every 4 m in gaps of 60 cm between parked cars: two are seen whole, of the others half."""
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.4, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    bay, truth = slice(int(1.5 * per_m), int(3.5 * per_m)), street.copy()
+    middles = [int(m * per_m) for m in np.arange(3.0, 27.0, 4.0)]
+    for middle in middles:
+        truth[middle : middle + 3, bay] = 0.75
+    cars = np.ones(chart.source.shape, dtype=bool)
+    cars[:, : bay.start] = cars[:, bay.stop :] = False
+    hidden = cars.copy()
+    for middle in middles:
+        gap = slice(middle - int(0.3 * per_m), middle + int(0.3 * per_m))
+        cars[gap] = False
+        hidden[gap, bay.start : bay.stop if middle in middles[1:3] else (bay.start + bay.stop) // 2] = False
+    chart = replace(
+        chart,
+        color=np.where(hidden[..., None], 0, truth).astype(np.float32),
+        source=np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8),
+        nearest=np.full_like(chart.nearest, 5.0),
+    )
+    filled = fill_chart(chart, cars).color.mean(axis=2)
+    rest = slice((bay.start + bay.stop) // 2 + 5, bay.stop - 5)
+    brighter = [float(filled[m : m + 3, rest].mean() - filled[m + 20 : m + 30, rest].mean()) for m in middles[3:]]
+    assert min(brighter) > 0.15

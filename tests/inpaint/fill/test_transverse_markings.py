@@ -88,3 +88,22 @@ def test_a_single_manhole_is_not_repeated() -> None:
     known[300:312, 126:160] = False
     _, where = continue_transverse_markings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
     assert not where.any()
+
+
+@pytest.mark.parametrize("ends", [False, True])
+def test_bays_of_which_only_tips_are_seen_are_as_deep_as_those_across(ends: bool) -> None:
+    """A row of cars hides all but the last 80 cm of the left lines; where two of them are seen to end there, all do."""
+    detail, line = parking_lane()
+    known = np.ones_like(line)
+    known[:, :70] = False
+    if ends:
+        known[:, 60:] = True
+        line[:, :70] = False
+        detail[:, :70] = 0
+    _, share = continue_transverse_markings(np.where(known[..., None], detail, 0), known, ~known, texels_per_m=PER_M)
+    if ends:
+        assert not share.any()
+        return
+    hidden = line & ~known
+    assert (share > 0.5)[hidden].mean() > 0.75
+    assert not share[:, :30].any(), "no deeper"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import grow, luminance, masked_blur, spread_from
+from unveil_core.geometry.images import disc, grow, luminance, masked_blur, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.fill.quilting import quilt
@@ -58,6 +58,10 @@ FOOT_M = 0.3
 after rectification one offset is wall here and sidewalk there. Over twice that width the last inner value is repeated."""
 SHARP_M = 10.0
 """Distance of the nearest view from which on the face of a kerb is no more than a pixel, metres, at 384 pixels across 70
+degrees."""
+STEEP, LINES_M = 0.4, 15.0
+"""Change of the light across the border of a shadow next to which no markings are looked for, as a share of the sun's; and how far
+from the nearest view they are: farther off a pixel is as long as a bay's line is thick, many times over, at 384 pixels across 70
 degrees."""
 MARK = 0.06
 """Difference of luma from the lateral offset's median, over a decimetre, from which on something is a marking or a stain, not
@@ -103,7 +107,9 @@ def fill_chart(
     # The penumbra reaches a little beyond what counts as dark.
     wide = grow(shadow, BORDER_M * per_m)
     sound = seen & ~hole & ~wide & ~grow(footprint, BORDER_M * per_m)
-    illumination, even = _illumination(shade, light, shade.dark & ~shadow, sound, per_m=per_m)
+    missing = _missing_light(light, shade.dark & ~shadow, sound, per_m=per_m)
+    illumination: NDArray[Any] = 1 - missing[..., None] * (1 - shade.ratio)
+    even = sound & ~grow((missing > 0.02) & (missing < 0.98), BORDER_M * per_m)
     # In full sun: what the medians and the texture are taken from.
     sunny = np.where(seen[..., None], chart.color / illumination, 0).astype(np.float32)
     median = _in_the_sun(sunny, even, inside, _profile(per_m), per_m=per_m)
@@ -120,7 +126,11 @@ def fill_chart(
         color[lifted] = np.clip(color[lifted] * gain[lifted], 0, 1)
         source[relit] = RELIT
     progress(1, 2, "filling the street")
-    invented = _invented(sunny - median, even, hole, per_m=per_m)
+    # Between two cars there is little ground that no shadow touches, and much of the bay's line.
+    steep = cv2.morphologyEx(missing, cv2.MORPH_GRADIENT, disc(BORDER_M * per_m)) > STEEP
+    bare = seen & ~hole & ~steep & (chart.nearest < LINES_M)
+    marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
+    invented = _invented(sunny - median, even, hole, marked, bare, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
@@ -174,11 +184,8 @@ def _shade(chart: StreetChart, footprint: Mask, light: Light | None) -> Shade:
     return shade_of_kerbs(chart.color, sharp, shade, texels_per_m=per_m)
 
 
-def _illumination(
-    shade: Shade, light: Light | None, remaining: Mask, sound: Mask, *, per_m: float
-) -> tuple[NDArray[Any], Mask]:
-    """(A, B, 3) the light that the empty street gets, as a share of full sun, and the ``sound`` texels (A, B) off its shadows'
-    borders.
+def _missing_light(light: Light | None, remaining: Mask, sound: Mask, *, per_m: float) -> Float32:
+    """(A, B) how much of the sun's light the empty street lacks, 0 to 1.
 
     Args:
         remaining: (A, B) seen texels in the shadows that stay; sound: (A, B) texels that show the ground as it will be.
@@ -187,9 +194,7 @@ def _illumination(
     if light is not None:
         missing = shade_where_unseen(light, sound, remaining, texels_per_m=per_m)
         missing[sound] = cv2.GaussianBlur(remaining.astype(np.float32), (0, 0), 0.03 * per_m)[sound]
-    border = (missing > 0.02) & (missing < 0.98)
-    illumination: NDArray[Any] = 1 - missing[..., None] * (1 - shade.ratio)
-    return illumination, sound & ~grow(border, BORDER_M * per_m)
+    return missing
 
 
 def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, per_m: float) -> Float32:
@@ -210,18 +215,19 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
     return median * (1 + spread_from(local, same, [m * per_m for m in LOCAL_M]))
 
 
-def _invented(detail: Float32, even: Mask, hole: Mask, *, per_m: float) -> Float32:
+def _invented(detail: Float32, even: Mask, hole: Mask, marked: Float32, bare: Mask, *, per_m: float) -> Float32:
     """(A, B, 3) texture and markings for the hole (A, B).
 
     Args:
         detail: (A, B, 3) difference from the medians; even: (A, B) where that can be trusted.
+        marked: (A, B, 3) the same with shadows that were taken away, for markings; bare: (A, B) where that can be trusted.
     """
     # Texture is fine and faint; transverse markings, and remains of shadows, are no texture to lay down elsewhere.
     broad = np.abs(luminance(masked_blur(detail, even, 0.1 * per_m)))
     faint = even & ~grow(broad > MARK, 0.1 * per_m)
     quilted = quilt(detail, faint, hole, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
     quilted = _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0), hole)
-    lines, on_line = continue_transverse_markings(detail, even, hole, texels_per_m=per_m)
+    lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
     return lines + (1 - on_line[..., None]) * (TEXTURE * quilted)
 
 

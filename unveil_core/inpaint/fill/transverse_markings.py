@@ -44,6 +44,8 @@ UNSEEN_LINE_PENALTY = 0.3
 Chosen on the two sample streets."""
 MISSED_LINE_PENALTY = 2.0
 """Taken from the score for each line that it predicts in ground that was seen to have none. Chosen on the two sample streets."""
+ENDED = 2
+"""Lines of a row that must be seen to end for all to end there: one may be worn, or its place misread."""
 FARTHEST = 2.5
 """How far beyond the observed lines a row is completed, in periods. Chosen on the two sample streets."""
 
@@ -171,16 +173,15 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
     kinds = [_kind(strips, marked, members) for members in _groups(strips, goes_on)]
     unseen = [~strips.known[:, k.members].all(axis=1) for k in kinds]
     periods = [_period(k.at, gap, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
-    for kind, gap, (period, phase) in zip(kinds, unseen, periods, strict=True):
-        # Both sides of a street are divided alike; one that hides more of its lines may seem divided more coarsely.
-        for other, _ in periods:
-            finer = other > 0 and (period == 0 or _times(period, other) >= 2)
-            fit = _fit(kind.at, gap, other) if finer else None
-            if fit is not None and len(kind.at) >= 2:
-                period, phase = fit[:2]
+    rows_of = [_shared(kind, gap, found, periods) for kind, gap, found in zip(kinds, unseen, periods, strict=True)]
+    for kind, (period, phase) in zip(kinds, rows_of, strict=True):
         if period <= 0:
             continue
-        usual = strips.marked[:, kind.members].any(axis=0)
+        alike = [
+            k for k, (other, _) in zip(kinds, rows_of, strict=True) if abs(other - period) < PERIOD_TOLERANCE * period
+        ]
+        members = _as_wide(kind, max(alike, key=lambda k: len(k.members)), strips)
+        usual = strips.marked[:, members].any(axis=0)
         places = np.arange(phase % period, len(marked), period)
         for at in places:
             near = np.abs(kind.at - at)
@@ -191,10 +192,42 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
             first = round(middle - (kind.thickness - 1) / 2)
             rows = slice(max(0, first), first + kind.thickness)
             # Where part of the row was seen and shows no line, there is none.
-            seen = strips.known[rows][:, kind.members][:, usual]
+            seen = strips.known[rows][:, members][:, usual]
             if hit or seen.mean() < 0.25:
-                result[rows, kind.members[0] : kind.members[-1] + 1] = True
+                result[rows, members[0] : members[-1] + 1] = True
     return result
+
+
+def _shared(
+    kind: _Kind, gap: Mask, found: tuple[float, float], periods: list[tuple[float, float]]
+) -> tuple[float, float]:
+    """Period and phase of a kind of line, and of a finer row of another kind if it fits that: both sides of a street are divided
+    alike; one that hides more of its lines may seem divided more coarsely."""
+    period, phase = found
+    for other, _ in periods:
+        finer = other > 0 and (period == 0 or _times(period, other) >= 2)
+        fit = _fit(kind.at, gap, other) if finer else None
+        if fit is not None and len(kind.at) >= 2:
+            period, phase = fit[:2]
+    return period, phase
+
+
+def _as_wide(kind: _Kind, widest: _Kind, strips: _Strips) -> NDArray[np.int64]:
+    """The strips of a kind of line, and more of them on the side away from the ``widest`` of its rows, up to that one's number,
+    where its lines were not seen to end: bays across the street are about as deep as those on this side."""
+    outwards = int(np.sign(kind.members.mean() - widest.members.mean()))
+    members, rows = kind.members, np.clip(np.round(kind.at).astype(int), 0, len(strips.known) - 1)
+    # A line may be a texel aslant, and lie where the seen begins.
+    around = np.ones((5, 1), np.uint8)
+    empty = cv2.erode((strips.known & ~strips.marked).astype(np.uint8), around).astype(bool)
+    while outwards and len(members) < len(widest.members):
+        strip = int(members[0 if outwards < 0 else -1]) + outwards
+        if not 0 <= strip < strips.known.shape[1]:
+            break
+        if empty[rows, strip].sum() >= ENDED:
+            break
+        members = np.sort(np.append(members, strip))
+    return members
 
 
 def _times(long: float, short: float) -> int:
