@@ -114,13 +114,21 @@ class StreetFill:
         """(V,) arc lengths of the cameras."""
         return self.ground.path.to_street(centres_of(self.cameras))[:, 0]
 
-    def _looking(self, stretch: Stretch) -> list[Camera]:
-        """The cameras that may show what lights or shades a stretch, and the first and the last of the way, from which to which the
+    def _asked(self, stretch: Stretch) -> list[int]:
+        """The frames that may show what lights or shades a stretch, and the first and the last of the way, from which to which the
         ground was seen."""
         s = self._s_of_cameras
         asked = stretch.near(s, CASTS_M + ASKED_M)
         asked[[s.argmin(), s.argmax()]] = True
-        return [self.cameras[i] for i in np.flatnonzero(asked)]
+        return np.flatnonzero(asked).tolist()
+
+    def _looking(self, stretch: Stretch) -> list[Camera]:
+        """The cameras of these frames."""
+        return [self.cameras[i] for i in self._asked(stretch)]
+
+    def _hidden(self, frame: int) -> Mask:
+        """(H, W) pixels of a frame that show something that goes, with their borders."""
+        return grow(self.views.removed[frame], border_px(self.cameras[frame].width, 1))
 
     def near(self, stretch: Stretch) -> NDArray[np.int64]:
         """Indices, rising, of the full scene's surfels near a stretch."""
@@ -175,6 +183,7 @@ class StreetFill:
             footprint = self._footprint(stretch, chart)
             light = None
             if sun is not None:
+                asked = self._asked(stretch)
                 light = light_of_scene(
                     chart,
                     kept,
@@ -183,6 +192,7 @@ class StreetFill:
                     cameras=self._looking(stretch),
                     kinds=self._kinds,
                     sun=sun,
+                    hidden=Frames(len(asked), lambda k: self._hidden(asked[k])),
                 )
             reach = SHADOW_REACH_M if shadows else 0.0
             filled = fill_chart(chart, footprint, light=light, shadow_reach_m=reach, progress=self._progress(stretch))
@@ -251,8 +261,7 @@ class StreetFill:
 
             def usable(k: int) -> Mask:
                 i = frames[k]
-                hidden = grow(views.removed[i], border_px(self.cameras[i].width, 1))
-                labels = self.scene.labels
+                labels, hidden = self.scene.labels, self._hidden(i)
                 return usable_pixels(self.ground, self.cameras[i], views.labels[i], labels, hidden, views.depths[i])
 
             return read_chart(

@@ -32,6 +32,9 @@ inside."""
 TOUCH_M = 0.4
 """Distance from an object within which a dark patch must come for its shadow, and within which darkness is contact darkening,
 metres. Chosen on the two sample streets."""
+UNEXPLAINED_M = 0.6
+"""Distance from the cast shadows of what stays from which on they do not explain dark ground, metres: what a sun wrong by 3 degrees
+moves the shadow of a roof 10 m up by."""
 CLEAR_M = 0.8
 """Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
 MOST_OF_AGE = 1.5
@@ -110,7 +113,11 @@ def shadows_of_removed(
         blur = 0.2 * per_m
         gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
         contact = near & grow(footprint, touch)
-        shadow = shade.dark & (((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3)))
+        theirs = ((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3))
+        if light.beyond is not None:
+            # A lorry that is never passed is longer than what was seen of it; what the scene explains stays.
+            theirs |= light.beyond & ~grow(light.kept, UNEXPLAINED_M * per_m)
+        shadow = shade.dark & theirs
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
