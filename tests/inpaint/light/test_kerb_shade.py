@@ -50,3 +50,15 @@ def test_what_was_not_seen_in_both_keeps_the_usual_ratio() -> None:
         sharp = nothing if shade.dark.any() else ~nothing
         found = shade_of_kerbs(color, sharp, shade, texels_per_m=PER_M)
         assert np.allclose(found.ratio, USUAL) and np.array_equal(found.dark, shade.dark)
+
+
+def test_bars_of_a_crossing_in_the_shade_are_no_face() -> None:
+    """White bars fill more than half of what is seen of the shade, and are as bright there as the road in the sun."""
+    color, shade = kerb_street(USUAL)
+    color[:, KERB] = np.where(shade.dark[:, KERB, None], 0.5 * USUAL, 0.5)
+    sharp = np.ones(shade.dark.shape, dtype=bool)
+    sharp[: ROWS // 4] = False
+    for first in (50, 64, 78):
+        color[170:260, first : first + 8] = 0.5
+    found = shade_of_kerbs(color, sharp, shade, texels_per_m=PER_M)
+    assert np.allclose(found.ratio, USUAL)

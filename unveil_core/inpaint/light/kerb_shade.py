@@ -21,6 +21,9 @@ for, metres. Chosen on the two sample streets."""
 MIN_RATIO_DIFFERENCE = 0.12
 """Difference of luma between the shade ratio of an offset and the road's from which on the offset keeps its own, unitless. Chosen
 on the two sample streets."""
+UNPAINTED = 0.25
+"""Quantile of an offset's colours that stands for it: a face looks the same all along, while bars of a crossing that fill half of
+what is seen of the shade passed for a face that shadow changes little, and were lines of light along the street."""
 DARKEST_FACE = 0.15
 """Least share of a kerb's colour that remains in shadow: its face may look at the sun, and gets half of the sky."""
 SUNLIT_SHARE, SHADED_SHARE = 0.1, 0.9
@@ -51,7 +54,7 @@ def shade_of_kerbs(color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: 
     window = int(WINDOW_M * texels_per_m)
     for start in range(0, len(color), window):
         part = np.s_[max(0, start - window // 2) : start + window + window // 2]
-        lit, unlit = (_medians(color[part], state[part], int(STRETCH_M * texels_per_m)) for state in (in_sun, in_shade))
+        lit, unlit = (_plain(color[part], state[part], int(STRETCH_M * texels_per_m)) for state in (in_sun, in_shade))
         found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST_FACE, 1.0)
         differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # NaN does not
         ratio[start : start + window, differs] = found[differs]
@@ -59,9 +62,9 @@ def shade_of_kerbs(color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: 
     return replace(shade, ratio=ratio, dark=shade.dark | spared)
 
 
-def _medians(picture: NDArray[np.float32], mask: NDArray[np.bool_], least: int) -> NDArray[np.float32]:
-    """(B, 3) per column the median of what is in the mask (A, B), NaN where that is less than ``least``."""
+def _plain(picture: NDArray[np.float32], mask: NDArray[np.bool_], least: int) -> NDArray[np.float32]:
+    """(B, 3) per column what is in the mask (A, B) looks like but for paint, NaN where that is less than ``least``."""
     result = np.full(picture.shape[1:], np.nan, dtype=np.float32)
     for column in np.flatnonzero(mask.sum(axis=0) >= max(1, least)):
-        result[column] = np.median(picture[mask[:, column], column], axis=0)
+        result[column] = np.quantile(picture[mask[:, column], column], UNPAINTED, axis=0)
     return result
