@@ -37,7 +37,7 @@ from unveil_core.drives.drive import Drive, Frame  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
 from unveil_core.evaluate.flicker import read_depth  # noqa: E402
-from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
+from unveil_core.evaluate.pictures import fitted, truth_file, truth_mask  # noqa: E402
 from unveil_core.geometry.camera import Camera  # noqa: E402
 from unveil_core.geometry.images import grow, sample_at  # noqa: E402
 from unveil_core.ground.files import read_ground  # noqa: E402
@@ -108,7 +108,7 @@ def view_of(workspace: Workspace, truth: Path, frame: Frame) -> View:
         camera=frame.camera,
         image=image,
         ours=read_delivered(workspace.root, frame).astype(np.float32),
-        true=read_image(paths[0]).astype(np.float32),
+        true=fitted(read_image(paths[0]), image.shape).astype(np.float32),
         removed=removed,
         unseen=mask("unseen"),
         barred=grow(removed | mask("shadow"), MIXED_PX),
