@@ -3,8 +3,9 @@
     python benchmarks/street_ahead.py SEED=WORKSPACE [...]
 
 WORKSPACE is a finished run of that seed's drive (``benchmarks/streets.py --keep DIR`` keeps them). The course that a seed draws is
-the truth; of a way that turns, or ends amid a corner, it is the street that the path is nearer to. In benchmarks/results/street_ahead.json: metres
-aside of it 10, 20, 30 and 40 m ahead, of the path prolonged as the car drove (``driven``) and of the workspace's (``followed``).
+the truth; of a way that turns, or ends amid a corner, it is the street that the path is nearer to. In
+benchmarks/results/street_ahead.json: metres aside of it 10, 20, 30 and 40 m ahead, of the path prolonged as the car drove
+(``driven``) and of the workspace's (``followed``).
 """
 
 from __future__ import annotations

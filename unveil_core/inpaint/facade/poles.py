@@ -122,12 +122,17 @@ def _repeated(
     chosen = (height >= start) & (height < start + SLICE_M)
     if chosen.sum() < LEAST / 5:
         return []
-    part, at = standing.select(torch.from_numpy(index[chosen])), height[chosen]
+    part = standing.select(torch.from_numpy(index[chosen]))
+    return _downwards(part, height[chosen], SLICE_M, int(np.ceil(start / SLICE_M)), up)
+
+
+def _downwards(
+    part: Surfels, height: NDArray[np.float64], step: float, times: int, up: NDArray[np.float64]
+) -> list[Surfels]:
+    """Copies of surfels at ``height`` over the ground, each ``step`` metres lower than the last, down to the ground."""
     copies = []
-    for k in range(1, int(np.ceil(start / SLICE_M)) + 1):
-        down = k * SLICE_M
-        above = torch.from_numpy(at - down > -FLOOR_M)
-        copy = part.select(above)
+    for down in step * np.arange(1, times + 1):
+        copy = part.select(torch.from_numpy(height - down > -FLOOR_M))
         copies.append(replace(copy, means=copy.means - down * torch.from_numpy(up).to(copy.means)))
     return copies
 
@@ -140,11 +145,7 @@ def _drawn_down(
     part = standing.select(torch.from_numpy(index))
     part = replace(part, sh=part.sh.median(dim=0, keepdim=True).values.expand_as(part.sh).contiguous())
     tall = max(FRINGE_M, float(np.ptp(height)))
-    copies = []
-    for k in range(1, int(np.ceil(height.max() / tall)) + 1):
-        copy = part.select(torch.from_numpy(height - k * tall > -FLOOR_M))
-        copies.append(replace(copy, means=copy.means - k * tall * torch.from_numpy(up).to(copy.means)))
-    return concatenate(copies)
+    return concatenate(_downwards(part, height, tall, int(np.ceil(height.max() / tall)), up))
 
 
 def _set_up(

@@ -40,9 +40,8 @@ def in_shadow_of_hull(
         left = np.flatnonzero(inside)
         if not len(left):
             break
-        pixel, depth = camera.project(places[left])
-        shown = np.flatnonzero(camera.in_picture(pixel, depth))
-        x, y = pixel[shown].astype(np.int64).T
+        shown, pixel, _ = camera.shown(places[left])
+        x, y = pixel.astype(np.int64).T
         seen[left[shown]] = True
         inside[left[shown[~mask[y, x]]]] = False
     return np.asarray((inside & seen).reshape(len(points), -1).sum(axis=1) >= LEAST_HEIGHTS)
