@@ -9,6 +9,8 @@ import numpy as np
 from tests.inpaint.sunny_street import sunny_chart
 from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE
 from unveil_core.inpaint.fill.chart_fill import _beside_what_is_known, fill_chart
+from unveil_core.inpaint.light.shade import Light
+from unveil_core.inpaint.light.sun import Sun
 
 
 def test_columns_that_nobody_saw_get_the_texture_beside_them() -> None:
@@ -60,3 +62,31 @@ def test_lines_are_read_right_between_two_cars() -> None:
     rest = slice((bay.start + bay.stop) // 2 + 5, bay.stop - 5)
     brighter = [float(filled[m : m + 3, rest].mean() - filled[m + 20 : m + 30, rest].mean()) for m in middles[3:]]
     assert min(brighter) > 0.15
+
+
+def test_where_a_shadow_is_levelled_no_line_was_seen_to_end() -> None:
+    """Lines across the street run under parked cars; their shadow's border, where relighting levels paint, lies before these."""
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.4, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    first, shade, car, last = (int(m * per_m) for m in (1.6, 2.6, 2.8, 3.6))
+    truth, middles = street.copy(), [int(m * per_m) for m in (3.0, 7.3, 12.9, 16.0, 19.1, 24.2)]
+    for middle in middles:
+        truth[middle : middle + 3, first:last] = 0.6
+    parked = np.zeros(chart.source.shape, dtype=bool)
+    gone = parked.copy()
+    parked[int(14.5 * per_m) :, car:last] = True
+    gone[int(14.5 * per_m) :, shade:last] = True
+    ratio = np.array([0.4, 0.45, 0.55], dtype=np.float32)
+    seen = np.where(gone[..., None], truth * ratio, truth)
+    chart = replace(
+        chart,
+        color=np.where(parked[..., None], 0, seen).astype(np.float32),
+        source=np.where(parked, OUTSIDE, OBSERVED).astype(np.uint8),
+        nearest=np.full_like(chart.nearest, 5.0),
+    )
+    light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), np.zeros_like(gone), gone)
+    filled = fill_chart(chart, parked, light=light).color.mean(axis=2)
+    under = slice(car + 3, last - 3)
+    brighter = [float(filled[m : m + 3, under].mean() - filled[m + 20 : m + 30, under].mean()) for m in middles[3:]]
+    assert min(brighter) > 0.1

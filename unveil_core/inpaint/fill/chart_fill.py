@@ -22,7 +22,13 @@ from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
 from unveil_core.inpaint.light.darkness import in_the_dark
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
-from unveil_core.inpaint.light.relight import prevailing_shade, relighting_gain, shadows_of_removed, under_an_even_sky
+from unveil_core.inpaint.light.relight import (
+    levelled_border,
+    prevailing_shade,
+    relighting_gain,
+    shadows_of_removed,
+    under_an_even_sky,
+)
 from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, Shade, read_shade, shade_where_unseen
 
 __all__ = ["SHADOW_REACH_M", "fill_chart"]
@@ -128,7 +134,7 @@ def fill_chart(
     progress(1, 2, "filling the street")
     # Between two cars there is little ground that no shadow touches, and much of the bay's line.
     steep = cv2.morphologyEx(missing, cv2.MORPH_GRADIENT, disc(BORDER_M * per_m)) > STEEP
-    bare = seen & ~hole & ~steep & (chart.nearest < LINES_M)
+    bare = seen & ~hole & ~steep & ~levelled_border(shadow, per_m) & (chart.nearest < LINES_M)
     marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
     invented = _invented(sunny - median, even, hole, marked, bare, per_m=per_m)
     fill = (median + invented) * illumination

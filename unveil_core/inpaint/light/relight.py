@@ -12,6 +12,7 @@ from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade
 
 __all__ = [
+    "levelled_border",
     "object_shadows",
     "prevailing_shade",
     "relighting_gain",
@@ -157,6 +158,13 @@ def sky_gain(footprint: Mask, per_m: float) -> Float32:
     return gain
 
 
+def levelled_border(shadow: Mask, per_m: float) -> Mask:
+    """(A, B) the border of a shadow (A, B) that is taken away, within which every texel becomes as bright as its lateral offset,
+    whatever is painted there; per_m: texels per metre."""
+    border: Mask = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_GRADIENT, disc(PENUMBRA_M * per_m)) > 0
+    return border
+
+
 def relighting_gain(
     color: Float32,
     target: Float32,
@@ -232,7 +240,7 @@ def _gain_of_strip(
     # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
     share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / actual - 1) / np.maximum(ratio - 1, 0.02)
     mixed = 1 + (ratio - 1) * np.clip(share, 0, 1)
-    border = around & ~cv2.erode(shadow.astype(np.uint8), ring).astype(bool)
+    border = levelled_border(shadow, per_m)
     inner = cv2.GaussianBlur(border.astype(np.float32), (0, 0), 0.03 * per_m)[..., None]
     gain: Float32 = (full * (1 - inner) + mixed * inner).astype(np.float32)
     if unlike.any():
