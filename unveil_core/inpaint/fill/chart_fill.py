@@ -18,6 +18,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
+from unveil_core.inpaint.fill.crossings import continue_crossings
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
 from unveil_core.inpaint.light.darkness import in_the_dark
@@ -29,7 +30,15 @@ from unveil_core.inpaint.light.relight import (
     shadows_of_removed,
     under_an_even_sky,
 )
-from unveil_core.inpaint.light.shade import CONTACT_M, Light, Profile, Shade, read_shade, shade_where_unseen
+from unveil_core.inpaint.light.shade import (
+    CONTACT_M,
+    Light,
+    Profile,
+    Shade,
+    lines_along,
+    read_shade,
+    shade_where_unseen,
+)
 
 __all__ = ["SHADOW_REACH_M", "fill_chart"]
 
@@ -136,7 +145,9 @@ def fill_chart(
     steep = cv2.morphologyEx(missing, cv2.MORPH_GRADIENT, disc(BORDER_M * per_m)) > STEEP
     bare = seen & ~hole & ~steep & ~levelled_border(shadow, per_m) & (chart.nearest < LINES_M)
     marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
-    invented = _invented(sunny - median, even, hole, marked, bare, per_m=per_m)
+    labels = _labels(chart, seen, hole)
+    markings = _markings(marked, bare, hole, labels, lines_along(median, per_m), per_m=per_m)
+    invented = _invented(sunny - median, even, hole, markings, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
     source[hole] = INVENTED
@@ -146,7 +157,7 @@ def fill_chart(
     source[beyond] = OUTSIDE
     progress(2, 2, "filling the street")
     replaced = hole & grow(footprint, CLOSE_M * per_m)
-    return replace(chart, color=color, source=source, gain=gain, label=_labels(chart, seen, hole), replaced=replaced)
+    return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=replaced)
 
 
 def _profile(per_m: float) -> Profile:
@@ -221,19 +232,34 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
     return median * (1 + spread_from(local, same, [m * per_m for m in LOCAL_M]))
 
 
-def _invented(detail: Float32, even: Mask, hole: Mask, marked: Float32, bare: Mask, *, per_m: float) -> Float32:
+def _markings(
+    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], line: Mask, *, per_m: float
+) -> tuple[Float32, Float32]:
+    """Detail (A, B, 3) of the markings in the hole (A, B), and how much of it they are (A, B), 0 to 1.
+
+    Args:
+        marked: (A, B, 3) difference from the medians; bare: (A, B) where that can be trusted.
+        labels: (A, B) of the ground; line: (A, B) lines along the street.
+    """
+    lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
+    bars, on_bar = continue_crossings(marked, bare, hole, labels, line, texels_per_m=per_m)
+    bar = on_bar > on_line
+    return np.where(bar[..., None], bars, lines), np.where(bar, on_bar, on_line)
+
+
+def _invented(detail: Float32, even: Mask, hole: Mask, markings: tuple[Float32, Float32], *, per_m: float) -> Float32:
     """(A, B, 3) texture and markings for the hole (A, B).
 
     Args:
         detail: (A, B, 3) difference from the medians; even: (A, B) where that can be trusted.
-        marked: (A, B, 3) the same with shadows that were taken away, for markings; bare: (A, B) where that can be trusted.
+        markings: see :func:`_markings`.
     """
     # Texture is fine and faint; transverse markings, and remains of shadows, are no texture to lay down elsewhere.
     broad = np.abs(luminance(masked_blur(detail, even, 0.1 * per_m)))
     faint = even & ~grow(broad > MARK, 0.1 * per_m)
     quilted = quilt(detail, faint, hole, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
     quilted = _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0), hole)
-    lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
+    lines, on_line = markings
     return lines + (1 - on_line[..., None]) * (TEXTURE * quilted)
 
 

@@ -20,7 +20,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
-__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "lines_along", "read_shade", "shade_where_unseen"]
 
 Profile = Callable[[Float32, Mask], Float32]
 """From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
@@ -52,6 +52,10 @@ ASIDE_M = 0.3
 """Standard deviation of the surroundings across the street whose colour is that of a line's ground, metres."""
 TOUCH_M = 0.6
 """Distance from dark ground within which such paint must lie, metres: a bar of a zebra crossing is half a metre wide."""
+BAR_M = (0.7, 1.0)
+"""Extent across and along the street of the dark frame within which something bright has the colour of the dark ground beside it if
+it is paint in the same shade, metres: wider than a bar, so that there is dark ground on both sides, and as long as several pixels
+are at 15 m."""
 CONTACT_M = 0.5
 """Width of the ground around an object that it darkens wherever the sun stands (contact shadow), metres. Chosen on the two sample
 streets."""
@@ -138,12 +142,15 @@ def read_shade(
         dark, paint = seen & (darker < threshold), np.zeros_like(dark)
         tint = float(np.log(ratio[2] / ratio[0]))
         if tint > LEAST_TINT:
-            line = _lines(lit, texels_per_m)
+            line = lines_along(lit, texels_per_m)
             # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
             ground = masked_blur(_blue(lit), ~line, (1.0, ASIDE_M * texels_per_m))
             bluer = _blue(smooth) - np.where(line, ground, _blue(lit))
             dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
             beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
+            # What lies between dark ground is as blue as that if it lies in the same shade, whatever its offset's colour is.
+            shaded = masked_blur(_blue(smooth), dark, TOUCH_M * texels_per_m)
+            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, _blue(smooth) - shaded + tint), bluer)
             # White bars on asphalt are as bright in shade as their offset is in the sun.
             paint = beside & (darker > PAINT * fall) & (bluer > SHADE_TINT * tint)
             dark |= paint
@@ -152,7 +159,15 @@ def read_shade(
     return Shade(dark, ratio, lit, paint & dark)
 
 
-def _lines(lit: Float32, texels_per_m: float) -> Mask:
+def _amid(dark: Mask, texels_per_m: float) -> Mask:
+    """(A, B) places with dark ground close by on both sides across the street, for a while along it."""
+    across, along = (round(m * texels_per_m) for m in BAR_M)
+    closed = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((1, across), np.uint8))
+    opened: Mask = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((along, 1), np.uint8)) > 0
+    return opened
+
+
+def lines_along(lit: Float32, texels_per_m: float) -> Mask:
     """(A, B) places of lines along the street, which may stray: beside them ``lit`` (A, B, 3) is much darker."""
     level = luminance(lit)
     darkest = cv2.erode(level, np.ones((1, 2 * round(STRAY_M * texels_per_m) + 1), np.uint8))
