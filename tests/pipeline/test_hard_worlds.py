@@ -56,6 +56,9 @@ def test_a_corridor_is_no_worse_for_charts(tmp_path: Path) -> None:
     assert done.assumed["the camera drives"].found == "4.5 m of way"
     # Its walls are no houses.
     assert not done.assumed["facades stand along the street"].holds
+    sky = done.assumed["the sky is above"]
+    assert not sky.holds
+    assert sky.message() in done.said
 
 
 def test_a_stop_with_noise_lengthens_no_way(tmp_path: Path) -> None:
@@ -87,6 +90,12 @@ def test_an_overcast_street_has_no_sun(tmp_path: Path) -> None:
     sun = done.assumed["the sun shines"]
     assert sun.message() in done.said
     assert sun.instead == "what is dark within 2 m of a removed object counts as its shadow"
+    for name in (
+        "the sky is above",
+        "paint and kerbs run along the street",
+        "walls of houses are parallel to the street",
+    ):
+        assert done.assumed[name].holds, name
 
 
 def test_behind_a_lorry_of_eighteen_metres_the_street_goes_on(tmp_path: Path) -> None:
