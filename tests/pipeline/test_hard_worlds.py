@@ -5,11 +5,14 @@ The other worlds, which take longer, are in ``benchmarks/quality/``.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from sample_scenes.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, straight
+from sample_scenes.box_worlds import BUILDING, CAR, PERSON, TRUCK, WALL, Box, Lens, World, make_box_world, straight
+from tests.hard_drives import DRAFT
 from tests.hard_worlds import (
     BRICK,
     HOUSES,
@@ -26,7 +29,9 @@ from tests.hard_worlds import (
     quarter_turn,
     with_stop,
 )
+from unveil_core.pipeline.run import run
 
+TRAIN = 16
 PARKED = Box((9.0, -2.6, 0.7), (4.0, 1.8, 1.4), CAR, RED, removed=True)
 
 
@@ -114,3 +119,15 @@ def test_a_rig_that_looks_all_around_is_one_street(tmp_path: Path) -> None:
     assert_harmless(done, 6000)
     assert done.assumed["the way is one street"].holds
     assert done.assumed["the camera drives"].found == "8.0 m of way"
+
+
+def test_a_train_that_is_longer_than_a_vehicle_is_named(tmp_path: Path) -> None:
+    train = Box((16.0, -3.2, 1.8), (30.0, 2.5, 3.6), TRAIN, WHITE, removed=True)
+    drive = make_box_world(tmp_path / "drive", World([*HOUSES, train]), straight(0.0, 28.0, 8, y=0.4), rays=6000)
+    events: list[dict[str, Any]] = []
+    run(drive, tmp_path / "workspace", DRAFT, until="remove", reporter=events.append)
+    (line,) = [str(e["message"]) for e in events if "one vehicle" in str(e.get("message"))]
+    found = re.search(r"train \d+: (\d+\.\d) m long\)", line)
+    assert found is not None
+    # Of its ends the drive shows less.
+    assert 25 < float(found[1]) < 31
