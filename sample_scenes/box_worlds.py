@@ -204,11 +204,20 @@ class Way:
 
     Attributes:
         places: (3,) each; headings: degrees to the left of x, one per place.
+        noise: (4,) each, by which the recorded poses are off, metres along x, y and z and degrees of heading; empty = by nothing.
     """
 
     places: Sequence[Sequence[float]]
     headings: Sequence[float]
     lenses: Sequence[Lens] = field(default_factory=lambda: [Lens()])
+    noise: Sequence[Sequence[float]] = ()
+
+    def recorded(self, lens: Lens, k: int) -> np.ndarray:
+        """(4, 4) OpenGL pose that the drive records of a lens at the ``k``-th place."""
+        if not len(self.noise):
+            return lens.pose(self.places[k], self.headings[k])
+        *aside, turned = self.noise[k]
+        return lens.pose(np.asarray(self.places[k]) + aside, self.headings[k] + turned)
 
 
 def straight(start: float, end: float, count: int, y: float = 0.0, lenses: Sequence[Lens] = (Lens(),)) -> Way:
@@ -259,7 +268,7 @@ def make_box_world(folder: Path, world: World, way: Way, *, rays: int = 2000, wo
                     "semantic_path": f"semantics/{stem}",
                     "camera": lens.name,
                     "timestamp": 0.1 * i,
-                    "transform_matrix": pose.tolist(),
+                    "transform_matrix": way.recorded(lens, i).tolist(),
                     "w": width,
                     "h": height,
                     "fl_x": lens.focal,

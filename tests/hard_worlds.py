@@ -7,6 +7,7 @@ import shutil
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from sample_scenes.box_worlds import (
     ROAD,
     SIDEWALK,
     Box,
+    Lens,
     Way,
     World,
     make_box_world,
@@ -39,12 +41,13 @@ class Outcome:
     """What a run says and does.
 
     Attributes:
-        assumed: by name.
+        assumed: by name; said: the notices of the run.
         unchanged: whether all frames are there, and equal the photographs where nothing was removed.
         removed_px: pixels that were removed, of all frames; ours, plain: PSNR there, with and without charts.
     """
 
     assumed: dict[str, Assumption]
+    said: tuple[str, ...]
     unchanged: bool
     removed_px: int
     ours: float
@@ -65,7 +68,8 @@ def removed_psnr(root: Path, drive: Path) -> tuple[float, int]:
 def outcome(folder: Path, world: World, way: Way) -> Outcome:
     """A whole run through a world, and its frames filled once more without charts."""
     drive = make_box_world(folder / "drive", world, way)
-    workspace = run(drive, folder / "workspace", DRAFT, until="deliver")
+    events: list[dict[str, Any]] = []
+    workspace = run(drive, folder / "workspace", DRAFT, until="deliver", reporter=events.append)
     stages = json.loads((workspace.root / "workspace.json").read_text())["stages"]
     ours, count = removed_psnr(workspace.root, drive)
     copy = Workspace.open(shutil.copytree(workspace.root, folder / "plain", ignore=shutil.ignore_patterns(".lock")))
@@ -74,7 +78,8 @@ def outcome(folder: Path, world: World, way: Way) -> Outcome:
     )
     plain, _ = removed_psnr(copy.root, drive)
     found = {a.name: a for _, a in recorded_assumptions(stages)}
-    return Outcome(found, unchanged_outside(workspace.root, drive), count, ours, plain)
+    said = tuple(str(e["message"]) for e in events if e.get("level") == "notice")
+    return Outcome(found, said, unchanged_outside(workspace.root, drive), count, ours, plain)
 
 
 def assert_harmless(done: Outcome, least_px: int) -> None:
@@ -86,6 +91,22 @@ def assert_harmless(done: Outcome, least_px: int) -> None:
         assert done.assumed[name].holds, name
     # Boxes cast no shadows here.
     assert not done.assumed["the sun shines"].holds
+
+
+def orbit(radius: float, count: int) -> Way:
+    """A way to the left around (0, 0), with a camera that looks at it, 1.6 m over the ground."""
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    places = [(float(radius * np.cos(a)), float(radius * np.sin(a)), 1.6) for a in angles]
+    return Way(places, [float(np.degrees(a)) + 90 for a in angles], [Lens(yaw=90.0)])
+
+
+def with_stop(way: Way, at: int, count: int) -> Way:
+    """The way with ``count`` more frames at one of its places, where poses are off by 1 cm along each axis and 0.2 degrees."""
+    generator = np.random.default_rng(0)
+    order = sorted([*range(len(way.places)), *[at] * count])
+    noise = [generator.normal(size=4) * (0.01, 0.01, 0.01, 0.2) * (k == at) for k in order]
+    places, headings = [way.places[k] for k in order], [way.headings[k] for k in order]
+    return Way(places, headings, way.lenses, [list(map(float, n)) for n in noise])
 
 
 def quarter_turn(radius: float, before: float, after: float, step: float) -> Way:

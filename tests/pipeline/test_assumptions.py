@@ -1,62 +1,34 @@
-"""Drives on which an assumption does not hold: each ends with frames all the same, and says what it did instead."""
+"""Assumptions as stages record them: each with data of which it holds, and with data of which it does not."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.hard_drives import DRAFT, make_tiny_drive, make_tiny_street, unchanged_outside
-from tests.small_street import HIGH, LOW
-from unveil_core.pipeline.run import run
+from tests.inpaint.facade.test_continued import FACADE_T, houses, street
+from tests.inpaint.sunny_street import box_surfels
+from tests.remove.test_regions import scene, surfels_at
+from tests.small_street import BUILDING, SKY, make_small_street
+from unveil_core.base.files import read_image, read_label_image
+from unveil_core.drives import open_drive
+from unveil_core.drives.importing.whole_drive import localized
+from unveil_core.geometry.reach import centres_of
+from unveil_core.inpaint.by_stretch import Completed
+from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified
+from unveil_core.inpaint.facade.offsets import share_facing
+from unveil_core.optimize.start import start_sky
+from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
+from unveil_core.pipeline.steps.inpaint import _facades_assumed
+from unveil_core.pipeline.steps.reconstruct import _sky_assumed
+from unveil_core.pipeline.steps.remove import MOST_NAMED, _vehicles_assumed
+from unveil_core.remove.selection import select_removed
+from unveil_core.semantics.classes import LabelSet
+from unveil_core.semantics.instances import Box
+from unveil_core.semantics.labels import find_labels
+from unveil_core.surfels.surfels import concatenate
 from unveil_core.workspace.assumptions import Assumption, assumed, recorded_assumptions
-from unveil_core.workspace.workspace import Workspace
-
-
-def around(centre: np.ndarray, radius: float, count: int, height: float = 1.6) -> list[np.ndarray]:
-    """OpenGL poses (4, 4) on a circle, looking at its centre."""
-    poses = []
-    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
-        place = centre + radius * np.array([np.cos(angle), np.sin(angle), 0]) + [0, 0, height]
-        forward = centre + [0, 0, 0.5] - place
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1.0])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, np.cross(right, forward), -forward, place
-        poses.append(pose)
-    return poses
-
-
-def outcome(drive: Path, folder: Path) -> tuple[Workspace, dict[str, Assumption], list[dict[str, Any]]]:
-    """The workspace of a whole run, what it assumed by name, and the events that it told."""
-    events: list[dict[str, Any]] = []
-    workspace = run(drive, folder, DRAFT, until="deliver", reporter=events.append)
-    stages = json.loads((workspace.root / "workspace.json").read_text())["stages"]
-    return workspace, {a.name: a for _, a in recorded_assumptions(stages)}, events
-
-
-def test_an_orbit_is_no_street(tmp_path: Path) -> None:
-    centre = np.array([(LOW[0] + HIGH[0]) / 2, 0.0, 0.0])
-    drive = make_tiny_drive(tmp_path / "drive", around(centre, 4.5, 12))
-    workspace, found, events = outcome(drive, tmp_path / "workspace")
-    assert not found["the way is one street"].holds
-    assert "the sun shines" not in found  # without a chart nobody asks
-    told = [str(e["message"]) for e in events if e.get("level") == "notice"]
-    assert any("one street" in line and "without charts" in line for line in told)
-    assert unchanged_outside(workspace.root, drive)
-
-
-def test_a_street_under_an_even_sky_is_one_without_sun(tmp_path: Path) -> None:
-    drive = make_tiny_street(tmp_path / "drive", [float(i) for i in range(8)])
-    workspace, found, _ = outcome(drive, tmp_path / "workspace")
-    assert found["the way is one street"].holds
-    assert found["the camera drives"].holds
-    assert not found["the sun shines"].holds
-    assert unchanged_outside(workspace.root, drive)
 
 
 def test_what_a_stage_records_is_read_back() -> None:
@@ -67,10 +39,128 @@ def test_what_a_stage_records_is_read_back() -> None:
     assert one.message() == "not so: the sun shines (no direction); dark patches count"
 
 
-@pytest.mark.parametrize("jitter", [0.01])
-def test_a_stop_with_noise_is_no_way(tmp_path: Path, jitter: float) -> None:
-    drive = make_tiny_street(tmp_path / "drive", [*map(float, range(6)), *(5.0 + jitter * np.sin(np.arange(6) * 2.3))])
-    workspace, found, _ = outcome(drive, tmp_path / "workspace")
-    assert found["the way is one street"].holds
-    assert found["the camera drives"].found == "5.0 m of way"
-    assert unchanged_outside(workspace.root, drive)
+@pytest.mark.parametrize(
+    ("height", "holds"), [(0.2, False), (0.5, True), (1.6, True), (4.0, True), (4.9, False), (160.0, False)]
+)
+def test_metres_put_cameras_as_high_as_on_a_street(height: float, holds: bool) -> None:
+    ground, cameras = street(60.0)
+    centres = centres_of(cameras) + (0, 0, height - 1.6)
+    told = _metres_assumed("metric", ground, centres)
+    assert told.holds == holds
+    assert told.found == f"by metric, cameras {height:.1f} m over the street"
+    assert "--scale" in told.instead
+
+
+def test_an_estimated_scale_is_said_whatever_the_height() -> None:
+    ground, cameras = street(60.0)
+    told = _metres_assumed("camera height", ground, centres_of(cameras))
+    assert (told.holds, told.found) == (False, "by camera height")
+    assert "1.6 m" in told.instead
+    # Without a street nothing tells how high the cameras are.
+    assert _metres_assumed("metric", None, centres_of(cameras)).holds
+
+
+def by_name(found: list[Assumption]) -> dict[str, Assumption]:
+    return {one.name: one for one in found}
+
+
+def test_a_drive_without_classes_has_none_that_tells_the_ground() -> None:
+    ground, _ = street(np.inf)
+    masks, classes = (
+        by_name(_street_assumed(labels, ground, None)) for labels in (LabelSet.keep_remove(), LabelSet.cityscapes([0]))
+    )
+    assert classes["labels tell the ground"].holds
+    assert not masks["labels tell the ground"].holds
+    assert masks["labels tell the ground"].instead == "level surfels do"
+    assert masks["the ground was seen"].holds
+    none = by_name(_street_assumed(LabelSet.cityscapes([0]), None, None))
+    assert list(none) == ["the ground was seen"]
+    assert not none["the ground was seen"].holds
+
+
+@pytest.mark.parametrize(("agreement", "holds"), [(LEAST_AGREEMENT - 0.01, False), (LEAST_AGREEMENT + 0.01, True)])
+def test_kerbs_run_along_the_street_where_the_path_follows_them(agreement: float, holds: bool) -> None:
+    ground, _ = street(np.inf)
+    told = by_name(_street_assumed(LabelSet.cityscapes([0]), ground, Rectified(ground.path, 0.0, agreement)))
+    assert told["paint and kerbs run along the street"].holds == holds
+
+
+def test_a_drive_under_a_roof_has_no_sky(tmp_path: Path) -> None:
+    drive = localized(open_drive(make_small_street(tmp_path)))
+    found, images = find_labels(drive), [read_image(f.image_path) for f in drive.frames]
+    labels = [
+        found.labels.compact(read_label_image(f.semantic_path)) for f in drive.frames if f.semantic_path is not None
+    ]
+    sky, house = (found.labels.disk_ids.index(kind) for kind in (SKY, BUILDING))
+    _, open_air = start_sky(drive, found, images, labels, None)
+    grey, roofed = start_sky(drive, found, images, [np.where(p == sky, house, p) for p in labels], None)
+    assert _sky_assumed({"sky": open_air}).holds
+    assert _sky_assumed({"sky": open_air}).found == "in 8 of 8 frames"
+    told = _sky_assumed({"sky": roofed})
+    assert (told.holds, told.found) == (False, "in none of 8 frames")
+    assert float(grey.texture.min()) == float(grey.texture.max())
+    # Without labels each block looks for itself.
+    assert _sky_assumed({"sky": {}, "blocks": [{"sky": roofed}, {"sky": open_air}]}).found == "in 8 of 16 frames"
+
+
+def long_object(length: float, gap: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) a box of a vehicle so long, with a gap in the middle, and (M, 3) a badly named pole within it."""
+    x, y, z = (
+        g.ravel() for g in np.meshgrid(np.arange(0, length, 0.1), np.linspace(-1.2, 1.2, 5), np.arange(0.2, 3, 0.4))
+    )
+    solid = np.abs(x - length / 2) >= gap / 2
+    return np.column_stack([x, y, z])[solid], np.array([[3.0, 0.1, h] for h in np.arange(0.6, 2.5, 0.2)])
+
+
+@pytest.mark.parametrize(("length", "gap", "why"), [(18.0, 0.0, None), (31.0, 0.0, ""), (18.0, 0.8, " with a gap")])
+def test_an_object_that_is_too_long_is_named(length: float, gap: float, why: str | None) -> None:
+    own, pole = long_object(length, gap)
+    labels = np.repeat([2, 0], [len(own), len(pole)])
+    boxes: dict[int, Box] = {}
+    gone = select_removed(
+        surfels_at(np.concatenate([own, pole]), labels),
+        np.where(labels == 2, 7, 0),
+        scene(("car",)),
+        too_close=0.0,
+        axes=np.eye(3),
+        not_one=boxes.__setitem__,
+    )
+    told = _vehicles_assumed(boxes, {7: "train"})
+    assert told.holds == (why is None)
+    if why is not None:
+        found = max(boxes[7].size)
+        assert found == pytest.approx(length, abs=1.0)
+        assert told.found == f"train 7: {found:.1f} m long{why}"
+    # What is said is done: its own points go, and those in its box only where it is one vehicle's.
+    assert gone[: len(own)].all()
+    assert gone[len(own) :].all() == gone[len(own) :].any() == told.holds
+
+
+def test_of_many_long_objects_the_longest_are_named() -> None:
+    boxes = {n: Box((0.0, 0.0, 0.0), (26.0 + n, 2.0, 3.0), 0.0) for n in range(1, 10)}
+    found = _vehicles_assumed(boxes, {}).found
+    assert found.startswith("object 9: 35.0 m long, object 8")
+    assert found.endswith(f"and {9 - MOST_NAMED} more")
+
+
+def completed(sides: int, facing: float | None) -> Completed:
+    return Completed(None, None, None, None, sides, 0, facing)
+
+
+def test_facades_that_stand_across_are_not_parallel_to_the_street() -> None:
+    ground, _ = street(np.inf)
+    along = houses(np.inf)
+    across = concatenate(
+        [box_surfels(np.array([[x, FACADE_T, 0.0], [x + 0.1, FACADE_T + 4.0, 4.0]])) for x in (8.0, 16.0)]
+    )
+    for walls, holds in ((along, True), (across, False)):
+        told = by_name(_facades_assumed(completed(1, share_facing(walls, ground)), named=True))
+        assert told["walls of houses are parallel to the street"].holds == holds
+        assert told["facades stand along the street"].holds
+    assert share_facing(along.select(np.arange(3)), ground) is None
+
+
+def test_without_a_label_of_houses_there_are_no_facades() -> None:
+    (told,) = _facades_assumed(completed(0, None), named=False)
+    assert not told.holds
+    assert told.found == "no label means buildings"

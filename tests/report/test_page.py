@@ -25,6 +25,7 @@ from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera
 from unveil_core.report.pictures import REGION_COLORS, fitted, page_size, pick
 from unveil_core.report.wording import detail
+from unveil_core.workspace.assumptions import Assumption, assumed
 
 VOID = {"meta", "link", "img", "input", "br", "line", "polyline", "image", "circle", "polygon"}
 
@@ -357,6 +358,23 @@ def test_free_viewpoints_stand_beside_the_recorded_ones(finished: Path, tmp_path
     ]
     places = [table.index(word) for word in order]
     assert places == sorted(places)
+
+
+def test_assumptions_that_do_not_hold_say_what_is_done_instead(workspace: Path) -> None:
+    assert "Assumptions" not in page_of(workspace)[1].text
+    state = json.loads((workspace / "workspace.json").read_text())
+    street = Assumption("the way is one street", False, "goes round in <b>circles</b>", "without charts")
+    ground = Assumption("the ground was seen", True, "by its labels", "nothing of it is kept")
+    state["stages"].setdefault("ground", {}).update(assumed([street, ground]))
+    write_json_atomic(workspace / "workspace.json", state)
+    _, page = page_of(workspace)
+    section = page.text[page.text.index("Assumptions") :]
+    places = [
+        section.index(words)
+        for words in (street.name, f"no: {street.found}; {street.instead}", ground.name, f"yes: {ground.found}")
+    ]
+    assert places == sorted(places)
+    assert ground.instead not in page.text
 
 
 def test_a_long_list_of_objects_ends(workspace: Path) -> None:

@@ -28,6 +28,7 @@ from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
 from unveil_core.inpaint.facade.half_trees import complete_trees
+from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
@@ -60,6 +61,7 @@ class Completed:
         curtains: surfels in facades' planes over which the sky goes on, None where none does.
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
+        facing: share of the houses' surfels that face the street, 0 to 1; None where there are no houses.
     """
 
     walls: Surfels | None
@@ -68,6 +70,7 @@ class Completed:
     curtains: Surfels | None
     sides: int
     mended: int
+    facing: float | None
 
     def surfels(self) -> list[Surfels]:
         """Those that become part of the scene."""
@@ -318,7 +321,9 @@ class StreetFill:
                 own = {key.removeprefix(f"{name}."): a for key, a in arrays.items() if key.startswith(f"{name}.")}
                 parts += [Surfels.from_arrays(own)] if own else []
         walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
-        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()))
+        house = self.scene.labels.index("building")
+        facing = None if house is None else share_facing(remaining.select(remaining.labels == house), self.ground)
+        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing)
 
     def _completed(self, stretch: Stretch, local: Surfels) -> dict[str, NDArray[Any]]:
         """What a stretch owns of that, the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on

@@ -242,8 +242,9 @@ def start_sky(
         hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
         cache: room for the frames.
     Returns:
-        the sky, and what its size was chosen by: a panorama fitted to every second frame is held against the others, and a
-        larger one must explain them better by ``SKY_GAIN`` dB.
+        the sky, in how many of the ``frames`` it was ``shown``, where none shows it even and grey, and what its size was chosen by:
+        a panorama fitted to every second frame is held against the others, and a larger one must explain them better by
+        ``SKY_GAIN`` dB.
     """
     sky = scene.labels.index("sky")
     cameras = [f.camera for f in drive.frames]
@@ -266,7 +267,9 @@ def start_sky(
         if psnr < best + SKY_GAIN:
             break
         chosen, best = height, psnr
-    return fit_sky(samples, UP, height=chosen), {"chosen": chosen, "psnr_of_rows": tried}
+    shown = sum(bool(m.any()) for m in masks)
+    choice = {"chosen": chosen, "psnr_of_rows": tried, "shown": shown, "frames": len(cameras)}
+    return fit_sky(samples, UP, height=chosen), choice
 
 
 def _sky_error(sky: Sky, samples: Sequence[tuple[Camera, NDArray[np.uint8], NDArray[np.bool_]]]) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from unveil_core.semantics.labels import SceneLabels
 from unveil_core.semantics.members import Members
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["near_removed", "select_removed"]
+__all__ = ["LONGEST_M", "WIDEST_M", "near_removed", "select_removed"]
 
 MARGIN_M = 0.15
 """Uncertainty of an object's box, metres; what lies no higher than this over its floor is the ground."""
@@ -35,6 +37,7 @@ def select_removed(
     too_close: float,
     axes: NDArray[np.float64] | None = None,
     ground: NDArray[np.bool_] | None = None,
+    not_one: Callable[[int, Box], None] = lambda instance, box: None,
 ) -> NDArray[np.bool_]:
     """(N,) True where a surfel is removed.
 
@@ -48,6 +51,7 @@ def select_removed(
             metres.
         axes: (3, 3) rows east, north, up of the drive; None leaves the boxes out.
         ground: (N,) surfels that lie where the ground is known to lie: no box takes them; None = not known.
+        not_one: called with the id and the box of each object whose box takes nothing, since it is not that of one vehicle.
     """
     labels = surfels.labels.numpy()
     chosen = np.isin(labels, scene.removed_labels)
@@ -65,6 +69,7 @@ def select_removed(
             own = own[chosen[own]]
             box = fit_box(without_strays(means[own]), axes, gap=1.0)
             if not _is_one(box, means[own], axes):
+                not_one(int(instance), box)
                 continue
             half = float(np.hypot(*(np.asarray(box.size[:2]) / 2 + MARGIN_M)))
             near = others[grid.near(axes @ np.asarray(box.centre), half + SLACK_M)]

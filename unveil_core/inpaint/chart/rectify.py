@@ -28,7 +28,7 @@ from unveil_core.ground.path import StreetPath, shift_path
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.street_chart import OBSERVED, READ_M, TEXEL_M, arc_lengths, read_chart, rows_of
 
-__all__ = ["RowBins", "find_drift", "rectified_path"]
+__all__ = ["LEAST_AGREEMENT", "Drift", "Rectified", "RowBins", "find_drift", "rectified_path"]
 
 BIN_M = 0.5
 """Length of street that is given one shift, metres: at a drift of a few per cent a line stays within a texel over it."""
@@ -53,6 +53,9 @@ PIECE_M = 100.0
 """Length of street that is read at once, metres: 200 MB of texels, and twice as much street as a view is read beyond its ends."""
 ROUNDS = 3
 """Times that shifts and the reference they are compared with are found in turn. Chosen on the two sample streets."""
+LEAST_AGREEMENT = 0.05
+"""Share of the contrast across the street that must keep its lateral offset for shifts to be believed. Of drawn and real streets it
+is 0.08 to 0.65; of grain, which shifts follow by chance, up to 0.03, from 6 m of street on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +91,39 @@ class RowBins:
         return RowBins(np.concatenate([p.lines for p in pieces]), np.concatenate([p.shown for p in pieces]))
 
 
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """How far a street lies beside the columns of a chart.
+
+    Attributes:
+        aside: (A,) per row, positive to the left, texels; 0 where no shift is believed.
+        agreement: share of the contrast across the street that keeps its lateral offset once its rows are shifted, 0 to 1.
+    """
+
+    aside: Float32
+    agreement: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rectified:
+    """A path along which paint and kerbs keep their lateral offset.
+
+    Attributes:
+        path: the path; moved_m: how far it was moved at most, metres; agreement: see :class:`Drift`.
+    """
+
+    path: StreetPath
+    moved_m: float
+    agreement: float
+
+
 def bin_rows(texels_per_m: float) -> int:
     """Rows of a chart in a bin."""
     return max(1, round(BIN_M * texels_per_m))
 
 
-def find_drift(bins: RowBins, rows: int, *, texels_per_m: float) -> Float32:
-    """(rows,) how far the street lies beside the columns of a chart, per row, positive to the left, texels.
+def find_drift(bins: RowBins, rows: int, *, texels_per_m: float) -> Drift:
+    """How far the street lies beside the columns of a chart: nowhere, unless paint and kerbs run along it.
 
     Args:
         bins: of a chart of so many rows.
@@ -103,13 +132,8 @@ def find_drift(bins: RowBins, rows: int, *, texels_per_m: float) -> Float32:
     reach = round(REACH_M * texels_per_m)
     shifts = np.arange(-reach, reach + 1)
     shift = np.zeros(len(lines), dtype=np.int64)
-    around = max(1, int(AROUND_M / BIN_M))
     for _ in range(ROUNDS):
-        rectified, counted = _shifted(lines, shift), _shifted(weight, shift)
-        total, many = (
-            cv2.boxFilter(p, -1, (1, 2 * around + 1), normalize=False, borderType=cv2.BORDER_CONSTANT)
-            for p in (rectified * counted, counted)
-        )
+        total, many = _around(_shifted(lines, shift), _shifted(weight, shift))
         reference = total / np.maximum(many, 1e-3)
         trusted = (many >= FEWEST_BINS).astype(np.float32)
         cost = np.zeros((len(lines), len(shifts)))
@@ -120,10 +144,33 @@ def find_drift(bins: RowBins, rows: int, *, texels_per_m: float) -> Float32:
             cost[:, k] = gap.sum(axis=1) / (both.sum(axis=1) + FLAT_M * texels_per_m)
         shift = shifts[_smoothest(cost)]
         shift = shift - int(np.median(shift))
+    agreement = _agreement(_shifted(lines, shift), _shifted(weight, shift))
+    if agreement < LEAST_AGREEMENT:
+        return Drift(np.zeros(rows, np.float32), agreement)
     size = bin_rows(texels_per_m)
     at = (size * np.arange(len(lines)) + (size - 1) / 2).astype(np.float64)
     smooth = cv2.GaussianBlur(shift.astype(np.float32)[:, None], (1, 7), 0, sigmaY=1.5)[:, 0]
-    return np.interp(np.arange(rows), at, smooth).astype(np.float32)
+    return Drift(np.interp(np.arange(rows), at, smooth).astype(np.float32), agreement)
+
+
+def _around(lines: Float32, weight: Float32) -> tuple[Float32, Float32]:
+    """Sum of the lines (A, B) of the bins around each one, itself among them, at each offset, and how many of these are shown."""
+    around = max(1, int(AROUND_M / BIN_M))
+    total, many = (
+        cv2.boxFilter(p, -1, (1, 2 * around + 1), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for p in (lines * weight, weight)
+    )
+    return total, many
+
+
+def _agreement(lines: Float32, weight: Float32) -> float:
+    """Share, 0 to 1, of the contrast of bins that the others around them have, too; 0 where there is none to compare."""
+    total, many = _around(lines, weight)
+    weight = weight * (many >= FEWEST_BINS)
+    # Without itself: of few bins the mean is like each of them.
+    others = (total - lines) / np.maximum(many - 1, 1)
+    shared, whole = (float((lines * p * weight).sum()) for p in (others, lines))
+    return max(0.0, shared / whole) if whole > 0 else 0.0
 
 
 def rectified_path(
@@ -134,7 +181,7 @@ def rectified_path(
     usable: Sequence[Mask],
     kept: Kept | None = None,
     progress: Progress = no_progress,
-) -> tuple[StreetPath, float]:
+) -> Rectified:
     """The ground's path, moved so that paint and kerbs keep their lateral offset: the car does not keep its distance from them.
 
     The street is read in pieces, of which only the bins are kept.
@@ -142,8 +189,6 @@ def rectified_path(
     Args:
         images, labels, usable: (H, W…) per camera, see :func:`unveil_core.inpaint.chart.street_chart.read_chart`.
         kept: where an interrupted call leaves the pieces that it has read.
-    Returns:
-        the path, and how far it was moved at most, metres.
     """
     per_m, count, kept = 1 / TEXEL_M, rows_of(ground), kept or Kept()
     s_of_camera = ground.path.to_street(centres_of(cameras))[:, 0]
@@ -168,8 +213,10 @@ def rectified_path(
         piece = partial(read, first, min(first + length, count))
         pieces.append(RowBins(**kept.once(f"lines-{first}", piece)))
         progress(min(first + length, count), count, "following lines and kerbs")
-    aside = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m) * TEXEL_M
-    return shift_path(ground.path, arc_lengths(ground, (0, count)), aside), float(np.abs(aside).max(initial=0.0))
+    drift = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m)
+    aside = drift.aside * TEXEL_M
+    path = shift_path(ground.path, arc_lengths(ground, (0, count)), aside)
+    return Rectified(path, float(np.abs(aside).max(initial=0.0)), drift.agreement)
 
 
 def _across(plane: Float32, usable: Mask, sigma: float) -> Float32:

@@ -8,7 +8,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOW_M", "carried_on", "facade_offsets"]
+__all__ = ["LOW_M", "carried_on", "facade_offsets", "share_facing"]
 
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
@@ -18,6 +18,9 @@ LOW_M, HIGH_M = 0.3, 8.0
 STEP_M, GAP_M = 0.5, 6.0
 """Difference of offset under which two stretches are one facade, over a gap up to the second, metres: the projection of a bay,
 and a van's length. Chosen on the two sample streets."""
+BESIDE_M = 20.0
+"""Distance from the path up to which walls are those of the street's own houses, metres: of wide streets, too, but hardly of side
+streets. Only the share of walls that face the street goes by it."""
 LONG_M = 2.5
 """Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
 TOUCH_M = 1.5
@@ -33,13 +36,8 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     Args:
         walls: surfels of houses; left: which side of the street.
     """
-    path = ground.path
-    means = walls.means.detach().double().numpy()
-    street = path.to_street(means)
-    height = ground.over(street)
-    facing = (street[:, 1] > 0) == left
-    facing &= path.faced_by(street[:, 0], walls.normals().detach().double().numpy())
-    facing &= (height > LOW_M) & (height < HIGH_M)
+    street, facing, low = _places(walls, ground)
+    facing &= low & ((street[:, 1] > 0) == left)
     along, aside = street[facing, 0], street[facing, 1]
     order = np.argsort(along)
     along, aside = along[order], aside[order]
@@ -61,6 +59,26 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(offset))
     return np.where(stands[below] & stands[above], smooth, np.nan)
+
+
+def share_facing(walls: Surfels, ground: Ground) -> float | None:
+    """Share of the surfels of houses beside the street that face it, 0 to 1, as facades parallel to it do; the others make none.
+    None where there are too few to tell.
+
+    Args:
+        walls: surfels of houses.
+    """
+    street, facing, low = _places(walls, ground)
+    beside = low & (np.abs(street[:, 1]) < BESIDE_M)
+    return float(facing[beside].mean()) if beside.sum() >= LEAST else None
+
+
+def _places(walls: Surfels, ground: Ground) -> tuple[Float64, Mask, Mask]:
+    """Street coordinates (N, 3) of the surfels of walls, and which of them face the street and lie where a facade's would."""
+    street = ground.path.to_street(walls.means.detach().double().numpy())
+    height = ground.over(street)
+    facing = ground.path.faced_by(street[:, 0], walls.normals().detach().double().numpy())
+    return street, facing, (height > LOW_M) & (height < HIGH_M)
 
 
 def _without_spikes(offset: Float64, half: int) -> Float64:

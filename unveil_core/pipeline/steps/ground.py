@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import write_json_atomic
-from unveil_core.base.types import Mask
+from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
@@ -22,11 +22,11 @@ from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.street import Ground
 from unveil_core.ground.track import longest_track
 from unveil_core.inpaint.chart.ahead import path_ahead
-from unveil_core.inpaint.chart.rectify import rectified_path
+from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified, rectified_path
 from unveil_core.inpaint.chart.street_chart import usable_pixels
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.picture import render_numpy
-from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.classes import GROUND_CLASSES, LabelSet
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
@@ -37,6 +37,9 @@ from unveil_core.workspace.movers import read_moving
 __all__ = ["run"]
 
 PLAIN = "frames are filled one by one, without charts"
+HEIGHTS_M = (0.4, 4.5)
+"""Heights of cameras over the street between which a drive's metres are believed, metres: a robot's, and the roof of a
+double-decker bus."""
 
 
 def _usable(
@@ -76,10 +79,11 @@ def run(context: StageContext) -> Facts:
     surfels = read_surfels(workspace.surfels_full)
     track = longest_track(drive)
     of_track = [drive.frames[i].camera for i in track]
-    path, moved = fit_path(of_track), 0.0
+    path = fit_path(of_track)
     own, orbits = share_of_own(path), goes_round(path)
     one_street = own >= LEAST_OWN and not orbits
     street = fit_street(surfels, scene.labels, of_track, path, drive.points) if one_street else None
+    rectified: Rectified | None = None
     context.progress(1, 4, "fitting the ground")
     if street is not None:
         exposures = read_exposures(workspace.exposure_json)
@@ -94,13 +98,14 @@ def run(context: StageContext) -> Facts:
         kinds, walls = scene.labels.indices(GROUND_CLASSES), side_places(street, surfels, scene.labels)
         ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
         street = fit_street(surfels, scene.labels, of_track, ahead, drive.points) or street
-        rectified, moved = rectified_path(street, *frames_of, context.kept, context.progress)
-        street = fit_street(surfels, scene.labels, of_track, rectified, drive.points) or street
+        rectified = rectified_path(street, *frames_of, context.kept, context.progress)
+        street = fit_street(surfels, scene.labels, of_track, rectified.path, drive.points) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
     ground = DriveGround(path, street, fit_drive_terrain(drive, surfels, scene.labels, path.axes, street))
     write_ground(ground, context.output("ground/ground.npz"))
-    way = way_of(np.stack([c.centre for c in of_track]))
+    centres = np.stack([c.centre for c in of_track])
+    way = way_of(centres)
     write_json_atomic(
         context.output("ground/ground.json"),
         {
@@ -108,29 +113,14 @@ def run(context: StageContext) -> Facts:
             "frames": len(track),
             "way_m": round(way, 2),
             "street_from": _street_from(scene, street),
-            "path_moved_by_m": round(moved, 3),
+            "path_moved_by_m": 0.0 if rectified is None else round(rectified.moved_m, 3),
             "terrain": ground.terrain is not None,
         },
     )
     context.progress(4, 4, "fitting the ground")
     shape = "goes round in circles" if orbits else f"{own:.0%} of the places beside it are one place of it"
-    return assumed(
-        _assumptions(drive, scene, way, Assumption("the way is one street", one_street, shape, PLAIN), street)
-    )
-
-
-def _assumptions(
-    drive: Drive, scene: SceneLabels, way: float, one_street: Assumption, street: Ground | None
-) -> list[Assumption]:
-    estimated = drive.scale_source in ESTIMATED_SCALES
-    labelled = bool(scene.labels.indices(GROUND_CLASSES))
     found = [
-        Assumption(
-            "lengths are in metres",
-            not estimated,
-            f"by {drive.scale_source}",
-            "the cameras were taken to be 1.6 m high",
-        ),
+        _metres_assumed(drive.scale_source, street, centres),
         Assumption(
             "up is known",
             drive.up_source not in ESTIMATED_UPS,
@@ -140,20 +130,43 @@ def _assumptions(
         Assumption(
             "the camera drives", way > 0, f"{way:.1f} m of way", "where it looks is taken for the street's direction"
         ),
-        one_street,
+        Assumption("the way is one street", one_street, shape, PLAIN),
     ]
-    if one_street.holds:
-        seen = "by its labels" if labelled else "level surfels under the cameras"
-        found.append(
-            Assumption("the ground was seen", street is not None, seen if street is not None else "too little", PLAIN)
-        )
+    if one_street:
+        found += _street_assumed(scene.labels, street, rectified)
+    return assumed(found)
+
+
+def _metres_assumed(source: str, street: Ground | None, centres: Float64) -> Assumption:
+    """That lengths are in metres: where nothing tells, or cameras are as high as on no street, they are not.
+
+    Args:
+        source: of the drive's scale; centres: (F, 3) places of its cameras, metres.
+    """
+    if source in ESTIMATED_SCALES or street is None:
+        known, found, instead = source not in ESTIMATED_SCALES, "", "the cameras were taken to be 1.6 m high"
+    else:
+        height = float(np.median(street.over(street.path.to_street(centres))))
+        known, found = HEIGHTS_M[0] <= height <= HEIGHTS_M[1], f", cameras {height:.1f} m over the street"
+        instead = "the drive's own scale is kept; --scale UNITS_PER_METRE decides"
+    return Assumption("lengths are in metres", known, f"by {source}{found}", instead)
+
+
+def _street_assumed(labels: LabelSet, street: Ground | None, rectified: Rectified | None) -> list[Assumption]:
+    """What is assumed of a way that is one street."""
+    labelled = bool(labels.indices(GROUND_CLASSES))
+    seen = "too little" if street is None else "by its labels" if labelled else "level surfels under the cameras"
+    found = [Assumption("the ground was seen", street is not None, seen, PLAIN)]
     if street is not None:
+        told = "so they do" if labelled else "no class of ground"
+        found.append(Assumption("labels tell the ground", labelled, told, "level surfels do"))
+    if rectified is not None:
         found.append(
             Assumption(
-                "labels tell the ground",
-                labelled,
-                "so they do" if labelled else "no class of ground",
-                "level surfels do",
+                "paint and kerbs run along the street",
+                rectified.agreement >= LEAST_AGREEMENT,
+                f"{rectified.agreement:.0%} of the contrast across it does",
+                "the street is taken to lie as the car drove",
             )
         )
     return found

@@ -52,6 +52,10 @@ from unveil_core.workspace.movers import read_moving
 
 __all__ = ["inpaint_with", "run"]
 
+LEAST_FACING = 0.5
+"""Share of the surfels of houses above which these count as parallel to the street: half of walls that stand in any direction face
+it. Of 17 drawn and real streets 15 have 0.52 to 0.92; two that show more of gables than of facades have 0.27 and 0.49."""
+
 
 def run(context: StageContext) -> Facts:
     """inpainted/ in canonical colours and inpaint/origins/, where its pixels come from; inpaint/keyframes.json, inpaint/chart.npz,
@@ -97,8 +101,8 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         displaced, relit, ground = _renew_ground(context, given, fill)
     remaining = given.shortened.of(surfels).select(torch.from_numpy(~(gone | displaced)))
     completed = None if fill is None else fill.complete(remaining)
-    if completed is not None and scene.labels.index("building") is not None:
-        tested.append(_facades_assumed(completed.sides, completed.mended))
+    if completed is not None:
+        tested += _facades_assumed(completed, named=scene.labels.index("building") is not None)
     parts = [] if completed is None else completed.surfels()
     # What follows from the seen part of a house or a pole is known before anything is invented.
     counts = [len(part) for part in (remaining, *parts)]
@@ -158,11 +162,31 @@ def _sun_assumed(sun: Sun | None) -> Assumption:
     return Assumption("the sun shines", sun is not None, found, instead)
 
 
-def _facades_assumed(sides: int, completed: int) -> Assumption:
-    found = f"on {sides} of 2 sides, completed on {completed}"
-    return Assumption(
-        "facades stand along the street", sides > 0, found, "what was not seen of them is filled frame by frame"
-    )
+def _facades_assumed(completed: Completed, *, named: bool) -> list[Assumption]:
+    """What is assumed of houses.
+
+    Args:
+        named: whether some label means houses.
+    """
+    stand = f"on {completed.sides} of 2 sides, completed on {completed.mended}" if named else "no label means buildings"
+    found = [
+        Assumption(
+            "facades stand along the street",
+            completed.sides > 0,
+            stand,
+            "what was not seen of them is filled frame by frame",
+        )
+    ]
+    if completed.facing is not None:
+        found.append(
+            Assumption(
+                "walls of houses are parallel to the street",
+                completed.facing > LEAST_FACING,
+                f"{completed.facing:.0%} of what is seen of them is, to 45 degrees",
+                "what was not seen of other walls is filled frame by frame",
+            )
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.surfels.ply import write_surfels
 from unveil_core.surfels.sky import save_sky
+from unveil_core.workspace.assumptions import Assumption, assumed
 from unveil_core.workspace.files import load_labels
 from unveil_core.workspace.movers import read_moving
 
@@ -39,7 +40,8 @@ def asked_for(settings: RunSettings) -> ReconstructSettings:
 
 
 def run(context: StageContext) -> Facts:
-    """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines."""
+    """surfels/full.ply and surfels/sky.npz, in the canonical colours that surfels/exposure.json defines. Returns what was chosen
+    and assumed."""
     return reconstruct_with(context, asked_for(context.settings))
 
 
@@ -52,7 +54,15 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
     write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=work.drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
     work.parts.tidy()
-    return {"choices": done.choices}
+    return {"choices": done.choices, **assumed([_sky_assumed(done.choices)])}
+
+
+def _sky_assumed(choices: dict[str, Any]) -> Assumption:
+    """That there is a sky, by where each block's sky began, or that of all."""
+    told = [c["sky"] for c in (choices, *choices.get("blocks", [])) if c.get("sky")]
+    shown, frames = (sum(t[name] for t in told) for name in ("shown", "frames"))
+    found = f"in {shown} of {frames} frames" if shown else f"in none of {frames} frames"
+    return Assumption("the sky is above", shown > 0, found, "an even grey is behind the scene before it is trained")
 
 
 def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReconstruction:

@@ -21,7 +21,7 @@ from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
-from unveil_core.pipeline.stage import StageContext
+from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.remove.behind import empty_street
@@ -31,13 +31,22 @@ from unveil_core.remove.observed import SeenView, SeenViews, never_seen, seen_vi
 from unveil_core.remove.reaching import shortened
 from unveil_core.remove.regions import region_map
 from unveil_core.remove.remains import remains
-from unveil_core.remove.selection import select_removed
+from unveil_core.remove.selection import LONGEST_M, WIDEST_M, select_removed
 from unveil_core.remove.unsupported import unsupported
 from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.instances import Box
 from unveil_core.semantics.labels import SceneLabels, frame_instances, frame_labels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
-from unveil_core.workspace.files import frame_file, load_array, load_selection, save_array, save_mask
+from unveil_core.workspace.assumptions import Assumption, assumed
+from unveil_core.workspace.files import (
+    frame_file,
+    listed_objects,
+    load_array,
+    load_selection,
+    save_array,
+    save_mask,
+)
 from unveil_core.workspace.movers import ego_pixels, read_moving
 
 __all__ = ["run"]
@@ -48,6 +57,8 @@ ON_GROUND_M = 0.15
 """Height over or under the ground within which a surfel lies on it, metres: what a fit along the whole street is off by."""
 LOOSE_M = 0.5
 """How far from an object its loose ends may lie, metres."""
+MOST_NAMED = 5
+"""So many objects are named in a line of the log."""
 
 
 def object_mask(frame: Frame, scene: SceneLabels, rendered: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -114,8 +125,28 @@ def _floating(drive: Drive, scene: SceneLabels, surfels: Surfels, street: Ground
     return floating_ground(surfels.means.double().numpy(), on_ground, street, cameras, masks)
 
 
-def run(context: StageContext) -> None:
-    """surfels/removed.npy, masks/removed, masks/unobserved, regions."""
+def _vehicles_assumed(boxes: dict[int, Box], names: dict[int, str]) -> Assumption:
+    """That boxes are those of single vehicles.
+
+    Args:
+        boxes: by id, those that are not; names: of objects' classes, by id.
+    """
+    told = []
+    for number, box in sorted(boxes.items(), key=lambda entry: -max(entry[1].size[:2])):
+        length, width = max(box.size[:2]), min(box.size[:2])
+        why = "" if length > LONGEST_M else f" and {width:.1f} m wide" if width > WIDEST_M else " with a gap"
+        told.append(f"{names.get(number, 'object')} {number}: {length:.1f} m long{why}")
+    more = f", and {len(told) - MOST_NAMED} more" if len(told) > MOST_NAMED else ""
+    return Assumption(
+        f"each removed object is one vehicle of at most {LONGEST_M:g} m",
+        not told,
+        ", ".join(told[:MOST_NAMED]) + more if told else "all are",
+        "its own points go, but nothing else that lies in its box",
+    )
+
+
+def run(context: StageContext) -> Facts:
+    """surfels/removed.npy, masks/removed, masks/unobserved, regions. Returns what was assumed of the objects."""
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir, points=False)
     scene = load_selection(workspace)
@@ -124,7 +155,10 @@ def run(context: StageContext) -> None:
     on_ground = scene.labels.indices(GROUND_CLASSES)
     ground = read_ground(workspace.ground_npz)
     of_ground = _of_ground(surfels, scene, ground.street) if on_ground and ground.street is not None else None
-    gone = select_removed(surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP), ground=of_ground)
+    boxes: dict[int, Box] = {}
+    gone = select_removed(
+        surfels, of_surfel, scene, too_close=0.08, axes=up_frame(UP), ground=of_ground, not_one=boxes.__setitem__
+    )
     if not on_ground:
         gone |= _loose_ends(drive, scene, surfels, gone)
     if on_ground and ground.street is not None:
@@ -188,3 +222,5 @@ def run(context: StageContext) -> None:
             save_mask(unseen, frame_file(context.output("masks/unobserved"), frame))
             write_image_atomic(last, region_map(mask, hidden, unseen))
         context.progress(len(frames) + done + 1, 2 * len(frames), "finding what nobody saw")
+    names = {int(entry["id"]): str(entry["class"]) for entry in listed_objects(workspace) if "class" in entry}
+    return assumed([_vehicles_assumed(boxes, names)])
