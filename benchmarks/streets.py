@@ -4,9 +4,12 @@
 
 Streets that are missing are rendered first (sample_scenes/streets/make_streets.py, which needs Blender's Python module). Each
 run is a process of its own. Results go to benchmarks/results/streets.json after every seed, where those of other seeds and
-qualities are kept; a plot (streets.png) and the worst frame of each seed of this call (streets.jpg) lie beside it. Seeds up to
-45 that are not in ``HELD_OUT`` are for work on the program (all from 10 on were held out until they were looked at); nobody looks
-at those that are, and nothing is chosen by them. They have their own means, and are in no picture.
+qualities are kept; a plot (streets.png) and the worst frame of each seed of this call (streets.jpg) lie beside it. Without
+``--seeds`` nothing is run: means and plot are made anew from the rows that are there.
+
+Of seeds from 28 on nobody looks at pictures, and nothing is chosen by them, but for a few that were looked at after their first
+run (``SEEN`` in street_figures.py). The first row of each is kept (``first_looks``) when the seed is run again (``runs``), and the
+means of first looks count all of them: a mean of those that nobody looked at since would leave out the worst.
 """
 
 from __future__ import annotations
@@ -28,19 +31,17 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
+from benchmarks.street_figures import BASELINES, FIGURES, may_be_shown, recorded, summarized  # noqa: E402
 from sample_scenes.streets.cache import version  # noqa: E402
 from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
 from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
-from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
 from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
 from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
 
 RESULTS = HERE / "results" / "streets.json"
-HELD_OUT = frozenset(range(28, 46)) - {30, 33, 34, 35, 36, 38, 44}
-BASELINES = ("telea", "shift_map")
-FIGURES = ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue")
 CHANGED = 8
 """Levels of 255 by which a pixel outside of what was removed must differ from its photograph to count as changed."""
 BORDER_PX = 4
@@ -185,31 +186,6 @@ def write_sheet(rows: list[np.ndarray], path: Path) -> None:
     path.write_bytes(encoded.tobytes())
 
 
-def means(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Means over streets: of those that were measured."""
-
-    def mean(values: list[float | None]) -> float | None:
-        there = [v for v in values if v is not None]
-        return round(float(np.mean(there)), 4) if there else None
-
-    found: dict[str, Any] = {"streets": len(rows), "failed": sum("error" in r for r in rows)}
-    good = [r for r in rows if "error" not in r]
-    names = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "cast_shadow_input", "input", "best_opencv")
-    for region in names:
-        here = [r[region] for r in good if r.get(region)]
-        found[region] = {k: mean([h.get(k) for h in here]) for k in FIGURES}
-    certain = [r["certain"] for r in good if r.get("certain")]
-    found["certain"] = {k: mean([c[k] for c in certain]) for k in ("certain", "certain_right")}
-    found["lowest"] = min((r["removed"]["psnr"] for r in good if r.get("removed")), default=None)
-    found["flicker"] = {m: mean([r["flicker"].get(m) for r in good]) for m in ("ours", "truth", *BASELINES)}
-    found["changed_share_outside"] = mean([r["outside"]["changed_share"] for r in good])
-    for name in ("seconds", "peak_memory_mb"):
-        found[name] = mean([r[name] for r in good])
-    ahead = [r["removed"]["psnr"] - r["best_opencv"]["psnr"] for r in good if r.get("best_opencv")]
-    found["ahead_of_best_opencv"] = sum(a > 0 for a in ahead)
-    return found
-
-
 def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
     """How the streets spread: PSNR in the removed region, ours and the best OpenCV row, as a histogram and by seed."""
     import matplotlib
@@ -217,7 +193,7 @@ def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    shown = {s: r for s, r in rows.items() if int(s) not in HELD_OUT and "error" not in r}
+    shown = {s: r for s, r in rows.items() if may_be_shown(int(s)) and "error" not in r}
     good = {s: r for s, r in shown.items() if r.get("removed") and r.get("best_opencv")}
     if not good:
         return
@@ -241,36 +217,33 @@ def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
     plt.close(figure)
 
 
-def summarized(document: dict[str, Any], quality: str) -> dict[str, Any]:
-    """The document with the means of a quality; only streets of the present generator count."""
-    rows = {s: r for s, r in document["runs"][quality].items() if r["generator"] == version()}
-    groups = {
-        "work": [r for s, r in rows.items() if int(s) not in HELD_OUT],
-        "held_out": [r for s, r in rows.items() if int(s) in HELD_OUT],
-    }
-    document["means"][quality] = {name: means(group) for name, group in groups.items() if group}
-    return document
+def read_document(path: Path) -> dict[str, Any]:
+    """The rows so far; none where there is no file yet."""
+    empty: dict[str, Any] = {"runs": {}, "first_looks": {}, "means": {}}
+    return json.loads(path.read_text()) if path.is_file() else empty
 
 
 def main() -> None:
     """Measure the seeds of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seeds_of, required=True)
+    parser.add_argument("--seeds", type=seeds_of, default=[])
     parser.add_argument("--cache", type=Path, default=None)
     parser.add_argument("--keep", type=Path, default=None, help="keep the workspaces here, to be looked at")
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     results: Path = arguments.output
-    document: dict[str, Any] = {"runs": {}, "means": {}}
-    if results.is_file():
-        document = json.loads(results.read_text())
     sheet: list[tuple[float, np.ndarray]] = []
     with tempfile.TemporaryDirectory() as temporary:
         for seed in arguments.seeds:
             drive, _ = make(seed, arguments.cache, "usual")
             workspace = Path(arguments.keep or temporary) / f"{seed:04d}"
-            row = {"generator": version(), "drawn": drawn(json.loads((drive / "street.json").read_text()))}
+            row = {
+                "generator": version(),
+                "commit": program_commit(HERE.parent),
+                "load_before": round(os.getloadavg()[0], 2),
+                "drawn": drawn(json.loads((drive / "street.json").read_text())),
+            }
             row.update(run_street(drive, workspace, arguments.quality))
             if "error" not in row:
                 figures, worst = scores(workspace, drive / "truth")
@@ -278,19 +251,23 @@ def main() -> None:
                 caption = (
                     f"{seed} {worst.get('camera', '')} {worst.get('frame', '')}: {row['removed']['psnr']} dB in all"
                 )
-                shown = None if seed in HELD_OUT else pictures(workspace, drive / "truth", worst, caption)
+                shown = pictures(workspace, drive / "truth", worst, caption) if may_be_shown(seed) else None
                 if shown is not None:
                     sheet.append((row["removed"]["psnr"], shown))
-            runs = document["runs"].setdefault(arguments.quality, {})
-            runs[str(seed)] = row
-            document["runs"][arguments.quality] = dict(sorted(runs.items(), key=lambda item: int(item[0])))
+            # Read anew: another call may have written rows of other seeds meanwhile.
+            document = read_document(results)
+            recorded(document, arguments.quality, seed, row)
             document["machine"] = machine()
             results.parent.mkdir(parents=True, exist_ok=True)
-            write_json_atomic(results, summarized(document, arguments.quality))
+            write_json_atomic(results, summarized(document, arguments.quality, version()))
             print(seed, row.get("error") or (row["seconds"], row["removed"], row["best_opencv"]), flush=True)
             if not arguments.keep:
                 shutil.rmtree(workspace, ignore_errors=True)
-    plot(document["runs"][arguments.quality], results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
+    if not results.is_file():
+        return
+    document = summarized(read_document(results), arguments.quality, version())
+    write_json_atomic(results, document)
+    plot(document["runs"].get(arguments.quality, {}), results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
     if sheet:
         write_sheet([p for _, p in sorted(sheet, key=lambda pair: pair[0])], results.with_suffix(".jpg"))
 
