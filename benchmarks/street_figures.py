@@ -1,13 +1,14 @@
-"""Rows of streets by seed: which may be looked at, which count as a first look, and their means."""
+"""Rows of streets by seed: which may be looked at, which count as a first look, their means and their plot."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-__all__ = ["BASELINES", "FIGURES", "GROUPS", "UNSEEN_FROM", "group_of", "may_be_shown", "recorded", "summarized"]
+__all__ = ["BASELINES", "FIGURES", "GROUPS", "UNSEEN_FROM", "Row", "group_of", "may_be_shown", "plot", "recorded", "summarized"]
 
 BASELINES = ("telea", "shift_map")
 FIGURES = ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue")
@@ -28,6 +29,9 @@ GROUPS = {
 POOLED = "28 on"
 """Name of the group of all seeds that were held out when they were first run, looked at later or not."""
 REGIONS = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "cast_shadow_input", "input", "best_opencv")
+COLORS = {"0-9": "#1f3b73", "10-19": "#2b6cb0", "20-27": "#63b3ed", "28 on, looked at": "#dd6b20", "28 on": "#38a169"}
+"""Of the bars of the plot: blue for work, green where nobody has looked."""
+RIVAL = "#202020"
 
 Row = dict[str, Any]
 
@@ -97,3 +101,52 @@ def _mean(values: Iterable[float | None]) -> float | None:
     """Of those that are there; None where none is."""
     there = [v for v in values if v is not None]
     return round(float(np.mean(there)), 4) if there else None
+
+
+def plot(rows: dict[str, Row], path: Path, title: str) -> None:
+    """PSNR in the removed region, ours and the best OpenCV row's: a histogram, and a bar for each seed, the worst one first.
+
+    Figures of seeds that nobody looks at are in it, too: they tell nothing of what is wrong with them.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import Patch
+
+    good = {int(s): r for s, r in rows.items() if r.get("removed") and r.get("best_opencv")}
+    if not good:
+        return
+    seeds = sorted(good, key=lambda seed: good[seed]["removed"]["psnr"])
+    ours, rival = ([good[s][name]["psnr"] for s in seeds] for name in ("removed", "best_opencv"))
+    # A bar takes the room that a number of two digits needs below it.
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(4.5 + max(4.0, 0.19 * len(seeds)), 3.8), width_ratios=(3.5, max(4.0, 0.19 * len(seeds)))
+    )
+    bins = np.arange(np.floor(min(ours + rival)), np.ceil(max(ours + rival)) + 1.0, 1.0)
+    left.hist([ours, rival], bins=bins, label=["Unveil", "best OpenCV row"], color=[COLORS["10-19"], RIVAL])
+    left.set_xlabel("PSNR inside the removed region, dB")
+    left.set_ylabel("streets")
+    left.legend(fontsize=7)
+    at = np.arange(len(seeds))
+    kinds = [_kind(seed) for seed in seeds]
+    right.bar(at, ours, 0.8, color=[COLORS[kind] for kind in kinds])
+    dots = right.scatter(at, rival, s=9, color=RIVAL, zorder=3, label="best OpenCV row")
+    right.set_xticks(at, [str(seed) for seed in seeds], fontsize=7)
+    right.set_xlim(-0.7, len(seeds) - 0.3)
+    right.set_ylim(min(ours + rival) - 2, None)
+    right.set_xlabel("seed")
+    right.set_ylabel("dB")
+    there = [Patch(color=color, label=kind) for kind, color in COLORS.items() if kind in kinds]
+    right.legend(handles=[*there, dots], fontsize=7, loc="upper left")
+    figure.suptitle(title)
+    figure.tight_layout()
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _kind(seed: int) -> str:
+    """Name of a seed's colour."""
+    if seed < UNSEEN_FROM:
+        return group_of(seed)
+    return "28 on, looked at" if may_be_shown(seed) else "28 on"

@@ -4,8 +4,9 @@
 
 Streets that are missing are rendered first (sample_scenes/streets/make_streets.py, which needs Blender's Python module). Each
 run is a process of its own. Results go to benchmarks/results/streets.json after every seed, where those of other seeds and
-qualities are kept; a plot (streets.png) and the worst frame of each seed of this call (streets.jpg) lie beside it. Without
-``--seeds`` nothing is run: means and plot are made anew from the rows that are there.
+qualities are kept; a plot of all of them (streets.png) lies beside it. So does a sheet (streets.jpg) of the worst frames of the
+worst seeds whose pictures may be looked at: of each, the picture of its latest run on this machine, which lies with the rendered
+streets. Without ``--seeds`` nothing is run: means, plot and sheet are made anew from what is there.
 
 Of seeds from 28 on nobody looks at pictures, and nothing is chosen by them, but for a few that were looked at after their first
 run (``SEEN`` in street_figures.py). The first row of each is kept (``first_looks``) when the seed is run again (``runs``), and the
@@ -31,10 +32,10 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from benchmarks.street_figures import BASELINES, FIGURES, may_be_shown, recorded, summarized  # noqa: E402
-from sample_scenes.streets.cache import version  # noqa: E402
+from benchmarks.street_figures import BASELINES, FIGURES, Row, may_be_shown, plot, recorded, summarized  # noqa: E402
+from sample_scenes.streets.cache import street_folder, version  # noqa: E402
 from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
-from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
+from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
@@ -48,7 +49,8 @@ BORDER_PX = 4
 """Pixels around removed objects and shadows that do not count as outside."""
 LEAST_SHARE = 0.005
 """A frame in which less than this share is removed is not called the worst: a few pixels say little."""
-SHEET_ROW_PX, SHEET_BYTES = 256, 1_000_000
+SHEET_ROW_PX, SHEET_ROWS, SHEET_BYTES = 256, 12, 1_000_000
+"""Height of a row of the sheet; how many rows it has at most, so that frames stay large enough to tell faults; its size on disk."""
 
 
 def run_street(drive: Path, workspace: Path, quality: str) -> dict[str, Any]:
@@ -176,6 +178,20 @@ def pictures(workspace: Path, truth: Path, worst: dict[str, str], caption: str) 
     return row
 
 
+def picture_file(seed: int, cache: Path | None, quality: str) -> Path:
+    """Where a seed's row of the sheet lies from one call to the next: beside the street itself, so that it goes with it."""
+    folder = street_folder(seed, cache)
+    return folder.with_name(f"{folder.name}_worst_{quality}.jpg")
+
+
+def sheet_rows(rows: dict[str, Row], cache: Path | None, quality: str) -> list[np.ndarray]:
+    """The pictures that lie ready of seeds that may be shown, the worst ones first, ``SHEET_ROWS`` at most."""
+    shown = {int(s): r for s, r in rows.items() if may_be_shown(int(s)) and r.get("removed")}
+    worst = sorted(shown, key=lambda seed: shown[seed]["removed"]["psnr"])
+    there = [p for p in (picture_file(seed, cache, quality) for seed in worst) if p.is_file()]
+    return [read_image(path) for path in there[:SHEET_ROWS]]
+
+
 def write_sheet(rows: list[np.ndarray], path: Path) -> None:
     """The rows below each other as JPEG, as good as a megabyte allows."""
     sheet = cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR)
@@ -184,37 +200,6 @@ def write_sheet(rows: list[np.ndarray], path: Path) -> None:
         if len(encoded) < SHEET_BYTES:
             break
     path.write_bytes(encoded.tobytes())
-
-
-def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
-    """How the streets spread: PSNR in the removed region, ours and the best OpenCV row, as a histogram and by seed."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    shown = {s: r for s, r in rows.items() if may_be_shown(int(s)) and "error" not in r}
-    good = {s: r for s, r in shown.items() if r.get("removed") and r.get("best_opencv")}
-    if not good:
-        return
-    ours = [r["removed"]["psnr"] for r in good.values()]
-    rival = [r["best_opencv"]["psnr"] for r in good.values()]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6))
-    bins = np.arange(np.floor(min(ours + rival)), np.ceil(max(ours + rival)) + 1.0, 1.0)
-    left.hist([ours, rival], bins=bins, label=["Unveil", "best OpenCV row"], color=["#2b6cb0", "#c9a227"])
-    left.set_xlabel("PSNR inside the removed region, dB")
-    left.set_ylabel("streets")
-    left.legend()
-    at = np.arange(len(good))
-    right.bar(at - 0.2, ours, 0.4, color="#2b6cb0")
-    right.bar(at + 0.2, rival, 0.4, color="#c9a227")
-    right.set_xticks(at, [f"{s}\n{r['drawn']['course']}\n{r['drawn']['light']}" for s, r in good.items()], fontsize=6)
-    right.set_ylim(min(ours + rival) - 2, None)
-    right.set_xlabel("seed")
-    figure.suptitle(title)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -233,7 +218,6 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     results: Path = arguments.output
-    sheet: list[tuple[float, np.ndarray]] = []
     with tempfile.TemporaryDirectory() as temporary:
         for seed in arguments.seeds:
             drive, _ = make(seed, arguments.cache, "usual")
@@ -253,7 +237,7 @@ def main() -> None:
                 )
                 shown = pictures(workspace, drive / "truth", worst, caption) if may_be_shown(seed) else None
                 if shown is not None:
-                    sheet.append((row["removed"]["psnr"], shown))
+                    write_image_atomic(picture_file(seed, arguments.cache, arguments.quality), shown)
             # Read anew: another call may have written rows of other seeds meanwhile.
             document = read_document(results)
             recorded(document, arguments.quality, seed, row)
@@ -267,9 +251,10 @@ def main() -> None:
         return
     document = summarized(read_document(results), arguments.quality, version())
     write_json_atomic(results, document)
-    plot(document["runs"].get(arguments.quality, {}), results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
-    if sheet:
-        write_sheet([p for _, p in sorted(sheet, key=lambda pair: pair[0])], results.with_suffix(".jpg"))
+    rows = {s: r for s, r in document["runs"].get(arguments.quality, {}).items() if r["generator"] == version()}
+    plot(rows, results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
+    if sheet := sheet_rows(rows, arguments.cache, arguments.quality):
+        write_sheet(sheet, results.with_suffix(".jpg"))
 
 
 if __name__ == "__main__":

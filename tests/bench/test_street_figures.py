@@ -7,9 +7,12 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from benchmarks.street_figures import GROUPS, SEEN, UNSEEN_FROM, group_of, may_be_shown, recorded, summarized
+from benchmarks.street_figures import GROUPS, SEEN, UNSEEN_FROM, group_of, may_be_shown, plot, recorded, summarized
+from benchmarks.streets import SHEET_ROWS, picture_file, sheet_rows, write_sheet
+from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.bench.timing import program_commit
 
 GENERATOR = "0a1b2c3d"
@@ -111,3 +114,31 @@ def test_the_commit_tells_when_the_program_is_not_the_commits(repository: Path, 
     (repository / "code.py").write_text("2")
     assert program_commit(repository) == clean + "+"
     assert program_commit(tmp_path_factory.mktemp("nowhere")) is None
+
+
+# ----------------------------------------------------------------------------------------------------------------- pictures
+
+
+def test_the_plot_takes_many_seeds_and_leaves_out_what_failed(tmp_path: Path) -> None:
+    rows = {str(seed): row(15.0 + seed % 9) for seed in range(50)}
+    rows["50"] = {"generator": GENERATOR, "error": "killed"}
+    plot(rows, tmp_path / "many.png", "streets")
+    plot({"3": row(20.0)}, tmp_path / "one.png", "streets")
+    many, one = (read_image(tmp_path / f"{name}.png") for name in ("many", "one"))
+    assert many.shape[1] > one.shape[1] and many.std() > 10
+    plot({"50": rows["50"]}, tmp_path / "none.png", "streets")
+    assert not (tmp_path / "none.png").exists()
+
+
+def test_the_sheet_keeps_pictures_of_other_calls_and_shows_no_held_out_seed(tmp_path: Path) -> None:
+    rows = {str(seed): row(20.0 + seed / 10) for seed in range(40)}
+    for seed in (*range(2, 20), 29, 30):  # the picture of 29 must not be there, but may
+        picture = np.full((8, 24, 3), 5 * seed, np.uint8)
+        write_image_atomic(picture_file(seed, tmp_path, "standard"), picture)
+    rows["30"]["removed"]["psnr"] = 3.0
+    found = sheet_rows(rows, tmp_path, "standard")
+    shown = [round(float(picture.mean()) / 5) for picture in found]
+    assert shown == [30, *range(2, 1 + SHEET_ROWS)]
+    assert sheet_rows(rows, tmp_path, "draft") == []
+    write_sheet(found, tmp_path / "sheet.jpg")
+    assert read_image(tmp_path / "sheet.jpg").shape == (8 * SHEET_ROWS, 24, 3)
