@@ -233,8 +233,8 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
     shares = [f"{METHODS[m]} {share:.2f}" for m, share in found.get("gradient", {}).items() if m in METHODS]
     lines.append(f"  gradient inside, as a share of the photographs': {', '.join(shares)}")
     recall, false = found["line_recall"], found["false_lines"]
-    parts = [f"{METHODS[m]} {_percent(recall[m])} / {_percent(false[m])}" for m in recall if m in METHODS]
-    lines.append(f"  lines on the ground found / false: {', '.join(parts)}")
+    found_lines = [f"{METHODS[m]} {_percent(recall[m])} / {_percent(false[m])}" for m in recall if m in METHODS]
+    lines.append(f"  lines on the ground found / false: {', '.join(found_lines)}")
     if "full_size" in found:
         full = found["full_size"]
         lines.append(
