@@ -4,9 +4,13 @@
 
 Streets that are missing are rendered first (sample_scenes/streets/make_streets.py, which needs Blender's Python module). Each
 run is a process of its own. Results go to benchmarks/results/streets.json after every seed, where those of other seeds and
-qualities are kept; a plot (streets.png) and the worst frame of each seed of this call (streets.jpg) lie beside it. Seeds up to
-45 that are not in ``HELD_OUT`` are for work on the program (all from 10 on were held out until they were looked at); nobody looks
-at those that are, and nothing is chosen by them. They have their own means, and are in no picture.
+qualities are kept; a plot of all of them (streets.png) lies beside it. So does a sheet (streets.jpg) of the worst frames of the
+worst seeds whose pictures may be looked at: of each, the picture of its latest run on this machine, which lies with the rendered
+streets. Without ``--seeds`` nothing is run: means, plot and sheet are made anew from what is there.
+
+Of seeds from 28 on nobody looks at pictures, and nothing is chosen by them, but for a few that were looked at after their first
+run (``SEEN`` in street_figures.py). The first row of each is kept (``first_looks``) when the seed is run again (``runs``), and the
+means of first looks count all of them: a mean of those that nobody looked at since would leave out the worst.
 """
 
 from __future__ import annotations
@@ -28,26 +32,25 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from sample_scenes.streets.cache import version  # noqa: E402
+from benchmarks.street_figures import BASELINES, FIGURES, Row, may_be_shown, plot, recorded, summarized  # noqa: E402
+from sample_scenes.streets.cache import street_folder, version  # noqa: E402
 from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
-from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
-from unveil_core.bench.timing import machine  # noqa: E402
+from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic  # noqa: E402
+from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
 from unveil_core.evaluate.delivered import read_delivered  # noqa: E402
 from unveil_core.evaluate.pictures import truth_file, truth_mask  # noqa: E402
 
 RESULTS = HERE / "results" / "streets.json"
-HELD_OUT = frozenset(range(28, 46)) - {30, 33, 34, 35, 36, 38, 44}
-BASELINES = ("telea", "shift_map")
-FIGURES = ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue")
 CHANGED = 8
 """Levels of 255 by which a pixel outside of what was removed must differ from its photograph to count as changed."""
 BORDER_PX = 4
 """Pixels around removed objects and shadows that do not count as outside."""
 LEAST_SHARE = 0.005
 """A frame in which less than this share is removed is not called the worst: a few pixels say little."""
-SHEET_ROW_PX, SHEET_BYTES = 256, 1_000_000
+SHEET_ROW_PX, SHEET_ROWS, SHEET_BYTES = 256, 12, 1_000_000
+"""Height of a row of the sheet; how many rows it has at most, so that frames stay large enough to tell faults; its size on disk."""
 
 
 def run_street(drive: Path, workspace: Path, quality: str) -> dict[str, Any]:
@@ -175,6 +178,20 @@ def pictures(workspace: Path, truth: Path, worst: dict[str, str], caption: str) 
     return row
 
 
+def picture_file(seed: int, cache: Path | None, quality: str) -> Path:
+    """Where a seed's row of the sheet lies from one call to the next: beside the street itself, so that it goes with it."""
+    folder = street_folder(seed, cache)
+    return folder.with_name(f"{folder.name}_worst_{quality}.jpg")
+
+
+def sheet_rows(rows: dict[str, Row], cache: Path | None, quality: str) -> list[np.ndarray]:
+    """The pictures that lie ready of seeds that may be shown, the worst ones first, ``SHEET_ROWS`` at most."""
+    shown = {int(s): r for s, r in rows.items() if may_be_shown(int(s)) and r.get("removed")}
+    worst = sorted(shown, key=lambda seed: shown[seed]["removed"]["psnr"])
+    there = [p for p in (picture_file(seed, cache, quality) for seed in worst) if p.is_file()]
+    return [read_image(path) for path in there[:SHEET_ROWS]]
+
+
 def write_sheet(rows: list[np.ndarray], path: Path) -> None:
     """The rows below each other as JPEG, as good as a megabyte allows."""
     sheet = cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR)
@@ -185,92 +202,32 @@ def write_sheet(rows: list[np.ndarray], path: Path) -> None:
     path.write_bytes(encoded.tobytes())
 
 
-def means(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Means over streets: of those that were measured."""
-
-    def mean(values: list[float | None]) -> float | None:
-        there = [v for v in values if v is not None]
-        return round(float(np.mean(there)), 4) if there else None
-
-    found: dict[str, Any] = {"streets": len(rows), "failed": sum("error" in r for r in rows)}
-    good = [r for r in rows if "error" not in r]
-    names = ("removed", "unseen", "seen_elsewhere", "cast_shadow", "cast_shadow_input", "input", "best_opencv")
-    for region in names:
-        here = [r[region] for r in good if r.get(region)]
-        found[region] = {k: mean([h.get(k) for h in here]) for k in FIGURES}
-    certain = [r["certain"] for r in good if r.get("certain")]
-    found["certain"] = {k: mean([c[k] for c in certain]) for k in ("certain", "certain_right")}
-    found["lowest"] = min((r["removed"]["psnr"] for r in good if r.get("removed")), default=None)
-    found["flicker"] = {m: mean([r["flicker"].get(m) for r in good]) for m in ("ours", "truth", *BASELINES)}
-    found["changed_share_outside"] = mean([r["outside"]["changed_share"] for r in good])
-    for name in ("seconds", "peak_memory_mb"):
-        found[name] = mean([r[name] for r in good])
-    ahead = [r["removed"]["psnr"] - r["best_opencv"]["psnr"] for r in good if r.get("best_opencv")]
-    found["ahead_of_best_opencv"] = sum(a > 0 for a in ahead)
-    return found
-
-
-def plot(rows: dict[str, dict[str, Any]], path: Path, title: str) -> None:
-    """How the streets spread: PSNR in the removed region, ours and the best OpenCV row, as a histogram and by seed."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    shown = {s: r for s, r in rows.items() if int(s) not in HELD_OUT and "error" not in r}
-    good = {s: r for s, r in shown.items() if r.get("removed") and r.get("best_opencv")}
-    if not good:
-        return
-    ours = [r["removed"]["psnr"] for r in good.values()]
-    rival = [r["best_opencv"]["psnr"] for r in good.values()]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6))
-    bins = np.arange(np.floor(min(ours + rival)), np.ceil(max(ours + rival)) + 1.0, 1.0)
-    left.hist([ours, rival], bins=bins, label=["Unveil", "best OpenCV row"], color=["#2b6cb0", "#c9a227"])
-    left.set_xlabel("PSNR inside the removed region, dB")
-    left.set_ylabel("streets")
-    left.legend()
-    at = np.arange(len(good))
-    right.bar(at - 0.2, ours, 0.4, color="#2b6cb0")
-    right.bar(at + 0.2, rival, 0.4, color="#c9a227")
-    right.set_xticks(at, [f"{s}\n{r['drawn']['course']}\n{r['drawn']['light']}" for s, r in good.items()], fontsize=6)
-    right.set_ylim(min(ours + rival) - 2, None)
-    right.set_xlabel("seed")
-    figure.suptitle(title)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-
-
-def summarized(document: dict[str, Any], quality: str) -> dict[str, Any]:
-    """The document with the means of a quality; only streets of the present generator count."""
-    rows = {s: r for s, r in document["runs"][quality].items() if r["generator"] == version()}
-    groups = {
-        "work": [r for s, r in rows.items() if int(s) not in HELD_OUT],
-        "held_out": [r for s, r in rows.items() if int(s) in HELD_OUT],
-    }
-    document["means"][quality] = {name: means(group) for name, group in groups.items() if group}
-    return document
+def read_document(path: Path) -> dict[str, Any]:
+    """The rows so far; none where there is no file yet."""
+    empty: dict[str, Any] = {"runs": {}, "first_looks": {}, "means": {}}
+    return json.loads(path.read_text()) if path.is_file() else empty
 
 
 def main() -> None:
     """Measure the seeds of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=seeds_of, required=True)
+    parser.add_argument("--seeds", type=seeds_of, default=[])
     parser.add_argument("--cache", type=Path, default=None)
     parser.add_argument("--keep", type=Path, default=None, help="keep the workspaces here, to be looked at")
     parser.add_argument("--quality", default="standard", choices=("draft", "standard", "high"))
     parser.add_argument("-o", "--output", type=Path, default=RESULTS)
     arguments = parser.parse_args()
     results: Path = arguments.output
-    document: dict[str, Any] = {"runs": {}, "means": {}}
-    if results.is_file():
-        document = json.loads(results.read_text())
-    sheet: list[tuple[float, np.ndarray]] = []
     with tempfile.TemporaryDirectory() as temporary:
         for seed in arguments.seeds:
             drive, _ = make(seed, arguments.cache, "usual")
             workspace = Path(arguments.keep or temporary) / f"{seed:04d}"
-            row = {"generator": version(), "drawn": drawn(json.loads((drive / "street.json").read_text()))}
+            row = {
+                "generator": version(),
+                "commit": program_commit(HERE.parent),
+                "load_before": round(os.getloadavg()[0], 2),
+                "drawn": drawn(json.loads((drive / "street.json").read_text())),
+            }
             row.update(run_street(drive, workspace, arguments.quality))
             if "error" not in row:
                 figures, worst = scores(workspace, drive / "truth")
@@ -278,21 +235,26 @@ def main() -> None:
                 caption = (
                     f"{seed} {worst.get('camera', '')} {worst.get('frame', '')}: {row['removed']['psnr']} dB in all"
                 )
-                shown = None if seed in HELD_OUT else pictures(workspace, drive / "truth", worst, caption)
+                shown = pictures(workspace, drive / "truth", worst, caption) if may_be_shown(seed) else None
                 if shown is not None:
-                    sheet.append((row["removed"]["psnr"], shown))
-            runs = document["runs"].setdefault(arguments.quality, {})
-            runs[str(seed)] = row
-            document["runs"][arguments.quality] = dict(sorted(runs.items(), key=lambda item: int(item[0])))
+                    write_image_atomic(picture_file(seed, arguments.cache, arguments.quality), shown)
+            # Read anew: another call may have written rows of other seeds meanwhile.
+            document = read_document(results)
+            recorded(document, arguments.quality, seed, row)
             document["machine"] = machine()
             results.parent.mkdir(parents=True, exist_ok=True)
-            write_json_atomic(results, summarized(document, arguments.quality))
+            write_json_atomic(results, summarized(document, arguments.quality, version()))
             print(seed, row.get("error") or (row["seconds"], row["removed"], row["best_opencv"]), flush=True)
             if not arguments.keep:
                 shutil.rmtree(workspace, ignore_errors=True)
-    plot(document["runs"][arguments.quality], results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
-    if sheet:
-        write_sheet([p for _, p in sorted(sheet, key=lambda pair: pair[0])], results.with_suffix(".jpg"))
+    if not results.is_file():
+        return
+    document = summarized(read_document(results), arguments.quality, version())
+    write_json_atomic(results, document)
+    rows = {s: r for s, r in document["runs"].get(arguments.quality, {}).items() if r["generator"] == version()}
+    plot(rows, results.with_suffix(".png"), f"streets by seed, {arguments.quality}")
+    if sheet := sheet_rows(rows, arguments.cache, arguments.quality):
+        write_sheet(sheet, results.with_suffix(".jpg"))
 
 
 if __name__ == "__main__":

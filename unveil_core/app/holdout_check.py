@@ -26,12 +26,13 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
-from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
-from unveil_core.evaluate.holdout.scores import HoldoutFrame, measure_holdout, write_strips
+from unveil_core.evaluate.holdout.placement import SceneView, find_places, ground_shown, scene_view, see_cars
+from unveil_core.evaluate.holdout.scores import HoldoutFrame, References, measure_holdout, write_strips
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
 from unveil_core.evaluate.pictures import workspace_mask
 from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.files import read_ground
+from unveil_core.ground.street import Ground
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -65,6 +66,7 @@ class _Scene:
     labels: SceneLabels
     views: CameraViews[SceneView]
     removed: Sequence[Mask]
+    street: Ground
     cars: list[VirtualCar]
 
 
@@ -76,6 +78,7 @@ def check_footage(
     settings: RunSettings | None = None,
     quality: str | None = None,
     device: str | None = None,
+    references: References | None = None,
     reporter: Reporter = silent,
 ) -> dict[str, Any]:
     """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
@@ -87,6 +90,7 @@ def check_footage(
         cars: how many are wanted; where there is room for fewer, fewer.
         settings: of the run of a drive; a workspace brings its own.
         quality: of the run with the cars, if not that of the workspace; device: likewise, see ``RunSettings``.
+        references: further methods that are measured beside the result.
         reporter: receives each event.
     Returns:
         what :func:`unveil_core.evaluate.holdout.scores.measure_holdout` returns, with ``quality`` and ``seconds``.
@@ -132,10 +136,13 @@ def check_footage(
     progress = _progress(reporter)
     known = seen_elsewhere(scene.views, pixels, far=FAR_M, cache=cache)
     real = scene.drive.frames
-    frames = Frames(
-        len(real), lambda i: HoldoutFrame(real[i], scene.views.frames[i], pixels[i], scene.removed[i], known[i])
-    )
-    found = measure_holdout(frames, scene.cars, drive, workspace.root, progress=progress)
+    ground = cache.frames(len(real), lambda i: ground_shown(scene.views.frames[i], scene.street, pixels[i].number > 0))
+
+    def held(i: int) -> HoldoutFrame:
+        return HoldoutFrame(real[i], scene.views.frames[i], pixels[i], scene.removed[i], known[i], ground[i])
+
+    frames = Frames(len(real), held)
+    found = measure_holdout(frames, scene.cars, drive, workspace.root, references=references, progress=progress)
     write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
     shutil.rmtree(scratch, ignore_errors=True)
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
@@ -179,7 +186,7 @@ def _scene(workspace: Workspace, count: int, cache: FrameCache, scratch: Path, p
 
     views = CameraViews([f.camera for f in frames], cache.frames(len(frames), look))
     cars = find_places(street, surfels, drive.points.positions, views.frames, count=count, progress=progress)
-    return _Scene(drive, labels, views, removed, cars)
+    return _Scene(drive, labels, views, removed, street, cars)
 
 
 def _progress(reporter: Reporter) -> Callable[..., None]:
@@ -216,7 +223,7 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
             lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in cells))
     for car in found["cars"]:
         side = "left" if car["left_m"] > 0 else "right"
-        own = ", ".join(f"{METHODS[m]} {_decibels(p)}" for m, p in car["psnr"].items())
+        own = ", ".join(f"{METHODS[m]} {_decibels(p)}" for m, p in car["psnr"].items() if m in METHODS)
         lines.append(f"  car {car['number']}, {car['along_m']:.0f} m along, {abs(car['left_m']):.1f} m {side}: {own}")
     flicker = found["flicker"].get("methods", {})
     if flicker:
@@ -225,6 +232,9 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"  flicker, levels of 255: {', '.join(parts)}")
     shares = [f"{METHODS[m]} {share:.2f}" for m, share in found.get("gradient", {}).items() if m in METHODS]
     lines.append(f"  gradient inside, as a share of the photographs': {', '.join(shares)}")
+    recall, false = found["line_recall"], found["false_lines"]
+    found_lines = [f"{METHODS[m]} {_percent(recall[m])} / {_percent(false[m])}" for m in recall if m in METHODS]
+    lines.append(f"  lines on the ground found / false: {', '.join(found_lines)}")
     if "full_size" in found:
         full = found["full_size"]
         lines.append(
@@ -233,6 +243,10 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         )
     lines.append(f"  changed where nothing should: {100 * found['outside']['changed']:.2f} % of the pixels")
     return lines
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.0f} %"
 
 
 def _decibels(value: float | None) -> str:

@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["alternate", "forget_peak_memory", "machine", "second_process_seconds"]
+__all__ = ["alternate", "forget_peak_memory", "machine", "program_commit", "second_process_seconds"]
 
 
 def alternate(
@@ -72,6 +72,21 @@ def machine() -> dict[str, Any]:
         "load_before": load,
         "versions": versions,
     }
+
+
+def program_commit(repository: Path) -> str | None:
+    """The commit that figures are taken of, with a ``+`` where files that git knows differ from it; None outside of git.
+
+    Results of benchmarks do not count as a difference: a script that writes one row after another makes it itself.
+    """
+    git = ["git", "-C", str(repository)]
+    try:
+        commit = subprocess.run([*git, "rev-parse", "--short", "HEAD"], check=True, capture_output=True, text=True)
+        asked = [*git, "status", "--porcelain", "--untracked-files=no", "--", ".", ":!benchmarks/results"]
+        changed = subprocess.run(asked, check=True, capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return commit.stdout.strip() + ("+" if changed.stdout.strip() else "")
 
 
 def forget_peak_memory() -> None:

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -259,6 +260,26 @@ def test_barred_pixels_do_not_count_and_changes_elsewhere_are_found(
     assert found["regions"].get("removed", {"pixels": 0})["pixels"] == expected
     whole = measure_holdout(frames, [parked(drive)], written, root)
     assert 0 < whole["outside"]["changed"] < 0.01 and whole["outside"]["mean"] == 16
+
+
+def test_lines_on_the_ground_are_looked_for_behind_the_car(
+    delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive
+) -> None:
+    frames, written, root = delivered
+    grounded = [replace(f, ground=f.cars.number > 0) for f in frames]
+    blurred = {"blurred": lambda picture: cv2.GaussianBlur(picture, (0, 0), 4.0)}
+    found = measure_holdout(grounded, [parked(drive)], written, root, references=blurred)
+    recall, false = found["line_recall"], found["false_lines"]
+    assert set(recall) == {"ours", "telea", "shift_map", "blurred"}
+    # A few levels more or less move no line, and a seam between two of them is none.
+    assert recall["ours"] > 0.95 and false["ours"] < 0.05
+    assert recall["blurred"] < 0.1 and recall["telea"] < 0.5
+    methods = found["regions"]["removed"]["methods"]
+    assert methods["telea"]["psnr"] < methods["blurred"]["psnr"] < methods["ours"]["psnr"]
+    assert found["gradient"]["blurred"] < 0.8
+    nowhere = [replace(f, ground=np.zeros_like(f.removed)) for f in frames]
+    assert set(measure_holdout(nowhere, [parked(drive)], written, root)["line_recall"].values()) == {None}
+    assert measure_holdout(frames, [parked(drive)], written, root)["line_recall"] == {}
 
 
 def test_strips_show_the_four_pictures(delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive) -> None:

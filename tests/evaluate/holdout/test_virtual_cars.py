@@ -8,7 +8,7 @@ import torch
 
 from tests.mesh.street import Car, cast, street_camera
 from unveil_core.base.errors import Cancelled, WorkspaceError
-from unveil_core.evaluate.holdout.placement import SceneView, find_places, scene_view, see_cars
+from unveil_core.evaluate.holdout.placement import SceneView, find_places, ground_shown, scene_view, see_cars
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
@@ -130,6 +130,20 @@ def test_places_are_free_beside_the_path_apart_and_the_same_again() -> None:
         assert all(np.linalg.norm(car.centre - other.centre) >= 7 for other in cars[:i])
     again = find_places(ground, surfels, points, views, count=3)
     assert [c.centre.tolist() for c in again] == [c.centre.tolist() for c in cars]
+
+
+def test_ground_is_what_lies_on_the_street_and_not_beside_a_facade() -> None:
+    ground, _, views, _ = street(())
+    view = views[0]
+    places = view.camera.centre + np.where(np.isfinite(view.depth), view.depth, 0)[..., None] * view.camera.rays()
+    everywhere = np.ones(view.depth.shape, dtype=bool)
+    shown = ground_shown(view, ground, everywhere)
+    assert (places[shown][:, 2] < 0.6).all() and np.isfinite(view.depth[shown]).all()
+    level = np.isfinite(view.depth) & (places[..., 2] < 0.02) & (np.abs(places[..., 1]) < 3) & (view.depth < 15)
+    assert level.sum() > 500 and shown[level].mean() > 0.9
+    some = np.zeros_like(everywhere)
+    some[40:, 20:60] = True
+    assert np.array_equal(ground_shown(view, ground, some), shown & some)
 
 
 def test_no_room_is_one_line() -> None:

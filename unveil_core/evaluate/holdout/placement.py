@@ -15,12 +15,13 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
 from unveil_core.evaluate.holdout.virtual_cars import HEIGHT_M, LENGTH_M, WIDTH_M, VirtualCar, cast_car, paint_car, park
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import border_px, disc, grow
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["CarPixels", "SceneView", "find_places", "scene_view", "see_cars"]
+__all__ = ["CarPixels", "SceneView", "find_places", "ground_shown", "scene_view", "see_cars"]
 
 
 SOLID = 0.5
@@ -30,6 +31,10 @@ ROOM_M = 0.25
 """Width of the free margin around the car, metres."""
 LOW_M = 0.3
 """Less than this above the ground, metres, is ground: kerbs and roughness."""
+GROUND_SHARE = 0.02
+"""So much farther from the ground, as a share of its distance, a pixel still shows it: depth of far pixels is less sure."""
+RIM_PX = 2
+"""So far from what is no ground nothing is, pixels at 384 px: the foot of a facade is no line on the ground."""
 THING_M = 0.7
 """An object that occludes a car reaches higher than this, metres: reconstructed ground on real footage may be off by half of it."""
 CELL_M = 0.1
@@ -110,6 +115,25 @@ def scene_view(surfels: Surfels, camera: Camera, excluded: Mask, *, near: float,
     """The median depth of a scene with everything in it."""
     out = rendered(surfels, camera, ("alpha", "median_depth"), near=near, far=far)
     return SceneView(camera, np.where(array(out.alpha) > SOLID, array(out.median_depth), np.float32(np.inf)), excluded)
+
+
+def ground_shown(view: SceneView, ground: Ground, where: Mask) -> Mask:
+    """(H, W) pixels of ``where`` in which the photograph shows the ground, without their rim towards what is none.
+
+    Args:
+        where: (H, W) the pixels that are asked for.
+    """
+    rim = border_px(view.camera.width, RIM_PX)
+    asked = grow(where, rim)
+    rows, columns = np.nonzero(asked & np.isfinite(view.depth))
+    depth = view.depth[rows, columns].astype(np.float64)
+    places = view.camera.centre + depth[:, None] * view.camera.rays()[rows, columns]
+    above = ground.over(ground.path.to_street(places))
+    # What is not asked for says nothing against its neighbours.
+    shown = ~asked
+    shown[rows, columns] = np.abs(above) < LOW_M + GROUND_SHARE * depth
+    found: Mask = cv2.erode(shown.astype(np.uint8), disc(rim)).astype(bool) & where
+    return found
 
 
 def _window(car: VirtualCar, camera: Camera) -> tuple[slice, slice] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
+from unveil_core.evaluate.detail.lines import find_edges, match_lines
+from unveil_core.evaluate.detail.scores import DetailScore, detail_figures
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
@@ -27,8 +29,10 @@ from unveil_core.evaluate.pictures import fitted, workspace_mask
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.workspace.files import frame_file
 
-__all__ = ["HoldoutFrame", "measure_holdout", "write_strips"]
+__all__ = ["HoldoutFrame", "References", "measure_holdout", "write_strips"]
 
+References = Mapping[str, Callable[[Picture], Picture]]
+"""By name, what further methods make of a photograph (H, W, 3), to be measured inside the cars beside what was delivered."""
 
 STRIP_METHODS = ("ours", "shift_map")
 GAP_PX = 4
@@ -43,6 +47,7 @@ class HoldoutFrame:
         view: the real scene in it; cars: the virtual cars in it.
         removed: (H, W) what is really removed there.
         elsewhere: (H, W) of the cars' pixels those behind which another frame shows the street.
+        ground: (H, W) of the cars' pixels those behind which the photograph shows the ground; None where no ground is known.
     """
 
     frame: Frame
@@ -50,6 +55,7 @@ class HoldoutFrame:
     cars: CarPixels
     removed: Mask
     elsewhere: Mask
+    ground: Mask | None = None
 
     @property
     def region(self) -> Mask:
@@ -63,6 +69,7 @@ def measure_holdout(
     drive: Drive,
     root: Path,
     *,
+    references: References | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
     """Compare what was delivered for the drive with virtual cars with the real photographs.
@@ -70,22 +77,27 @@ def measure_holdout(
     Args:
         frames: all frames of the drive, asked for one by one; cars: the cars in them.
         drive: with the cars, as imported; root: its workspace, up to ``frames/``.
+        references: further methods.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
         ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and ``frames``. ``cars`` has each car's
         place (metres along and left of the path), frames, pixels and PSNR by method. ``flicker`` is as of
         :func:`unveil_core.evaluate.flicker.measure_flicker`, the photographs themselves as ``truth``.
-        ``gradient`` has per method the mean gradient inside the cars as a share of the photographs'. ``full_size``, where the
-        footage is larger than the working size, has PSNR and gradient of the delivered frames against it, and how many pixels
-        changed elsewhere. ``unobserved_mask_iou`` compares the workspace's masks of unobserved pixels with what really no
-        frame shows. ``outside`` has the share of ``changed`` pixels and their ``mean`` change (levels of 255) beyond cars,
-        removed objects and their shadows, where nothing should.
+        ``gradient`` has per method the mean gradient inside the cars as a share of the photographs', ``line_recall`` the share
+        of the photographs' lines on the ground that were found there, and ``false_lines`` the share of the method's that are
+        at no edge of the photographs (see :mod:`unveil_core.evaluate.detail.lines`); None where there are none.
+        ``full_size``, where the footage is larger than the working size, has PSNR and gradient of the delivered frames against
+        it, and how many pixels changed elsewhere. ``unobserved_mask_iou`` compares the workspace's masks of unobserved pixels
+        with what really no frame shows. ``outside`` has the share of ``changed`` pixels and their ``mean`` change (levels of
+        255) beyond cars, removed objects and their shadows, where nothing should.
     """
     shown = [i for i, f in enumerate(frames) if f.region.any()]
     with_baselines = with_neighbours(shown)
     sums: dict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
     filled: dict[Frame, dict[str, Picture]] = {}
     slopes: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
+    lines: dict[str, list[DetailScore]] = defaultdict(list)
+    references = references or {}
     full = _FullSize()
     both = either = changed = outside = 0
     change = 0.0
@@ -94,13 +106,15 @@ def measure_holdout(
         photograph = read_image(held.frame.image_path)
         if i in with_baselines:
             filled[held.frame] = _baselines(held, read_image(drive.frames[i].image_path))
-        pictures = _pictures(held, root, photograph, filled)
+        pictures = _pictures(held, root, photograph, filled, references)
         regions = {"removed": held.region, "seen_elsewhere": held.region & held.elsewhere}
         regions["unseen"] = held.region & ~held.elsewhere
         regions |= {f"car {car.number}": held.region & (held.cars.number == car.number) for car in cars}
         for method, picture in pictures.items():
             _add(sums, method, regions, picture, photograph)
             _add_gradient(slopes, method, held.region, picture, photograph)
+        for method, score in _lines(held, pictures, photograph).items():
+            lines[method].append(score)
         if held.frame.footage is not None:
             _add_full_size(full, held, root)
         unobserved = workspace_mask(root / "masks/unobserved", held.frame, held.removed.shape)
@@ -122,7 +136,7 @@ def measure_holdout(
 
     def pictures_of(frame: Frame) -> dict[str, Picture]:
         photograph = read_image(frame.image_path)
-        return {"truth": photograph} | _pictures(frames[order[frame]], root, photograph, filled)
+        return {"truth": photograph} | _pictures(frames[order[frame]], root, photograph, filled, references)
 
     flicker = measure_flicker(
         real,
@@ -133,9 +147,9 @@ def measure_holdout(
     )
     return {
         "frames": len(shown),
-        "cars": [_of_car(car, subset(frames, shown), sums) for car in cars],
+        "cars": [_of_car(car, subset(frames, shown), sums, references) for car in cars],
         "regions": {
-            region: {"pixels": int(sums[region, "ours"][2]), "methods": _methods(sums, region)}
+            region: {"pixels": int(sums[region, "ours"][2]), "methods": _methods(sums, region, references)}
             for region in ("removed", "unseen", "seen_elsewhere")
             if sums[region, "ours"][2]
         },
@@ -145,6 +159,10 @@ def measure_holdout(
             "mean": round(change / max(changed, 1), 2),
         },
         "gradient": {method: round(made / max(true, 1e-9), 3) for method, (made, true) in slopes.items()},
+        **{
+            name: rounded({method: detail_figures(scores)[name] for method, scores in lines.items()})
+            for name in ("line_recall", "false_lines")
+        },
         **_of_full_size(full),
         "flicker": rounded(flicker),
     }
@@ -155,6 +173,19 @@ def _add_gradient(slopes: dict[str, list[float]], method: str, region: Mask, pic
     inside = ~grow(~region, 1)  # the seam is no texture
     slopes[method][0] += float(gradient(picture)[inside].sum())
     slopes[method][1] += float(gradient(truth)[inside].sum())
+
+
+def _lines(held: HoldoutFrame, pictures: Mapping[str, Picture], photograph: Picture) -> dict[str, DetailScore]:
+    """By method, pixels of lines on the ground inside the cars: of a frame, without the seam, which is no line."""
+    if held.ground is None:
+        return {}
+    where = held.ground & ~grow(~held.region, 1)
+    truth, found = find_edges(photograph), {}
+    for method, picture in pictures.items():
+        match = match_lines(truth, find_edges(picture), where)
+        counts = (int(np.count_nonzero(m)) for m in (match.found, match.missed, match.right, match.false))
+        found[method] = DetailScore(0, 0.0, 0.0, *counts)
+    return found
 
 
 @dataclass
@@ -202,7 +233,11 @@ def _of_full_size(full: _FullSize) -> dict[str, Any]:
 
 
 def _pictures(
-    held: HoldoutFrame, root: Path, photograph: Picture, filled: Mapping[Frame, Mapping[str, Picture]]
+    held: HoldoutFrame,
+    root: Path,
+    photograph: Picture,
+    filled: Mapping[Frame, Mapping[str, Picture]],
+    references: References,
 ) -> dict[str, Picture]:
     """What each method shows in place of the cars."""
     pictures = {"ours": read_delivered(root, held.frame)}
@@ -213,6 +248,8 @@ def _pictures(
     for name, colors in filled.get(held.frame, {}).items():
         pictures[name] = photograph.copy()
         pictures[name][hole] = colors
+    for name, made in references.items():
+        pictures[name] = np.where(held.region[..., None], made(photograph), photograph)
     return pictures
 
 
@@ -240,19 +277,22 @@ def _add(
                 entry[k] += float(value)
 
 
-def _methods(sums: Mapping[tuple[str, str], list[float]], region: str) -> dict[str, Any]:
+def _methods(sums: Mapping[tuple[str, str], list[float]], region: str, references: References) -> dict[str, Any]:
     return {
         method: rounded({"psnr": psnr_of_mse(e / n), "ssim": s / n, "frames": int(count)})
-        for method in ("ours", "render", *BASELINES)
+        for method in ("ours", "render", *BASELINES, *references)
         for e, s, n, count in [sums.get((region, method), [0, 0, 0, 0])]
         if n
     }
 
 
 def _of_car(
-    car: VirtualCar, shown: Sequence[HoldoutFrame], sums: Mapping[tuple[str, str], list[float]]
+    car: VirtualCar,
+    shown: Sequence[HoldoutFrame],
+    sums: Mapping[tuple[str, str], list[float]],
+    references: References,
 ) -> dict[str, Any]:
-    methods = _methods(sums, f"car {car.number}")
+    methods = _methods(sums, f"car {car.number}", references)
     names = [f.frame.name for f in shown if (f.region & (f.cars.number == car.number)).any()]
     return {
         "number": car.number,
@@ -285,7 +325,7 @@ def write_strips(
     for i in sorted(chosen):
         held = frames[i]
         photograph, painted = read_image(held.frame.image_path), read_image(drive.frames[i].image_path)
-        pictures = _pictures(held, root, photograph, {held.frame: _baselines(held, painted)})
+        pictures = _pictures(held, root, photograph, {held.frame: _baselines(held, painted)}, {})
         shown = [photograph, painted, *(pictures[m] for m in STRIP_METHODS)]
         gap = np.full((photograph.shape[0], GAP_PX, 3), 255, dtype=np.uint8)
         strip = np.concatenate([part for picture in shown for part in (picture, gap)][:-1], axis=1)
