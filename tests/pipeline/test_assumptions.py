@@ -67,21 +67,30 @@ def by_name(found: list[Assumption]) -> dict[str, Assumption]:
 def test_a_drive_without_classes_has_none_that_tells_the_ground() -> None:
     ground, _ = street(np.inf)
     masks, classes = (
-        by_name(_street_assumed(labels, ground, None)) for labels in (LabelSet.keep_remove(), LabelSet.cityscapes([0]))
+        by_name(_street_assumed(labels, ground, None, 0.0))
+        for labels in (LabelSet.keep_remove(), LabelSet.cityscapes([0]))
     )
     assert classes["labels tell the ground"].holds
     assert not masks["labels tell the ground"].holds
     assert masks["labels tell the ground"].instead == "level surfels do"
     assert masks["the ground was seen"].holds
-    none = by_name(_street_assumed(LabelSet.cityscapes([0]), None, None))
+    none = by_name(_street_assumed(LabelSet.cityscapes([0]), None, None, 0.0))
     assert list(none) == ["the ground was seen"]
     assert not none["the ground was seen"].holds
+
+
+@pytest.mark.parametrize(("noise", "holds"), [(0.03, True), (0.12, False)])
+def test_the_ground_is_known_to_centimetres_where_its_points_agree(noise: float, holds: bool) -> None:
+    ground, _ = street(np.inf)
+    told = by_name(_street_assumed(LabelSet.cityscapes([0]), ground, None, noise))
+    assert told["the ground's height is known to centimetres"].holds == holds
+    assert f"{100 * noise:.0f} cm" in told["the ground's height is known to centimetres"].found
 
 
 @pytest.mark.parametrize(("agreement", "holds"), [(LEAST_AGREEMENT - 0.01, False), (LEAST_AGREEMENT + 0.01, True)])
 def test_kerbs_run_along_the_street_where_the_path_follows_them(agreement: float, holds: bool) -> None:
     ground, _ = street(np.inf)
-    told = by_name(_street_assumed(LabelSet.cityscapes([0]), ground, Rectified(ground.path, 0.0, agreement)))
+    told = by_name(_street_assumed(LabelSet.cityscapes([0]), ground, Rectified(ground.path, 0.0, agreement), 0.0))
     assert told["paint and kerbs run along the street"].holds == holds
 
 

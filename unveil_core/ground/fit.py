@@ -13,13 +13,14 @@ from unveil_core.drives.drive import Drive, PointCloud
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath
+from unveil_core.ground.plain_fit import height_noise
 from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import WALL_FOOT_M, WALL_TOP_M, fit_street_heights
 from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "side_places"]
+__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "side_places", "street_noise"]
 
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
@@ -74,6 +75,15 @@ def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
     return found[:: max(1, -(-len(found) // MOST_MEASURED))]
 
 
+@dataclass(frozen=True, eq=False)
+class _Evidence:
+    """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, (Q, 3) measured ones on it."""
+
+    ground: Float64
+    walls: Float64 | None
+    sure: Float64 | None
+
+
 def fit_street(
     surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None = None
 ) -> Ground | None:
@@ -83,10 +93,27 @@ def fit_street(
         surfels: the full scene: labels leave out what could be removed, whatever is chosen.
         cameras: of the path's track.
         path: the street's.
-        points: the drive's, of which those count that its dataset labels; None = none.
+        points: the drive's, of which those count that its dataset labels, and, where surfels are noisy, those that lie among
+            surfels of the ground; None = none.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
+    found = _evidence(surfels, labels, cameras, path, points)
+    return None if found is None else fit_street_heights(path, found.ground, walls=found.walls, sure=found.sure)
+
+
+def street_noise(
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None = None
+) -> float:
+    """Spread of the height of what :func:`fit_street` is fitted to, metres: more than ``NOISY_M`` and the fit is a plain one."""
+    found = _evidence(surfels, labels, cameras, path, points)
+    return 0.0 if found is None else height_noise(path.to_street(found.ground))
+
+
+def _evidence(
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None
+) -> _Evidence | None:
+    """See :func:`fit_street`; None where too few surfels lie on any ground."""
     means = surfels.means.double().numpy()
     of_surfel = surfels.labels.numpy()
     opaque = surfels.opacity_logits.numpy() > OPAQUE_LOGIT
@@ -102,12 +129,14 @@ def fit_street(
         return None
     sides = labels.indices(SIDE_CLASSES)
     walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
-    ground = means[chosen]
+    ground, sure = means[chosen], None
+    if points is not None and wanted:
+        sure = ground_points(points.positions, means, np.isin(of_surfel, wanted))
     if points is not None and points.classes is not None:
         ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
         more = measured_points(points, SIDE_CLASSES)
         walls = more if walls is None else np.concatenate([walls, more])
-    return fit_street_heights(path, ground, walls=walls)
+    return _Evidence(ground, walls, sure)
 
 
 def side_places(ground: Ground, surfels: Surfels, labels: LabelSet) -> Float64:

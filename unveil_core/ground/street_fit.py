@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, 
 from unveil_core.base.types import Float64
 from unveil_core.ground.one_place import limited_to_own
 from unveil_core.ground.path import StreetPath
+from unveil_core.ground.plain_fit import NOISY_M, height_noise, plain_heights
 from unveil_core.ground.street import Ground
 
 __all__ = ["WALL_FOOT_M", "WALL_TOP_M", "fit_street_heights"]
@@ -34,14 +35,16 @@ STEP_M, STEP_CELLS = 1.0, 4
 labels tell of crowns and roofs."""
 
 
-def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | None = None) -> Ground:
+def fit_street_heights(
+    path: StreetPath, points: Float64, *, walls: Float64 | None = None, sure: Float64 | None = None
+) -> Ground:
     """Height field and lateral limits from ground points.
 
     The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
-    cars), plus a smooth remainder where points say so.
+    cars), plus a smooth remainder where points say so. Of noisy points there is only a parabola across the street.
 
     Args:
-        points: (P, 3) world points on the ground.
+        points: (P, 3) world points on the ground; sure: (Q, 3) measured ones, which count where the others are noisy.
         walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
             nobody saw any.
     """
@@ -75,6 +78,10 @@ def fit_street_heights(path: StreetPath, points: Float64, *, walls: Float64 | No
     centres = (np.arange(columns) - (COARSE - 1) / 2) / COARSE
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profile[None, :] + remainder
+    if height_noise(street) > NOISY_M:
+        measured = path.to_street(sure) if sure is not None and len(sure) else np.zeros((0, 3))
+        along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
+        height = plain_heights(street, measured, along, across, base)
 
     left, right = _limits(street, a, rows, reach)
     if walls is not None and len(walls) > FEWEST_OF_WALLS:

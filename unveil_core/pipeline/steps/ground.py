@@ -16,9 +16,10 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
-from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, side_places
+from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, side_places, street_noise
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
+from unveil_core.ground.plain_fit import NOISY_M
 from unveil_core.ground.street import Ground
 from unveil_core.ground.track import longest_track
 from unveil_core.inpaint.chart.ahead import path_ahead
@@ -133,7 +134,8 @@ def run(context: StageContext) -> Facts:
         Assumption("the way is one street", one_street, shape, PLAIN),
     ]
     if one_street:
-        found += _street_assumed(scene.labels, street, rectified)
+        noise = street_noise(surfels, scene.labels, of_track, path, drive.points)
+        found += _street_assumed(scene.labels, street, rectified, noise)
     return assumed(found)
 
 
@@ -152,14 +154,24 @@ def _metres_assumed(source: str, street: Ground | None, centres: Float64) -> Ass
     return Assumption("lengths are in metres", known, f"by {source}{found}", instead)
 
 
-def _street_assumed(labels: LabelSet, street: Ground | None, rectified: Rectified | None) -> list[Assumption]:
-    """What is assumed of a way that is one street."""
+def _street_assumed(
+    labels: LabelSet, street: Ground | None, rectified: Rectified | None, noise: float
+) -> list[Assumption]:
+    """What is assumed of a way that is one street; noise: spread of height of what its ground was fitted to, metres."""
     labelled = bool(labels.indices(GROUND_CLASSES))
     seen = "too little" if street is None else "by its labels" if labelled else "level surfels under the cameras"
     found = [Assumption("the ground was seen", street is not None, seen, PLAIN)]
     if street is not None:
         told = "so they do" if labelled else "no class of ground"
         found.append(Assumption("labels tell the ground", labelled, told, "level surfels do"))
+        found.append(
+            Assumption(
+                "the ground's height is known to centimetres",
+                noise <= NOISY_M,
+                f"what lies beside each other differs by {100 * noise:.0f} cm",
+                "the street is smooth along, and a parabola across, without kerbs",
+            )
+        )
     if rectified is not None:
         found.append(
             Assumption(
