@@ -17,11 +17,9 @@ from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
-from unveil_core.ground.track import longest_track
 from unveil_core.optimize.adaptation.choices import CHOICES, AdaptSettings, Looks
 from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree
 from unveil_core.optimize.adaptation.probes import hide, probed_frames
-from unveil_core.optimize.level_ground import on_level_ground
 from unveil_core.optimize.start import SKY_ROWS, StartSettings, random_scene, start_scene, start_sky
 from unveil_core.optimize.training.card_memory import largest_step, place_for
 from unveil_core.optimize.training.density import DensitySettings
@@ -167,9 +165,7 @@ def reconstruct(
         if settings.random_start:
             return random_scene(drive, scene, labels, settings.start.budget, seed=seed).arrays()
         given = settings.start
-        begun = start_scene(drive, scene, images, labels, given, hidden=hidden, cache=cache, progress=progress)
-        track = [drive.frames[i].camera for i in longest_track(drive)]
-        return on_level_ground(begun, scene.labels, track, drive.points).arrays()
+        return start_scene(drive, scene, images, labels, given, hidden=hidden, cache=cache, progress=progress).arrays()
 
     surfels = Surfels.from_arrays(kept.once("start", start))
     if settings.ellipsoids:
