@@ -100,6 +100,15 @@ CASES = {
             )
         },
     ),
+    "crossings": Case(
+        "hidden bars of zebra crossings are continued",
+        {
+            f"{INPAINT}.fill.chart_fill:continue_crossings": lambda detail, known, wanted, *_, **__: (
+                np.zeros_like(detail),
+                np.zeros(wanted.shape, dtype=np.float32),
+            )
+        },
+    ),
     "quilting": Case(
         "invented ground gets the texture of seen ground",
         {
