@@ -145,6 +145,28 @@ def test_a_pole_goes_down_to_the_ground_behind_a_car() -> None:
     assert means[:, 2].min() < 0.8 and means[:, 2].max() < 1.3
 
 
+def test_a_pole_that_is_darker_below_gets_no_dashes() -> None:
+    """Its lowest piece is dark below, where what hid it has mixed in, and one side of it lies in the sun."""
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    seen = pole(1.2, 3.5)
+    level = torch.where(seen.means[:, 2] < 1.5, -0.6, 0.2) + torch.where(seen.means[:, 0] > 11.0, 0.3, 0.0)
+    feet = feet_of_poles(
+        replace(seen, sh=level[:, None, None].expand_as(seen.sh).contiguous()),
+        ground,
+        cameras,
+        depths,
+        hidden,
+        poles=(0,),
+    )
+    assert feet is not None
+    height, bright, sunny = feet.means[:, 2], feet.sh[:, 0, 0], feet.means[:, 0] > 11.0
+    for side in (sunny, ~sunny):
+        medians = [bright[side & (height > h) & (height < h + 0.2)].median() for h in np.arange(0.0, 0.7, 0.2)]
+        assert max(medians) - min(medians) < 0.2, "as bright at each height"
+    assert bright[sunny].median() - bright[~sunny].median() > 0.2, "and still lit from one side"
+
+
 def test_what_is_seen_through_what_hangs_and_what_is_broad_do_not() -> None:
     ground, _ = street(np.inf)
     seen = scene_views(True)

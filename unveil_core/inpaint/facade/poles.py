@@ -122,8 +122,20 @@ def _repeated(
     chosen = (height >= start) & (height < start + SLICE_M)
     if chosen.sum() < LEAST / 5:
         return []
-    part = standing.select(torch.from_numpy(index[chosen]))
+    part = _even_along(standing.select(torch.from_numpy(index[chosen])), height[chosen])
     return _downwards(part, height[chosen], SLICE_M, int(np.ceil(start / SLICE_M)), up)
+
+
+def _even_along(part: Surfels, height: NDArray[np.float64]) -> Surfels:
+    """A slice of a pole as bright at each height as on the whole: repeated, what is dark below and bright above would be a row of
+    dashes. What differs beside each other, as bark does, stays."""
+    level = np.floor((height - height.min()) / FRINGE_M).astype(int)
+    sh = part.sh.clone()
+    middle = sh.median(dim=0).values
+    for k in np.unique(level):
+        at = torch.from_numpy(level == k)
+        sh[at] += middle - sh[at].median(dim=0).values
+    return replace(part, sh=sh)
 
 
 def _downwards(
