@@ -23,7 +23,8 @@ GROUPS = {
     "28-33": range(28, 34),
     "34-39": range(34, 40),
     "40-45": range(40, 46),
-    "46 on": range(46, 10**6),
+    "46-51": range(46, 52),
+    "52 on": range(52, 10**6),
 }
 """Seeds that had their first look in one state of the program; those of the first group were worked on from the beginning."""
 POOLED = "28 on"
