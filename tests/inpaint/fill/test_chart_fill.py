@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from tests.inpaint.sunny_street import sunny_chart
@@ -90,3 +91,28 @@ def test_where_a_shadow_is_levelled_no_line_was_seen_to_end() -> None:
     under = slice(car + 3, last - 3)
     brighter = [float(filled[m : m + 3, under].mean() - filled[m + 20 : m + 30, under].mean()) for m in middles[3:]]
     assert min(brighter) > 0.1
+
+
+def test_in_the_shade_no_dark_patch_stays_beside_what_goes() -> None:
+    """A lorry in the shade of a house darkens the ground around it to a third of that shade."""
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.6, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    lorry, house = np.zeros(chart.source.shape, dtype=bool), np.zeros(chart.source.shape, dtype=bool)
+    lorry[int(12 * per_m) : int(18 * per_m), int(6 * per_m) : int(8.5 * per_m)] = True
+    house[int(6 * per_m) :] = True
+    shade = np.where(house[..., None], np.array([0.45, 0.5, 0.6], dtype=np.float32), 1)
+    away = cv2.distanceTransform((~lorry).astype(np.uint8), cv2.DIST_L2, 5) / per_m
+    seen = street * shade * np.clip(0.33 + 0.67 * away / 0.8, 0, 1)[..., None]
+    chart = replace(
+        chart,
+        color=np.where(lorry[..., None], 0, seen).astype(np.float32),
+        source=np.where(lorry, OUTSIDE, OBSERVED).astype(np.uint8),
+        nearest=np.full_like(chart.nearest, 5.0),
+    )
+    light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), house, np.zeros_like(house))
+    filled = fill_chart(chart, lorry, light=light).color
+    level = filled.mean(axis=2) / (street * shade).mean(axis=2)
+    beside = (away > 0) & (away < 0.3)
+    assert abs(np.median(level[beside]) - 1) < 0.1
+    assert np.percentile(level[away < 0.8], 5) > 0.65

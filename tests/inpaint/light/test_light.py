@@ -115,6 +115,14 @@ def test_an_overcast_street_has_no_sun() -> None:
     assert light_of_scene(chart, kept, car) is None
 
 
+@pytest.mark.parametrize("sun", SUNS)
+def test_shadows_that_nothing_seen_casts_are_no_sun(sun: tuple[float, float]) -> None:
+    """What shades the street was not seen, but a low wall beside it was: some direction always explains some of what is dark."""
+    chart, *_, car = sunny_chart(sun_towards(*sun))
+    wall = box_surfels(np.array([[0.0, 6.0, 0.0], [25.0, 6.5, 3.0]]))
+    assert light_of_scene(chart, wall, car) is None
+
+
 def test_asphalt_of_two_ages_that_lies_like_shadows_is_no_sun() -> None:
     """Patches a seventh darker than the rest, exactly where a sun would cast the shadows: light falls by half in those."""
     chart, *_, kept, car = sunny_chart(sun_towards(*SUNS[0]))

@@ -36,6 +36,8 @@ metres. Chosen on the two sample streets."""
 UNEXPLAINED_M = 0.6
 """Distance from the cast shadows of what stays from which on they do not explain dark ground, metres: what a sun wrong by 3 degrees
 moves the shadow of a roof 10 m up by."""
+DEEPER = 0.65
+"""Luma of ground beside a removed object, as a share of that in shade, below which the object darkens it in the shade, too."""
 CLEAR_M = 0.8
 """Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
 MOST_OF_AGE = 1.5
@@ -120,6 +122,10 @@ def shadows_of_removed(
             theirs |= light.beyond & ~grow(light.kept, UNEXPLAINED_M * per_m)
         shadow = shade.dark & theirs
     smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
+    if light is not None:
+        # In the shade of a house, too, it is darker right beside an object.
+        deep = seen & (smooth < DEEPER * luminance(shade.lit * shade.ratio))
+        shadow = shadow | object_shadows(deep, footprint, reach=int(reach_m * per_m), touch=touch)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
     hopeless = seen & shadow & (smooth < black_ratio * luminance(shade.lit))
