@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -77,11 +78,11 @@ def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, (Q, 3) measured ones on it."""
+    """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, what gives (Q, 3) measured ones."""
 
     ground: Float64
     walls: Float64 | None
-    sure: Float64 | None
+    sure: Callable[[], Float64] | None
 
 
 def fit_street(
@@ -131,7 +132,7 @@ def _evidence(
     walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
     ground, sure = means[chosen], None
     if points is not None and wanted:
-        sure = ground_points(points.positions, means, np.isin(of_surfel, wanted))
+        sure = partial(ground_points, points.positions, means, np.isin(of_surfel, wanted))
     if points is not None and points.classes is not None:
         ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
         more = measured_points(points, SIDE_CLASSES)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
@@ -36,7 +38,7 @@ labels tell of crowns and roofs."""
 
 
 def fit_street_heights(
-    path: StreetPath, points: Float64, *, walls: Float64 | None = None, sure: Float64 | None = None
+    path: StreetPath, points: Float64, *, walls: Float64 | None = None, sure: Callable[[], Float64] | None = None
 ) -> Ground:
     """Height field and lateral limits from ground points.
 
@@ -44,7 +46,7 @@ def fit_street_heights(
     cars), plus a smooth remainder where points say so. Of noisy points there is only a parabola across the street.
 
     Args:
-        points: (P, 3) world points on the ground; sure: (Q, 3) measured ones, which count where the others are noisy.
+        points: (P, 3) world points on the ground; sure: gives (Q, 3) measured ones, asked where the others are noisy.
         walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
             nobody saw any.
     """
@@ -79,7 +81,7 @@ def fit_street_heights(
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profile[None, :] + remainder
     if height_noise(street) > NOISY_M:
-        measured = path.to_street(sure) if sure is not None and len(sure) else np.zeros((0, 3))
+        measured = np.zeros((0, 3)) if sure is None else path.to_street(sure())
         along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
         height = plain_heights(street, measured, along, across, base)
 
