@@ -203,6 +203,21 @@ def test_a_sign_gets_the_foot_of_another_pole() -> None:
     assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
 
 
+def test_a_sign_stands_on_a_plain_pole_where_no_pole_is_seen_to_its_foot() -> None:
+    """Of a lamp post only what stands over a van is seen."""
+    ground, _ = street(np.inf)
+    cameras, depths, hidden = scene_views(False)
+    plate = replace(pole(1.2, 1.8, half=0.25), labels=torch.full((len(pole(1.2, 1.8, half=0.25)),), 7))
+    lamp = pole(2.2, 2.6, at=(20.0, 5.0), half=0.05)
+    lamp = replace(lamp, sh=torch.full_like(lamp.sh, -0.8), labels=torch.full((len(lamp),), 2))
+    feet = feet_of_poles(concatenate([plate, lamp]), ground, cameras, depths, hidden, plates=(7,), poles=(2,))
+    assert feet is not None and (feet.labels == 2).all() and (feet.sh == -0.8).all()
+    means = feet.means.double().numpy()
+    assert np.abs(means[:, :2] - (11.0, 4.0)).max() < 0.05
+    assert means[:, 2].min() < 0.1 and 1.0 < means[:, 2].max() < 1.4
+    assert np.diff(np.unique(means[:, 2].round(3))).max() < 0.06, "without a gap"
+
+
 def test_a_sign_stands_on_its_own_pole_where_that_is_seen() -> None:
     """A dark pole stands elsewhere; of its own, light one a piece of a hand's breadth is seen below the plate."""
     ground, _ = street(np.inf)

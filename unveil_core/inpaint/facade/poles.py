@@ -13,6 +13,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.clusters import connected_points
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.street import Ground
+from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["feet_of_poles", "hidden_and_through", "only_hidden"]
@@ -36,6 +37,9 @@ BEHIND = 1.1
 """Ratio of the scene's depth to a place's from which on the view saw something else through the place: nothing stands there."""
 LEAST_OWN = 4
 """Fewest surfels of a sign's own pole, seen under it, for that to be drawn on to the ground instead of another sign's."""
+TUBE_M, RING_M, AROUND = 0.012, 0.03, 6
+"""Radius of a plain pole's rings of surfels, metres, distance between these, and surfels of each. With their own extent they make
+a tube of 60 to 100 mm; 60 mm are usual for a sign."""
 FLOOR_M = 0.05
 """How far under the ground a repeated surfel may lie, metres."""
 
@@ -107,6 +111,9 @@ def feet_of_poles(
             parts += _repeated(standing, low[members], height[low[members]], begins, path.axes[2])
     if post is not None:
         parts += [_set_up(standing, *post, place=place, top=top, up=path.axes[2]) for place, top in hung]
+    elif hung and (opaque & np.isin(standing.labels.numpy(), poles)).any():
+        like = standing.select(torch.from_numpy(opaque & np.isin(standing.labels.numpy(), poles)))
+        parts += [_tube(like, place, top, path.axes) for place, top in hung]
     if not parts:
         return None
     feet = concatenate(parts)
@@ -183,6 +190,32 @@ def _set_up(
         shift = place - stands + (k * tall - height.min()) * up
         copies.append(replace(copy, means=copy.means + torch.from_numpy(shift).to(copy.means)))
     return concatenate(copies)
+
+
+def _tube(like: Surfels, place: NDArray[np.float64], top: float, axes: NDArray[np.float64]) -> Surfels:
+    """A pole for a sign on a street where none is seen down to the ground: a tube of the colour of those that are seen higher up.
+
+    Args:
+        like: surfels of poles; place: (3,) where on the ground it stands; top: the sign's lower edge, metres; axes: (3, 3) rows
+            east, north, up.
+    """
+    angles = 2 * np.pi * np.arange(AROUND) / AROUND
+    outward = np.cos(angles)[:, None] * axes[0] + np.sin(angles)[:, None] * axes[1]
+    heights = np.arange(RING_M / 2, top + FRINGE_M, RING_M)
+    places = (place + TUBE_M * outward)[None] + heights[:, None, None] * axes[2]
+    normals = np.broadcast_to(outward, places.shape).reshape(-1, 3)
+    count = len(normals)
+    tube = surfels_from_points(
+        places.reshape(-1, 3),
+        np.zeros((count, 3), np.uint8),
+        np.full(count, int(like.labels.mode().values), dtype=np.int64),
+        normals,
+        np.full(count, RING_M),
+        sh_degree=like.sh_degree,
+        opacity=0.95,
+        scale_factor=0.7,
+    )
+    return replace(tube, sh=like.sh.median(dim=0, keepdim=True).values.expand_as(tube.sh).contiguous())
 
 
 def only_hidden(
