@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from tests.inpaint.sunny_street import sunny_chart
-from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE
+from unveil_core.base.types import Float32, Mask
+from unveil_core.inpaint.chart.street_chart import OBSERVED, OUTSIDE, StreetChart
 from unveil_core.inpaint.fill.chart_fill import _beside_what_is_known, fill_chart
 from unveil_core.inpaint.light.shade import Light
 from unveil_core.inpaint.light.sun import Sun
@@ -37,6 +38,16 @@ def test_a_chart_that_was_seen_all_over_stays() -> None:
     assert np.array_equal(_beside_what_is_known(quilted, texture, np.ones((10, 6), bool)), quilted)
 
 
+def as_read(chart: StreetChart, color: Float32, hidden: Mask) -> StreetChart:
+    """The chart of a street of that colour, read from 5 m away where nothing is ``hidden``."""
+    return replace(
+        chart,
+        color=np.where(hidden[..., None], 0, color).astype(np.float32),
+        source=np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8),
+        nearest=np.full_like(chart.nearest, 5.0),
+    )
+
+
 def test_lines_are_read_right_between_two_cars() -> None:
     """Bay lines every 4 m in gaps of 60 cm between parked cars: two are seen whole, of the others half."""
     chart = sunny_chart(None)[0]
@@ -53,12 +64,7 @@ def test_lines_are_read_right_between_two_cars() -> None:
         gap = slice(middle - int(0.3 * per_m), middle + int(0.3 * per_m))
         cars[gap] = False
         hidden[gap, bay.start : bay.stop if middle in middles[1:3] else (bay.start + bay.stop) // 2] = False
-    chart = replace(
-        chart,
-        color=np.where(hidden[..., None], 0, truth).astype(np.float32),
-        source=np.where(hidden, OUTSIDE, OBSERVED).astype(np.uint8),
-        nearest=np.full_like(chart.nearest, 5.0),
-    )
+    chart = as_read(chart, truth, hidden)
     filled = fill_chart(chart, cars).color.mean(axis=2)
     rest = slice((bay.start + bay.stop) // 2 + 5, bay.stop - 5)
     brighter = [float(filled[m : m + 3, rest].mean() - filled[m + 20 : m + 30, rest].mean()) for m in middles[3:]]
@@ -80,12 +86,7 @@ def test_where_a_shadow_is_levelled_no_line_was_seen_to_end() -> None:
     gone[int(14.5 * per_m) :, shade:last] = True
     ratio = np.array([0.4, 0.45, 0.55], dtype=np.float32)
     seen = np.where(gone[..., None], truth * ratio, truth)
-    chart = replace(
-        chart,
-        color=np.where(parked[..., None], 0, seen).astype(np.float32),
-        source=np.where(parked, OUTSIDE, OBSERVED).astype(np.uint8),
-        nearest=np.full_like(chart.nearest, 5.0),
-    )
+    chart = as_read(chart, seen, parked)
     light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), np.zeros_like(gone), gone)
     filled = fill_chart(chart, parked, light=light).color.mean(axis=2)
     under = slice(car + 3, last - 3)
@@ -104,12 +105,7 @@ def test_in_the_shade_no_dark_patch_stays_beside_what_goes() -> None:
     shade = np.where(house[..., None], np.array([0.45, 0.5, 0.6], dtype=np.float32), 1)
     away = cv2.distanceTransform((~lorry).astype(np.uint8), cv2.DIST_L2, 5) / per_m
     seen = street * shade * np.clip(0.33 + 0.67 * away / 0.8, 0, 1)[..., None]
-    chart = replace(
-        chart,
-        color=np.where(lorry[..., None], 0, seen).astype(np.float32),
-        source=np.where(lorry, OUTSIDE, OBSERVED).astype(np.uint8),
-        nearest=np.full_like(chart.nearest, 5.0),
-    )
+    chart = as_read(chart, seen, lorry)
     light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), house, np.zeros_like(house))
     filled = fill_chart(chart, lorry, light=light).color
     level = filled.mean(axis=2) / (street * shade).mean(axis=2)

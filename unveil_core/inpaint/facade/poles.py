@@ -162,7 +162,7 @@ def _drawn_down(
     """Copies, down to the ground, of a short piece of a pole, of surfels ``index`` at ``height`` over the ground, all of its median
     colour: what hides the rest has mixed with some of them."""
     part = standing.select(torch.from_numpy(index))
-    part = replace(part, sh=part.sh.median(dim=0, keepdim=True).values.expand_as(part.sh).contiguous())
+    part = _coloured(part, part)
     tall = max(FRINGE_M, float(np.ptp(height)))
     return concatenate(_downwards(part, height, tall, int(np.ceil(height.max() / tall)), up))
 
@@ -192,6 +192,11 @@ def _set_up(
     return concatenate(copies)
 
 
+def _coloured(part: Surfels, like: Surfels) -> Surfels:
+    """Surfels, all of the median colour of others."""
+    return replace(part, sh=like.sh.median(dim=0, keepdim=True).values.expand_as(part.sh).contiguous())
+
+
 def _tube(like: Surfels, place: NDArray[np.float64], top: float, axes: NDArray[np.float64]) -> Surfels:
     """A pole for a sign on a street where none is seen down to the ground: a tube of the colour of those that are seen higher up.
 
@@ -215,7 +220,7 @@ def _tube(like: Surfels, place: NDArray[np.float64], top: float, axes: NDArray[n
         opacity=0.95,
         scale_factor=0.7,
     )
-    return replace(tube, sh=like.sh.median(dim=0, keepdim=True).values.expand_as(tube.sh).contiguous())
+    return _coloured(tube, like)
 
 
 def only_hidden(

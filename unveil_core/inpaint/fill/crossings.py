@@ -76,13 +76,14 @@ def continue_crossings(
         detail (A, B, 3) of the bars, and how much of it is bar (A, B), 0 to 1, within ``wanted``.
     """
     result, share = np.zeros_like(detail), np.zeros(wanted.shape, dtype=np.float32)
-    for crossing in _crossings(detail.mean(axis=2), known, texels_per_m):
+    luma = detail.mean(axis=2)
+    for crossing in _crossings(luma, known, texels_per_m):
         section = _section(detail, known, crossing)
         if section is None:
             continue
-        luma = section.mean(axis=1)
-        solid = np.clip(luma / luma.max(), 0, 1) * (luma > CONTRAST / 2)
-        for bar in _all_bars(detail.mean(axis=2), known, kind, line, crossing, solid > 0.5):
+        level = section.mean(axis=1)
+        solid = np.clip(level / level.max(), 0, 1) * (level > CONTRAST / 2)
+        for bar in _all_bars(luma, known, kind, line, crossing, solid > 0.5):
             columns, part = crossing.columns(bar, known.shape[1])
             place = np.s_[crossing.rows, columns]
             share[place] = wanted[place] * solid[part]
