@@ -118,3 +118,19 @@ def test_below_all_that_is_known_a_house_is_plaster() -> None:
     s = np.arange(len(truth)) / PER_M
     for house, plaster in zip(((s > 2) & (s < 11), (s > 14) & (s < 22)), PLASTER, strict=True):
         assert np.abs(color[house][:, :30] - plaster).max() < 0.02
+
+
+def test_a_bright_streak_at_a_houses_far_edge_does_not_brighten_what_is_copied() -> None:
+    """A lorry hides a house to its eaves but for its first 10 m, and a streak of the sky's white at the far edge."""
+    truth = facade(change=100.0, door=100.0)
+    hidden = gap(truth.shape, (10.0, 24.0, 6.0))
+    streak = hidden & ~gap(truth.shape, (0.0, 24.0, 5.8)) & ~gap(truth.shape, (0.0, 11.0, 6.0))
+    streak[int(13.0 * PER_M) :] = False
+    seen = np.where(hidden[..., None], 0, truth)
+    seen[streak] = 0.9
+    color, filled, _ = fill_facade(seen, ~hidden | streak, hidden & ~streak, texels_per_m=PER_M)
+    inside = filled & ~gap(truth.shape, (0.0, 10.5, 6.0))
+    assert inside.sum() > 0.5 * hidden.sum()
+    own = np.stack([PLASTER[0], PANE, PLINTH])
+    apart = np.abs(color[inside][:, None] - own).max(axis=2).min(axis=1)
+    assert (apart > 0.05).mean() < 0.05

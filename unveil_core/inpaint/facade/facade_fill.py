@@ -41,6 +41,9 @@ streets."""
 WALL_M, HUE, LEVEL = 1.0, 0.2, 0.4
 """Half length along the street over which the plaster's colour is read, metres, and standard deviations of hue and of brightness
 (shares) within which something is plaster. Chosen on the two sample streets."""
+PLASTER_M2 = 2.0
+"""Area of a facade that tells the plaster's colour, square metres, where that much is known anywhere: the far edge of a house with
+the sky beside it is a bright streak, and whole houses were brightened to it. From 2 to 4 on the result is the same."""
 MISSING_COST, CHANGE_COST, DISTANCE_COST = 0.5, 1.2, 5e-5
 """Costs, in clipped squared differences, of a column that holds nothing for the gap, of another shift than the neighbour's, and of
 each step of distance. With half and a third of the first two, stripes of windows were copied beside each other as a comb, and most
@@ -202,11 +205,12 @@ def _plaster(color: Float32, known: Mask, texels_per_m: float) -> Float32:
     half = max(1, int(WALL_M * texels_per_m))
     hop = max(1, half // 4)
     centres = np.arange(0, len(color) + hop, hop)
+    parts = [np.s_[max(0, centre - half) : centre + half + 1 : 2, ::2] for centre in centres]
+    area = 4 / texels_per_m**2 * np.array([known[part].sum() for part in parts])
+    enough = (area > 0) & (area >= min(PLASTER_M2, area.max() / 2))
     wall = np.full((len(centres), 3), np.nan)
-    for k, centre in enumerate(centres):
-        part = np.s_[max(0, centre - half) : centre + half + 1 : 2, ::2]
-        if known[part].sum() >= half:
-            wall[k] = np.median(color[part][known[part]], axis=0)
+    for k in np.flatnonzero(enough):
+        wall[k] = np.median(color[parts[k]][known[parts[k]]], axis=0)
     at = np.flatnonzero(np.isfinite(wall[:, 0]))
     if not len(at):
         return np.full((len(color), 3), 0.5, dtype=np.float32)
