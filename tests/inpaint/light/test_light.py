@@ -264,6 +264,18 @@ def test_a_few_misread_texels_in_a_gap_throw_no_light_on_their_surroundings() ->
     assert (found[:, :140] > 0.5).mean() > 0.99
 
 
+def test_where_a_rows_shade_is_seen_to_end_it_ends_behind_a_lorry_too() -> None:
+    """The houses' shade is cast 2.5 m too far, as by a sun that is taken for too low; a lorry hides 8 m of its border."""
+    per_m = 20.0
+    true, cast = np.zeros((500, 300), dtype=bool), np.zeros((500, 300), dtype=bool)
+    true[:, :100], cast[:, :150] = True, True
+    sound = np.ones_like(true)
+    sound[200:360, 60:200] = False
+    light = Light(Sun(UP, 1.0, 0.0, 90.0), cast, np.zeros_like(cast))
+    found = shade_where_unseen(light, sound, true & sound, texels_per_m=per_m)
+    assert ((found > 0.5) == true)[~sound].mean() > 0.92
+
+
 def test_lamps_are_no_houses() -> None:
     wall = np.stack([np.arange(0, 30), np.full(30, 20)], axis=1)
     lamp = np.array([[10, 5], [11, 5]])

@@ -64,12 +64,13 @@ SHIFT_M, SHIFT_STEP_M, WINDOW_M = 0.9, 0.15, 1.2
 decide, metres: a direction wrong by 5 degrees moves the shadow of a roof 10 m up by 0.9 m. Chosen on the two sample streets."""
 SHIFT_COST = 0.02
 """Share of the surroundings that a full shift must set right to be made. Chosen on the two sample streets."""
-NEAR_M = (2.0, 0.5)
-"""Standard deviations along s and t within which observed shade corrects the shade that the scene casts, metres. Chosen on the two
-sample streets."""
-PRIOR = 0.12
-"""Weight of the cast shade in that correction, as the share of the surroundings that is observed against it: many texels together
-overrule it, a few in a gap between two cars do not. Chosen on the two sample streets."""
+FAR_M, NEAR_M = (8.0, 0.5), (2.0, 0.5)
+"""Standard deviations along s and t within which observed shade corrects the shade that the scene casts, first and then, metres.
+The shade of a row of houses ends along the street: where its border is seen beside a lorry, it also lies behind it, though the sun
+or a house that the images cut off is wrong. The second is chosen on the two sample streets, the first on @@ drawn ones."""
+FAR_PRIOR, PRIOR = 0.06, 0.12
+"""Weights of the cast shade in these corrections, as the share of the surroundings that is observed against it: many texels
+together overrule it, a few in a gap between two cars do not. The second is chosen on the two sample streets, the first as above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,14 +215,26 @@ def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: f
         sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
     """
     share = _moved(light.kept.astype(np.uint8), sound, dark, texels_per_m)
+    share = np.clip(share + _correction(share, sound, dark, FAR_M, FAR_PRIOR, texels_per_m), 0, 1)
+    correction = _correction(share, sound, dark, NEAR_M, PRIOR, texels_per_m)
+    soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
+    return soft
+
+
+def _correction(
+    share: Float32, sound: Mask, dark: Mask, reach_m: tuple[float, float], prior: float, texels_per_m: float
+) -> Float32:
+    """(A, B) what must be added to a ``share`` of shade for what was seen around.
+
+    Args:
+        reach_m: standard deviations of the surroundings along s and t, metres; prior: weight of the share.
+    """
     missed = np.where(sound, dark.astype(np.float32) - (share > 0.5), 0).astype(np.float32)
     # A border's misplacement is no news: what is missed must be broad.
     broad = masked_blur(missed, sound, 0.2 * texels_per_m)
     missed[np.abs(broad) < 0.5] = 0
-    reach = (NEAR_M[0] * texels_per_m, NEAR_M[1] * texels_per_m)
-    correction = 1.3 * masked_blur(missed, sound, reach, prior=PRIOR)
-    soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
-    return soft
+    along, across = (m * texels_per_m for m in reach_m)
+    return np.asarray(1.3 * masked_blur(missed, sound, (along, across), prior=prior))
 
 
 def _moved(kept: NDArray[np.uint8], sound: Mask, dark: Mask, texels_per_m: float) -> Float32:
