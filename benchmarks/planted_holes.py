@@ -31,13 +31,14 @@ from unveil_core.base.files import write_json_atomic  # noqa: E402
 from unveil_core.base.types import Picture  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.evaluate.baselines import BASELINES  # noqa: E402
+from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 
 RESULTS = HERE / "results" / "planted_holes.json"
 BLUR_PX = 4.0
 """Standard deviation of the blur, pixels of the working size, as in ceilings.py: what a guess may be off by to look right."""
 REGIONS = ("removed", "seen_elsewhere", "unseen")
-DETAILS = ("gradient", "line_recall", "false_lines")
+DETAILS = ("gradient", *SPECTRUM_FIGURES, "line_recall", "false_lines")
 
 
 def blurred(photograph: Picture) -> Picture:
@@ -58,7 +59,7 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
             return None
         figures = {"psnr": row["psnr"], "ssim": row["ssim"], "frames": row["frames"]}
         # Of detail the check knows the whole region only.
-        return figures | {name: found[name].get(method) for name in DETAILS if region == "removed"}
+        return figures | {name: found.get(name, {}).get(method) for name in DETAILS if region == "removed"}
 
     regions = {
         region: {"pixels": found["regions"][region]["pixels"], **{name: of(region, m) for name, m in columns.items()}}

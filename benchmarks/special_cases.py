@@ -119,7 +119,7 @@ CASES = {
     ),
     "facades": Case(
         "facades are completed by other parts of themselves, and the sky over them",
-        {f"{INPAINT}.by_stretch:invented_facades": lambda *_, **__: InventedFacades(None, None)},
+        {f"{INPAINT}.by_stretch:invented_facades": lambda *_, **__: InventedFacades(None, None, None)},
     ),
     "path_ahead": Case(
         "the street is followed ahead of the last camera by what is seen of it; else it goes on as the camera drove",
@@ -185,7 +185,7 @@ def figures_of(workspace: Path, truth: Path) -> dict[str, Any]:
 def change(of: dict[str, Any], base: dict[str, Any], stages: list[str]) -> dict[str, float | None]:
     """Figures without a case minus those with it; seconds of some stages."""
     found: dict[str, float | None] = {
-        name: None if None in (of[name], base[name]) else round(of[name] - base[name], 4) for name in FIGURES
+        name: None if None in (of.get(name), base.get(name)) else round(of[name] - base[name], 4) for name in FIGURES
     }
     found["seconds"] = round(sum(of["seconds"][s] - base["seconds"][s] for s in stages), 1)
     return found
@@ -198,10 +198,10 @@ def means(seeds: dict[str, dict[str, Any]]) -> dict[str, Any]:
         rows = [rows[case]["change"] for rows in seeds.values() if case in rows]
         if not rows:
             continue
-        values = {name: [r[name] for r in rows if r[name] is not None] for name in (*FIGURES, "seconds")}
+        values = {name: [r[name] for r in rows if r.get(name) is not None] for name in (*FIGURES, "seconds")}
         found[case] = {
             "streets": len(rows),
-            "changed": sum(any(r[name] for name in FIGURES) for r in rows),
+            "changed": sum(any(r.get(name) for name in FIGURES) for r in rows),
             **{name: round(float(np.mean(v)), 4) if v else None for name, v in values.items()},
         }
     return found

@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.evaluate.detail.scores import DETAIL_FIGURES
+
 __all__ = ["BASELINES", "FIGURES", "GROUPS", "UNSEEN_FROM", "Row", "group_of", "may_be_shown", "plot", "recorded", "summarized"]
 
 BASELINES = ("telea", "shift_map")
-FIGURES = ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue")
+FIGURES = ("psnr", "ssim", *DETAIL_FIGURES)
+"""Of a region. Rows of before the spectrum was measured have none of it, and no say in its mean."""
 UNSEEN_FROM = 28
 """Seeds below are for work. Of those from here on nobody looks at pictures, and nothing is chosen by them."""
 SEEN = frozenset({30, 33, 34, 35, 36, 38, 44, 48, 49, 50, 51})

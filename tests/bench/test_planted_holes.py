@@ -23,6 +23,7 @@ def found() -> dict[str, Any]:
         "regions": {"removed": {"pixels": 900, "methods": methods}, "unseen": {"pixels": 900, "methods": methods}},
         "outside": {"changed": 0.0, "mean": 0.0},
         "gradient": dict.fromkeys(PSNR, 0.9),
+        "spectrum_4px": dict.fromkeys(PSNR, 0.7),
         "line_recall": {**dict.fromkeys(PSNR, 0.5), "telea": None},
         "false_lines": dict.fromkeys(PSNR, 0.25),
         "flicker": {"methods": {name: {"absolute": 2.0} for name in ("truth", *PSNR)}},
@@ -35,6 +36,7 @@ def test_ours_stands_beside_the_best_of_opencv_and_the_ceiling(found: dict[str, 
     removed, unseen = row["regions"]["removed"], row["regions"]["unseen"]
     assert removed["best_opencv"]["psnr"] == 22.5 and removed["ours"]["line_recall"] == 0.5
     assert removed["ours"]["gradient"] == 0.9 and removed["blurred"]["false_lines"] == 0.25
+    assert removed["ours"]["spectrum_4px"] == 0.7 and removed["ours"]["spectrum_8px"] is None
     assert "gradient" not in unseen["ours"] and "seen_elsewhere" not in row["regions"]
     assert set(row["flicker"]) == {"ours", "truth", "shift_map"} and row["full_size"] is None
 

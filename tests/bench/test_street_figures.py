@@ -82,6 +82,14 @@ def test_means_are_over_what_was_measured() -> None:
     assert found["flicker"] == {"ours": 2.0, "truth": None, "telea": None, "shift_map": None}
 
 
+def test_rows_of_before_the_spectrum_have_no_say_in_its_mean() -> None:
+    new = row(22.0)
+    new["removed"] = {**new["removed"], "spectrum_4px": 0.8}
+    found = summarized(taken([(28, row(21.0)), (29, new)]), "standard", GENERATOR)["means"]["standard"]["first_look"]
+    assert (found["28 on"]["removed"]["spectrum_4px"], found["28 on"]["removed"]["psnr"]) == (0.8, 21.5)
+    assert found["28 on"]["best_opencv"]["spectrum_4px"] is None
+
+
 def test_pictures_of_held_out_seeds_are_not_shown() -> None:
     assert all(may_be_shown(seed) for seed in (0, 9, 10, UNSEEN_FROM - 1, *SEEN))
     assert not any(may_be_shown(seed) for seed in (28, 29, 31, 32, 37, 45, 46, 1000))

@@ -162,6 +162,7 @@ def test_summary_says_what_metrics_say(finished: Path) -> None:
         figures = ("gradient", "line_recall", "false_lines", "residue")
         assert row.split(name, 1)[1].split("  ")[-1].strip() == detail("residue", methods[method]["residue"])
         assert all(detail(figure, methods[method][figure]) in row for figure in figures)
+    assert f"spectrum inside, ratio to the truth: {methods['ours']['spectrum_4px']:.2f} (2 to 4 px), " in text
     assert "Unveil, in cast shadows" in text
     assert str(finished / "frames") in text
     assert "meshes" not in text

@@ -20,6 +20,7 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, write_metrics
+from unveil_core.evaluate.detail.scores import DETAIL_FIGURES, SPECTRUM_FIGURES
 from unveil_core.mesh import DepthView, Mesh, fuse, render_mesh_picture, write_ply
 from unveil_core.report import write_report
 from unveil_core.report.collect import bird_camera
@@ -116,7 +117,8 @@ def test_everything_is_there(finished: Path, tmp_path: Path) -> None:
     removed = metrics["truth"]["regions"]["removed"]["methods"]
     for method in ("ours", "telea", "shift_map"):
         assert f"{removed[method]['psnr']:.1f} dB" in page.text
-    for figure in ("gradient", "line_recall", "false_lines", "residue"):
+    assert "Spectrum, 2 to 4 px" in page.text
+    for figure in DETAIL_FIGURES:
         assert f"<td>{detail(figure, removed['ours'][figure])}</td>" in text
     assert "found in green, missed in red" in page.text
     assert "removed: 3 cars" in page.text
@@ -186,7 +188,7 @@ def test_without_truth(workspace: Path) -> None:
     metrics = json.loads((workspace / "metrics.json").read_text())
     del metrics["truth"]
     for entry in metrics["per_frame"]:
-        for figure in ("psnr", "ssim", "gradient", "line_recall", "false_lines", "residue"):
+        for figure in ("psnr", "ssim", *DETAIL_FIGURES):
             del entry[figure]
     write_report(workspace, workspace / "report", metrics)
     page = Page((workspace / "report/index.html").read_text())
@@ -209,12 +211,23 @@ def test_metrics_of_before_the_details(workspace: Path) -> None:
     metrics = json.loads((workspace / "metrics.json").read_text())
     for region in metrics["truth"]["regions"].values():
         for figures in region["methods"].values():
-            for name in ("gradient", "line_recall", "false_lines", "residue"):
+            for name in DETAIL_FIGURES:
                 figures.pop(name, None)
     del metrics["truth"]["residue_by_object"]
     write_report(workspace, workspace / "report", metrics)
     page = Page((workspace / "report/index.html").read_text())
     assert "Against the true" in page.headings() and "False lines" not in page.text
+
+
+def test_metrics_of_before_the_spectrum(workspace: Path) -> None:
+    metrics = json.loads((workspace / "metrics.json").read_text())
+    for region in metrics["truth"]["regions"].values():
+        for figures in region["methods"].values():
+            for name in SPECTRUM_FIGURES:
+                figures.pop(name, None)
+    write_report(workspace, workspace / "report", metrics)
+    page = Page((workspace / "report/index.html").read_text())
+    assert "False lines" in page.text and "Spectrum" not in page.text
 
 
 def test_the_objects_of_which_most_is_left_are_named(workspace: Path) -> None:

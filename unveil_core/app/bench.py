@@ -148,7 +148,7 @@ def _pipeline_table(measured: dict[str, Any]) -> str:
     ]
     heads = (
         ("seconds", 9), ("own", 9), ("MB", 7), ("PSNR", 7), ("SSIM", 7), ("unseen", 8), ("elsewhere", 11),
-        ("gradient", 10), ("lines", 7), ("false", 7), ("residue", 9),
+        ("gradient", 10), ("2-4px", 7), ("4-8px", 7), ("8-16px", 8), ("lines", 7), ("false", 7), ("residue", 9),
     )  # fmt: skip
     lines.append(f"{'':<42}" + "".join(f"{head:>{width}}" for head, width in heads))
     for row in measured["rows"]:
@@ -171,7 +171,7 @@ def _pipeline_table(measured: dict[str, Any]) -> str:
                 )
             ),
         )
-        digits = (1, 1, 0, 1, 2, 1, 1, 2, 2, 2, 3)
+        digits = (1, 1, 0, 1, 2, 1, 1, 2, 2, 2, 2, 2, 2, 3)
         cells = "".join(
             f"{'' if v is None else format(v, f'.{d}f'):>{width}}"
             for v, d, (_, width) in zip(values, digits, heads, strict=True)

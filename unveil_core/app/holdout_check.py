@@ -37,6 +37,7 @@ from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.raster.near_camera import near_camera
+from unveil_core.report.wording import wavelengths
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_selection
@@ -230,8 +231,12 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         names = {"truth": "the photographs", **METHODS}
         parts = (f"{name} {flicker[m]['absolute']:.1f}" for m, name in names.items() if m in flicker)
         lines.append(f"  flicker, levels of 255: {', '.join(parts)}")
-    shares = [f"{METHODS[m]} {share:.2f}" for m, share in found.get("gradient", {}).items() if m in METHODS]
+    gradients = {m: share for m, share in found.get("gradient", {}).items() if m in METHODS and share is not None}
+    shares = [f"{METHODS[m]} {share:.2f}" for m, share in gradients.items()]
     lines.append(f"  gradient inside, as a share of the photographs': {', '.join(shares)}")
+    bands = [f"{found[name]['ours']:.2f} ({band})" for name, band in wavelengths().items() if _has(found, name)]
+    if bands:
+        lines.append(f"  spectrum inside, as a share of the photographs': {', '.join(bands)}")
     recall, false = found["line_recall"], found["false_lines"]
     found_lines = [f"{METHODS[m]} {_percent(recall[m])} / {_percent(false[m])}" for m in recall if m in METHODS]
     lines.append(f"  lines on the ground found / false: {', '.join(found_lines)}")
@@ -243,6 +248,10 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         )
     lines.append(f"  changed where nothing should: {100 * found['outside']['changed']:.2f} % of the pixels")
     return lines
+
+
+def _has(found: dict[str, Any], figure: str) -> bool:
+    return found.get(figure, {}).get("ours") is not None
 
 
 def _percent(value: float | None) -> str:

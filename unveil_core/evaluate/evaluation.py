@@ -74,8 +74,8 @@ def run_evaluation(
         with ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels), their means over frames, and the number
         of ``frames``, which is smaller for the single-image baselines of a long drive; the methods of all regions but ``whole``
         have what PSNR forgives, too (see :func:`unveil_core.evaluate.detail.scores.detail_figures`): ``gradient``,
-        ``line_recall``, ``false_lines``, ``residue``. ``residue_by_object`` has what is left of each removed object, worst
-        first. And with a ``free/`` in the truth ``free_views`` (see
+        ``spectrum_4px`` to ``spectrum_16px``, ``line_recall``, ``false_lines``, ``residue``. ``residue_by_object`` has what is
+        left of each removed object, worst first. And with a ``free/`` in the truth ``free_views`` (see
         :func:`unveil_core.evaluate.free_views.measure_free_views`). With their networks the methods of the region ``whole``
         have ``lpips``, the mean over frames, and ``fid``. ``flicker``
         is what :func:`unveil_core.evaluate.flicker.measure_flicker` finds inside the removed region, of the ``truth``

@@ -3,7 +3,7 @@ facades and poles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
@@ -26,7 +26,8 @@ from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
-from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.copies import FacadeCopies
+from unveil_core.inpaint.facade.facade_chart import FacadeView, InventedFacades, invented_facades, read_facade
 from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.facade.poles import feet_of_poles
@@ -48,6 +49,7 @@ T = TypeVar("T")
 SEEN_M = 60.0
 """How far beyond its ends a stretch's frames sample the ground of the next ones, metres: farther off it fills few pixels."""
 COMPLETED = ("walls", "feet", "trees", "curtains")
+COPIES = ("copies of the right side", "copies of the left side")
 COVERED = 0.5
 """Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
 
@@ -62,6 +64,7 @@ class Completed:
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
         facing: share of the houses' surfels that face the street, 0 to 1; None where there are no houses.
+        copies: where the missing parts of houses were copied from.
     """
 
     walls: Surfels | None
@@ -71,6 +74,7 @@ class Completed:
     sides: int
     mended: int
     facing: float | None
+    copies: Sequence[FacadeCopies] = ()
 
     def surfels(self) -> list[Surfels]:
         """Those that become part of the scene."""
@@ -308,6 +312,7 @@ class StreetFill:
         s = self.ground.path.to_street(remaining.means.double().numpy())[:, 0]
         found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
+        copies = []
         for stretch in self.stretches:
 
             def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
@@ -317,20 +322,31 @@ class StreetFill:
             self._told(stretch, "completing facades")
             sides |= arrays["sides"]
             mended |= arrays["mended"]
+            named = {name: _named(arrays, name) for name in (*COMPLETED, *COPIES)}
             for name, parts in found.items():
-                own = {key.removeprefix(f"{name}."): a for key, a in arrays.items() if key.startswith(f"{name}.")}
-                parts += [Surfels.from_arrays(own)] if own else []
+                parts += [Surfels.from_arrays(named[name])] if named[name] else []
+            copies += [FacadeCopies(**named[name]) for name in COPIES if named[name]]
         walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
         house = self.scene.labels.index("building")
         facing = None if house is None else share_facing(remaining.select(remaining.labels == house), self.ground)
-        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing)
+        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing, copies)
 
     def _completed(self, stretch: Stretch, local: Surfels) -> dict[str, NDArray[Any]]:
         """What a stretch owns of that, the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``."""
         found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         add = self._owned_into(stretch, found)
-        told = [self._complete_side(stretch, local, add, left=left) for left in (False, True)]
+        copies: dict[str, NDArray[Any]] = {}
+        told = []
+        for name, left in zip(COPIES, (False, True), strict=True):
+            stand, invented = self._complete_side(stretch, local, left=left)
+            told.append((stand, invented is not None and invented.walls is not None))
+            if invented is None:
+                continue
+            add("walls", invented.walls)
+            add("curtains", invented.open)
+            own = None if invented.copies is None else invented.copies.part(stretch.owns(invented.copies.s))
+            copies |= {} if own is None else {f"{name}.{key}": array for key, array in vars(own).items()}
         add("feet", self._feet(stretch, local))
         add("trees", self._trees(stretch, local))
         arrays = {
@@ -340,7 +356,7 @@ class StreetFill:
             for key, array in concatenate(parts).arrays().items()
         }
         sides, mended = np.array(told).T
-        return {"sides": sides, "mended": mended, **arrays}
+        return {"sides": sides, "mended": mended, **arrays, **copies}
 
     def _owned_into(self, stretch: Stretch, found: dict[str, list[Surfels]]) -> Callable[[str, Surfels | None], None]:
         """Adds what a stretch owns of some surfels to what was found."""
@@ -354,13 +370,11 @@ class StreetFill:
 
         return add
 
-    def _complete_side(
-        self, stretch: Stretch, local: Surfels, add: Callable[[str, Surfels | None], None], *, left: bool
-    ) -> tuple[bool, bool]:
-        """Complete the facades of one side; returns whether houses stand there, and whether anything of them was missing."""
+    def _complete_side(self, stretch: Stretch, local: Surfels, *, left: bool) -> tuple[bool, InventedFacades | None]:
+        """Whether houses stand on one side, and what completes their facades."""
         house = self.scene.labels.index("building")
         if house is None:
-            return False, False
+            return False, None
         sky = self.scene.labels.indices(("sky",))
         views = self.views
 
@@ -374,11 +388,8 @@ class StreetFill:
         walls = local.select(local.labels == house)
         chart = read_facade(self.ground, walls, seen, left=left, along=stretch.s_around)
         if chart is None:
-            return False, False
-        invented = invented_facades(chart, label=house, sh_degree=local.sh_degree)
-        add("walls", invented.walls)
-        add("curtains", invented.open)
-        return True, invented.walls is not None
+            return False, None
+        return True, invented_facades(chart, label=house, sh_degree=local.sh_degree)
 
     def _feet(self, stretch: Stretch, local: Surfels) -> Surfels | None:
         """The hidden feet of poles beside a stretch."""
@@ -409,6 +420,11 @@ class StreetFill:
             on_plant=Frames(len(labels), lambda k: labels[k] == plant),
             sky=Frames(len(labels), lambda k: np.isin(labels[k], sky)),
         )
+
+
+def _named(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+    """The arrays of one name."""
+    return {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}
 
 
 def sky_behind(curtains: Surfels | None, cameras: Sequence[Camera], cache: FrameCache) -> Sequence[Mask] | None:

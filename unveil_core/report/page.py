@@ -37,6 +37,7 @@ from unveil_core.report.wording import (
     percent,
     seconds,
     similarity,
+    wavelengths,
 )
 from unveil_core.workspace.assumptions import recorded_assumptions
 
@@ -52,6 +53,7 @@ REGION_TITLES = {
 }
 DETAIL_TITLES = {
     "gradient": "Gradient, ratio to the truth",
+    **{name: f"Spectrum, {band}" for name, band in wavelengths().items()},
     "line_recall": "Lines found",
     "false_lines": "False lines",
     "residue": "Residue",
@@ -253,17 +255,21 @@ def _details(shown: Shown) -> Part | None:
     figures = detail_rows(truth)
     if not figures:
         return None
-    rows = [
-        _row(name, [{"text": detail(key, values.get(key))} for key in DETAIL_TITLES])
-        for name, values in figures.items()
-    ]
-    words = "Lines are edges of paint and kerbs on the ground; residue still shows the crowded frame's colours."
+    # Metrics of an earlier version have no spectrum.
+    titles = {key: title for key, title in DETAIL_TITLES.items() if any(key in values for values in figures.values())}
+    rows = [_row(name, [{"text": detail(key, values.get(key))} for key in titles]) for name, values in figures.items()]
+    words = (
+        "Spectrum is the strength of detail by its wavelength, as a ratio to the truth's. "
+        if wavelengths().keys() & titles.keys()
+        else ""
+    )
+    words += "Lines are edges of paint and kerbs on the ground; residue still shows the crowded frame's colours."
     if any(frame.lines for frame in shown.frames):
         words += " The view “Lines” shows them: found in green, missed in red, false in blue."
     worst = left_most(truth)
     if worst:
         words += f" Most is left of: {worst}."
-    return {"table": {"heads": list(DETAIL_TITLES.values()), "rows": rows}, "words": words}
+    return {"table": {"heads": list(titles.values()), "rows": rows}, "words": words}
 
 
 def _free_views(shown: Shown) -> Part | None:

@@ -18,6 +18,7 @@ from unveil_core.report.wording import (
     percent,
     seconds,
     similarity,
+    wavelengths,
 )
 
 __all__ = ["print_summary"]
@@ -106,6 +107,10 @@ def _details(truth: dict[str, Any]) -> list[str]:
     lines = [f"  {'inside the removed region':<38}" + "".join(f"{title:>15}" for title in DETAILS.values())]
     for name, figures in shown.items():
         lines.append(f"    {name:<36}" + "".join(f"{detail(k, figures.get(k)):>15}" for k in DETAILS))
+    ours = next(iter(shown.values()))
+    bands = [f"{ours[name]:.2f} ({band})" for name, band in wavelengths().items() if ours.get(name) is not None]
+    if bands:
+        lines.append(f"  spectrum inside, ratio to the truth: {', '.join(bands)}")
     worst = left_most(truth)
     return [*lines, f"  most is left of: {worst}"] if worst else lines
 

@@ -5,8 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from unveil_core.evaluate import METHODS
+from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES
+from unveil_core.evaluate.detail.spectrum import BANDS_PX
 
-__all__ = ["decibels", "detail", "detail_rows", "left_most", "memory", "movers", "percent", "seconds", "similarity"]
+__all__ = [
+    "decibels",
+    "detail",
+    "detail_rows",
+    "left_most",
+    "memory",
+    "movers",
+    "percent",
+    "seconds",
+    "similarity",
+    "wavelengths",
+]
 
 MOST_LEFT = 3
 """Objects that are named for what is left of them."""
@@ -23,10 +36,16 @@ def similarity(value: float | None) -> str:
 
 
 def detail(name: str, value: float | None) -> str:
-    """A figure of ``evaluate.detail``: the gradient as a ratio, shares in per cent; a dash where there was nothing to compare."""
+    """A figure of ``evaluate.detail``: gradient and spectrum as ratios, shares in per cent; a dash where there was nothing to
+    compare."""
     if value is None:
         return "–"
-    return f"{value:.2f}" if name == "gradient" else percent(value)
+    return f"{value:.2f}" if name in ("gradient", *SPECTRUM_FIGURES) else percent(value)
+
+
+def wavelengths() -> dict[str, str]:
+    """``2 to 4 px`` and so on: the bands of the spectrum by the names of their figures."""
+    return {name: f"{px // 2} to {px} px" for name, px in zip(SPECTRUM_FIGURES, BANDS_PX, strict=True)}
 
 
 def detail_rows(truth: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -12,7 +12,7 @@ from tests.evaluate.detail.pictures import HEIGHT, WIDTH, blurred, road
 from tests.mesh.street import street_camera
 from unveil_core.base.files import write_image_atomic
 from unveil_core.drives.drive import Frame
-from unveil_core.evaluate.detail.scores import DetailScore, StreetDetail, detail_figures
+from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES, DetailScore, StreetDetail, detail_figures
 from unveil_core.evaluate.metrics import gradient
 from unveil_core.geometry.images import grow
 
@@ -49,7 +49,8 @@ def figures(truth: Path, picture: np.ndarray) -> dict[str, float]:
 
 
 def test_the_true_street(truth: Path) -> None:
-    assert figures(truth, road()) == {"gradient": 1.0, "line_recall": 1.0, "false_lines": 0.0, "residue": 0.0}
+    right = dict.fromkeys(("gradient", *SPECTRUM_FIGURES, "line_recall"), 1.0)
+    assert figures(truth, road()) == {**right, "false_lines": 0.0, "residue": 0.0}
 
 
 def test_the_untouched_frame(truth: Path) -> None:
@@ -64,6 +65,8 @@ def test_a_blurred_street(truth: Path) -> None:
     found = figures(truth, blurred(road(), 4.0))
     assert 0.2 < found["gradient"] < 0.8
     assert found["line_recall"] < 0.05 and found["residue"] == 0
+    bands = [found[name] for name in SPECTRUM_FIGURES]
+    assert bands == sorted(bands) and bands[0] < 0.1
 
 
 def test_gradient_is_that_of_the_pixels_without_the_seam(truth: Path) -> None:
@@ -92,9 +95,14 @@ def test_without_regions_or_ground(truth: Path, tmp_path: Path) -> None:
 
 
 def test_figures_pool_pixels_not_frames() -> None:
-    one, other = DetailScore(100, 10.0, 10.0, 9, 1, 5, 0, 0), DetailScore(300, 0.0, 30.0, 0, 30, 0, 5, 40)
-    assert detail_figures([one, other]) == {
+    one = DetailScore(100, 10.0, 10.0, 9, 1, 5, 0, 0, 1.0, 9.0, 0.0, 4.0, 9.0, 0.0)
+    other = DetailScore(300, 0.0, 30.0, 0, 30, 0, 5, 40, 3.0, 0.0, 0.0, 12.0, 27.0, 0.0)
+    found = detail_figures([one, other])
+    assert math.isnan(found.pop("spectrum_16px"))
+    assert found == {
         "gradient": 0.25,
+        "spectrum_4px": 0.5,
+        "spectrum_8px": 0.5,
         "line_recall": 9 / 40,
         "false_lines": 0.5,
         "residue": 0.1,

@@ -277,6 +277,7 @@ def test_lines_on_the_ground_are_looked_for_behind_the_car(
     methods = found["regions"]["removed"]["methods"]
     assert methods["telea"]["psnr"] < methods["blurred"]["psnr"] < methods["ours"]["psnr"]
     assert found["gradient"]["blurred"] < 0.8
+    assert found["spectrum_4px"]["blurred"] < found["spectrum_16px"]["blurred"] < 0.9
     nowhere = [replace(f, ground=np.zeros_like(f.removed)) for f in frames]
     assert set(measure_holdout(nowhere, [parked(drive)], written, root)["line_recall"].values()) == {None}
     assert measure_holdout(frames, [parked(drive)], written, root)["line_recall"] == {}

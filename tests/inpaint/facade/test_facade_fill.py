@@ -34,7 +34,7 @@ def gap(shape: tuple[int, ...], *parts: tuple[float, float, float]) -> np.ndarra
 def test_a_gap_below_windows_gets_the_other_half_of_them(place: float) -> None:
     truth = facade()
     hidden = gap(truth.shape, (place, place + 3.2, 1.8))
-    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert filled[hidden].mean() > 0.99
     assert np.array_equal(color[~hidden], truth[~hidden])
     error = np.sqrt(((color - truth) ** 2)[hidden].mean())
@@ -46,7 +46,7 @@ def test_another_houses_windows_come_in_this_ones_plaster() -> None:
     """Of the second house only a strip is known below; its windows are those of the first."""
     truth = facade(door=100.0)
     hidden = gap(truth.shape, (12.5, 24.0, 1.8))
-    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     inside = gap(truth.shape, (14.0, 23.0, 1.8)) & filled
     assert inside.sum() > 0.9 * gap(truth.shape, (14.0, 23.0, 1.8)).sum()
     assert np.sqrt(((color - truth) ** 2)[inside].mean()) < 0.05
@@ -60,7 +60,7 @@ def test_behind_a_lorry_a_house_keeps_the_colour_of_its_plaster() -> None:
     hidden = gap(truth.shape, (5.0, 13.0, 4.4))
     known = ~hidden
     known[:, int(5.3 * PER_M) :] = False
-    color, filled, _ = fill_facade(np.where(known[..., None], truth, 0), known, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.where(known[..., None], truth, 0), known, hidden, texels_per_m=PER_M)
     assert filled[hidden].all()
     own = np.stack([PLASTER[0], PANE, PLINTH])
     apart = np.abs(color[hidden][:, None] - own).max(axis=2).min(axis=1)
@@ -70,7 +70,7 @@ def test_behind_a_lorry_a_house_keeps_the_colour_of_its_plaster() -> None:
 def test_a_door_is_not_put_under_a_window() -> None:
     truth = facade()
     hidden = gap(truth.shape, (18.0, 19.6, 1.6))
-    color, _, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     red = (color[..., 0] > 2 * color[..., 1]) & hidden
     assert red.sum() == 0
 
@@ -78,9 +78,9 @@ def test_a_door_is_not_put_under_a_window() -> None:
 def test_where_nothing_is_known_nothing_is_invented() -> None:
     truth = facade()
     everything = np.ones(truth.shape[:2], dtype=bool)
-    color, filled, _ = fill_facade(np.zeros_like(truth), ~everything, everything, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.zeros_like(truth), ~everything, everything, texels_per_m=PER_M)
     assert not filled.any()
-    color, filled, _ = fill_facade(truth, everything, ~everything, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(truth, everything, ~everything, texels_per_m=PER_M)
     assert not filled.any() and np.array_equal(color, truth)
 
 
@@ -92,7 +92,7 @@ def test_where_nothing_is_known_nothing_is_invented() -> None:
 def test_what_is_filled_was_wanted_and_is_a_colour(parts: list[tuple[float, float, float]], bright: float) -> None:
     truth = np.clip(facade() * np.float32(bright), 0, 1)
     hidden = gap(truth.shape, *((a, a + b, top) for a, b, top in parts))
-    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert not (filled & ~hidden).any()
     assert np.isfinite(color).all() and color.min() >= 0 and color.max() <= 1
     assert np.array_equal(color[~filled], np.where(hidden[..., None], 0, truth)[~filled])
@@ -104,7 +104,7 @@ def test_what_is_seen_between_two_cars_is_not_repeated_as_a_comb() -> None:
     hidden = gap(truth.shape, (0.0, 10.6, 1.0), (11.4, 24.0, 1.0))
     seen = np.where(hidden[..., None], 0, truth)
     seen[int(10.9 * PER_M) : int(11.1 * PER_M), :25] = 0.02
-    color, filled, _ = fill_facade(seen, ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(seen, ~hidden, hidden, texels_per_m=PER_M)
     lamps = (color.max(axis=2) < 0.05) & hidden & filled
     assert lamps.sum() < 0.01 * hidden.sum()
 
@@ -113,7 +113,7 @@ def test_below_all_that_is_known_a_house_is_plaster() -> None:
     """A parked row hides the lowest metre and a half of all houses, and the lower half of their windows."""
     truth = facade(door=100.0)
     hidden = gap(truth.shape, (0.0, 24.0, 1.5))
-    color, filled, _ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
     assert filled[hidden].all()
     s = np.arange(len(truth)) / PER_M
     for house, plaster in zip(((s > 2) & (s < 11), (s > 14) & (s < 22)), PLASTER, strict=True):

@@ -15,17 +15,20 @@ from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.detail.ground_pixels import ground_pixels
 from unveil_core.evaluate.detail.lines import LineMatch, find_edges, match_lines
 from unveil_core.evaluate.detail.residue import PATCH_PX, find_residue, nearest_object
+from unveil_core.evaluate.detail.spectrum import BANDS_PX, Spectrum
 from unveil_core.evaluate.metrics import gradient
 from unveil_core.geometry.images import area_px, border_px, grow, smoothed
 
-__all__ = ["DETAIL_FIGURES", "DetailScore", "PictureDetail", "StreetDetail", "detail_figures"]
+__all__ = ["DETAIL_FIGURES", "SPECTRUM_FIGURES", "DetailScore", "PictureDetail", "StreetDetail", "detail_figures"]
 
 SEAM_PX = 1
 """Pixels next to a region's border that count neither for gradient nor for lines: a seam is no texture, and no line."""
 AROUND_PX = 24
 """Rows above and below all regions that are looked at, pixels at 384 px: twice the length of the shortest line, so that a line that
 enters a region keeps its length."""
-DETAIL_FIGURES = ("gradient", "line_recall", "false_lines", "residue")
+SPECTRUM_FIGURES = tuple(f"spectrum_{wavelength}px" for wavelength in BANDS_PX)
+"""Names of the bands of the spectrum, by their longest wavelength."""
+DETAIL_FIGURES = ("gradient", *SPECTRUM_FIGURES, "line_recall", "false_lines", "residue")
 """Names of the figures, in the order of tables."""
 
 
@@ -38,6 +41,8 @@ class DetailScore:
         gradient, true_gradient: over the region without its seam, levels.
         found, missed: pixels of true lines. right, false: pixels of the method's lines.
         residue: pixels that still show a removed object.
+        fine, middle, coarse, true_fine, true_middle, true_coarse: energy of the bands of the spectrum, from the finest one, over
+            the region without its seam, squared levels.
     """
 
     pixels: int = 0
@@ -48,6 +53,12 @@ class DetailScore:
     right: int = 0
     false: int = 0
     residue: int = 0
+    fine: float = 0.0
+    middle: float = 0.0
+    coarse: float = 0.0
+    true_fine: float = 0.0
+    true_middle: float = 0.0
+    true_coarse: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +77,21 @@ class PictureDetail:
 
 
 def detail_figures(scores: Iterable[DetailScore]) -> dict[str, float]:
-    """The figures of pooled sums: ``gradient`` and ``line_recall``, right at 1, ``false_lines`` and ``residue``, right at 0.
+    """The figures of pooled sums: gradient, spectrum and ``line_recall``, right at 1, ``false_lines`` and ``residue``, right at 0.
 
     Returns:
-        ``gradient``: gradient energy as a ratio to the truth's; ``line_recall``: share of true line pixels that were found;
-        ``false_lines``: share of the method's line pixels that are at no true edge; ``residue``: share of the region's pixels.
-        NaN where there is nothing to compare, so for lines where no ground is known.
+        ``gradient``: gradient energy as a ratio to the truth's; ``spectrum_4px`` and so on (:data:`SPECTRUM_FIGURES`): root of a
+        band's energy as a ratio to the truth's, so in amplitude as the gradient; ``line_recall``: share of true line pixels that
+        were found; ``false_lines``: share of the method's line pixels that are at no true edge; ``residue``: share of the
+        region's pixels. NaN where there is nothing to compare, so for lines where no ground is known.
     """
     values = [astuple(score) for score in scores]
     total = DetailScore(*(sum(column) for column in zip(*values, strict=True))) if values else DetailScore()
+    ours = total.fine, total.middle, total.coarse
+    true = total.true_fine, total.true_middle, total.true_coarse
     return {
         "gradient": _share(total.gradient, total.true_gradient),
+        **{name: math.sqrt(_share(*both)) for name, *both in zip(SPECTRUM_FIGURES, ours, true, strict=True)},
         "line_recall": _share(total.found, total.found + total.missed),
         "false_lines": _share(total.false, total.right + total.false),
         "residue": _share(total.residue, total.pixels),
@@ -129,6 +144,8 @@ class StreetDetail:
         street, crowded = street[self._rows], crowded[self._rows]
         slope = gradient(street)
         self._gradient = {name: _sum_inside(slope, inside) for name, inside in self._inside.items()}
+        self._spectrum = {name: Spectrum(inside) for name, inside in self._inside.items()}
+        self._energies = {name: spectrum.energies(street) for name, spectrum in self._spectrum.items()}
         self._edges = find_edges(street)
         self._street, self._crowded = smoothed(street), smoothed(crowded)
         self._patch_px = area_px(self._shape, PATCH_PX)
@@ -147,7 +164,8 @@ class StreetDetail:
         for name, region in self._regions.items():
             slopes = _sum_inside(slope, self._inside[name]), self._gradient[name]
             counts = (int(np.count_nonzero(mask & region)) for mask in counted)
-            scores[name] = DetailScore(int(np.count_nonzero(region)), *slopes, *counts)
+            energies = *self._spectrum[name].energies(picture), *self._energies[name]
+            scores[name] = DetailScore(int(np.count_nonzero(region)), *slopes, *counts, *energies)
         *of_lines, residue = (self._whole(mask) for mask in counted)
         return PictureDetail(scores, LineMatch(*of_lines), residue)
 

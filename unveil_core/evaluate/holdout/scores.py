@@ -20,7 +20,8 @@ from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.detail.lines import find_edges, match_lines
-from unveil_core.evaluate.detail.scores import DetailScore, detail_figures
+from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES, DetailScore, detail_figures
+from unveil_core.evaluate.detail.spectrum import Spectrum
 from unveil_core.evaluate.flicker import DepthGrid, measure_flicker
 from unveil_core.evaluate.holdout.placement import CarPixels, SceneView
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
@@ -83,8 +84,9 @@ def measure_holdout(
         ``psnr`` (of the pooled error), ``ssim`` (over the pooled pixels) and ``frames``. ``cars`` has each car's
         place (metres along and left of the path), frames, pixels and PSNR by method. ``flicker`` is as of
         :func:`unveil_core.evaluate.flicker.measure_flicker`, the photographs themselves as ``truth``.
-        ``gradient`` has per method the mean gradient inside the cars as a share of the photographs', ``line_recall`` the share
-        of the photographs' lines on the ground that were found there, and ``false_lines`` the share of the method's that are
+        ``gradient`` has per method the mean gradient inside the cars as a share of the photographs', ``spectrum_4px`` and
+        so on that of the bands of the spectrum (see :mod:`unveil_core.evaluate.detail.spectrum`), ``line_recall`` the share of
+        the photographs' lines on the ground that were found there, and ``false_lines`` the share of the method's that are
         at no edge of the photographs (see :mod:`unveil_core.evaluate.detail.lines`); None where there are none.
         ``full_size``, where the footage is larger than the working size, has PSNR and gradient of the delivered frames against
         it, and how many pixels changed elsewhere. ``unobserved_mask_iou`` compares the workspace's masks of unobserved pixels
@@ -95,7 +97,7 @@ def measure_holdout(
     with_baselines = with_neighbours(shown)
     sums: dict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0, 0.0, 0.0])
     filled: dict[Frame, dict[str, Picture]] = {}
-    slopes: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
+    textures: dict[str, list[DetailScore]] = defaultdict(list)
     lines: dict[str, list[DetailScore]] = defaultdict(list)
     references = references or {}
     full = _FullSize()
@@ -112,7 +114,8 @@ def measure_holdout(
         regions |= {f"car {car.number}": held.region & (held.cars.number == car.number) for car in cars}
         for method, picture in pictures.items():
             _add(sums, method, regions, picture, photograph)
-            _add_gradient(slopes, method, held.region, picture, photograph)
+        for method, score in _textures(held, pictures, photograph).items():
+            textures[method].append(score)
         for method, score in _lines(held, pictures, photograph).items():
             lines[method].append(score)
         if held.frame.footage is not None:
@@ -158,21 +161,26 @@ def measure_holdout(
             "changed": round(changed / max(outside, 1), 5),
             "mean": round(change / max(changed, 1), 2),
         },
-        "gradient": {method: round(made / max(true, 1e-9), 3) for method, (made, true) in slopes.items()},
         **{
-            name: rounded({method: detail_figures(scores)[name] for method, scores in lines.items()})
-            for name in ("line_recall", "false_lines")
+            name: rounded({method: detail_figures(scores)[name] for method, scores in of.items()})
+            for names, of in ((("gradient", *SPECTRUM_FIGURES), textures), (("line_recall", "false_lines"), lines))
+            for name in names
         },
         **_of_full_size(full),
         "flicker": rounded(flicker),
     }
 
 
-def _add_gradient(slopes: dict[str, list[float]], method: str, region: Mask, picture: Picture, truth: Picture) -> None:
-    """Add the gradient of a method's picture, and of the true one, inside a region (H, W)."""
-    inside = ~grow(~region, 1)  # the seam is no texture
-    slopes[method][0] += float(gradient(picture)[inside].sum())
-    slopes[method][1] += float(gradient(truth)[inside].sum())
+def _textures(held: HoldoutFrame, pictures: Mapping[str, Picture], photograph: Picture) -> dict[str, DetailScore]:
+    """By method, gradient and spectrum inside the cars of a frame, without the seam, which is no texture."""
+    inside = ~grow(~held.region, 1)
+    spectrum = Spectrum(inside)
+    true_slope, true_energies = float(gradient(photograph)[inside].sum()), spectrum.energies(photograph)
+    found = {}
+    for method, picture in pictures.items():
+        slope, energies = float(gradient(picture)[inside].sum()), spectrum.energies(picture)
+        found[method] = DetailScore(0, slope, true_slope, 0, 0, 0, 0, 0, *energies, *true_energies)
+    return found
 
 
 def _lines(held: HoldoutFrame, pictures: Mapping[str, Picture], photograph: Picture) -> dict[str, DetailScore]:

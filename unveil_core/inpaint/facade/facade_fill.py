@@ -7,6 +7,8 @@ one axis, where dynamic programming finds the best one.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.cheapest_path import cheapest_path
 from unveil_core.inpaint.facade.shift_kernels import compare_rows
 
-__all__ = ["fill_facade"]
+__all__ = ["FacadeFill", "fill_facade"]
 
 SEARCH_M, STEP_M = 25.0, 0.08
 """Distance along the street that a column may come from, and the grid of shifts, metres: several houses, and a tenth of a window's
@@ -54,16 +56,30 @@ RATIO_LIMITS = (0.3, 3.0)
 """Limits of the ratio by which a copied column is darkened or brightened to the plaster here: beyond, it is another house."""
 
 
+class FacadeFill(NamedTuple):
+    """A facade without gaps.
+
+    Attributes:
+        color: (A, B, 3); filled: (A, B) texels that were filled; opened: (A, B) those that show the sky.
+        copied: (A, B) texels of ``filled`` that were copied; shift: (A,) by how many rows; ratio: (A, 3) how much brighter.
+    """
+
+    color: Float32
+    filled: Mask
+    opened: Mask
+    copied: Mask
+    shift: NDArray[np.int64]
+    ratio: Float32
+
+
 def fill_facade(
     color: Float32, known: Mask, wanted: Mask, sky: Mask | None = None, *, texels_per_m: float
-) -> tuple[Float32, Mask, Mask]:
+) -> FacadeFill:
     """Fill the ``wanted`` texels of a facade.
 
     Args:
         color: (A, B, 3), rows along the street; known: (A, B) texels of the facade that were seen; wanted: (A, B) to fill; sky:
             (A, B) texels through which the sky was seen.
-    Returns:
-        the picture (A, B, 3), the texels that were filled (A, B), and those that show the sky (A, B).
     """
     sky = np.zeros_like(known) if sky is None else sky
     strip = np.ones((2 * round(STRIP_M / 2 * texels_per_m) + 1, 1), np.uint8)
@@ -75,20 +91,22 @@ def fill_facade(
     source = rows + shift[np.minimum(rows // factor, len(shift) - 1)] * factor
     usable = possible[np.minimum(rows // factor, len(shift) - 1)] & (source >= 0) & (source < len(color))
     rows, source = rows[usable], source[usable]
+    taken, ratios = np.zeros(len(color), np.int64), np.ones((len(color), 3), np.float32)
     if not len(rows):
-        return result, filled, opened
+        return FacadeFill(result, filled, opened, filled, taken, ratios)
     wall = _plaster(color, known, texels_per_m)
-    ratio = np.clip(_ratios(color, known, rows, source, wall, texels_per_m), *RATIO_LIMITS)[:, None]
+    taken[rows] = source - rows
+    ratios[rows] = np.clip(_ratios(color, known, rows, source, wall, texels_per_m), *RATIO_LIMITS)
     # Windows and doors do not take the colour of the plaster around them.
     plaster = _likeness(color[source], wall[source][:, None])
     take = wanted[rows] & known[source]
-    result[rows] = np.where(take[..., None], np.clip(color[source] * ratio**plaster, 0, 1), result[rows])
+    result[rows] = np.where(take[..., None], np.clip(color[source] * ratios[rows, None] ** plaster, 0, 1), result[rows])
     filled[rows], opened[rows] = take, wanted[rows] & sky[source]
     # Below all that is known of it a house is plaster: what is copied there from around in the images draws windows down to the
     # ground.
     below = wanted & ~filled & ~opened & _under(known | filled)
     result[below] = np.broadcast_to(wall[:, None], result.shape)[below]
-    return result, filled | below, opened
+    return FacadeFill(result, filled | below, opened, filled, taken, ratios)
 
 
 def _under(known: Mask) -> Mask:
