@@ -7,9 +7,10 @@ import numpy as np
 
 from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.geometry.images import smoothed
+from unveil_core.provenance.leftovers import Leftovers
 from unveil_core.provenance.witnesses import Seen
 
-__all__ = ["DOUBTS", "UNIT_LEVELS", "find_doubts"]
+__all__ = ["DOUBTS", "UNIT_LEVELS", "UNIT_SHARE", "find_doubts"]
 
 DOUBTS = {
     "inside": "log2 of 1 plus the distance from the nearest pixel that stays as it is, pixels at 384 px",
@@ -21,11 +22,15 @@ DOUBTS = {
     "unseen": "1 over 1 plus the number of frames that show the place",
     "contradicted": "difference from what these frames show; 0 without any",
     "disagreed": "how much they differ from one another",
+    "darker": "share by which ground is darker than the seen ground around, in units of ``UNIT_SHARE``",
+    "near": "exp(-distance) from the nearest removed object, metres",
 }
 """The numbers in their order, and what each is. Differences and deviations are root mean squares of the channels of smoothed
 colours, in units of ``UNIT_LEVELS``."""
 UNIT_LEVELS = 12.0
 """Unit of differences, levels of 255: that of the definition of a right pixel, see ``certainty``."""
+UNIT_SHARE = 0.25
+"""Unit of darkness: a fifth to a third of a street's luma is what makes it wrong, and the weights of the fit are of one size."""
 MOST = 1.5
 """Differences count up to so many units: what is beyond being wrong makes hardly less sure. Of 1, 1.5, 2 and 4 the one that ranks
 the pixels of each sample street best by a fit to the other."""
@@ -43,6 +48,7 @@ def find_doubts(
     relit: Mask,
     depth: Float32,
     seen: Seen,
+    left: Leftovers,
 ) -> Float32:
     """(P, D) of the changed pixels, in the order of :data:`DOUBTS`.
 
@@ -50,7 +56,7 @@ def find_doubts(
         delivered, photograph: (H, W, 3) the clean frame and what it was made of, in canonical colours.
         made: (H, W, 3) each, the optimized scene and the inpainted frame, likewise.
         changed: (H, W) of P pixels that do not show the photograph; relit: (H, W) of them those that show it relit.
-        depth: (H, W) of the empty scene, metres, 0 for the sky; seen: of the P pixels.
+        depth: (H, W) of the empty scene, metres, 0 for the sky; seen, left: of the P pixels.
     """
     result = smoothed(delivered)
     away, nearest = _nearest_unchanged(changed)
@@ -69,6 +75,8 @@ def find_doubts(
         "unseen": 1 / (1 + seen.count),
         "contradicted": np.where(seen.count > 0, _units(_difference(here, seen.color)), 0),
         "disagreed": _units(seen.spread),
+        "darker": left.darker / UNIT_SHARE,
+        "near": left.near,
     }
     return np.stack([columns_of[name] for name in DOUBTS], axis=1).astype(np.float32)
 

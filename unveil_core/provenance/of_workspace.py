@@ -21,8 +21,10 @@ from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
 from unveil_core.inpaint.frames.compose import optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL, RELIT
 from unveil_core.provenance.doubts import find_doubts
+from unveil_core.provenance.leftovers import RemovedPlaces, leftovers_of
 from unveil_core.provenance.origins import frame_origins, marked_by, rendered_origins, scene_origins
 from unveil_core.provenance.witnesses import Witnesses, seen_by
+from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
 from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
@@ -83,10 +85,11 @@ def provenance_of(
         origin, barred, depth = stored[i]
         return EmptyView(frames[i].camera, depth, mask_of_bits(barred, origin.shape))
 
+    places = _removed_places(root)
     witnesses = Witnesses(EmptyViews([f.camera for f in frames], Frames(len(frames), view)), pictures)
     for i in range(len(frames)) if wanted is None else wanted:
         frame, origin = frames[i], stored[i][0]
-        yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures))
+        yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures, places))
 
 
 def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
@@ -108,6 +111,12 @@ def surfel_origins(root: Path, count: int) -> NDArray[np.uint8]:
     return origins
 
 
+def _removed_places(root: Path) -> RemovedPlaces:
+    """Where the removed objects of a workspace stood."""
+    gone = load_array(root / "surfels/removed.npy").astype(bool)
+    return RemovedPlaces(read_surfels(root / "surfels/full.ply").means.double().numpy()[gone])
+
+
 def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> tuple[NDArray[np.uint8], Mask]:
     """(H, W) origins of a clean frame, and (H, W) pixels in which the photograph is no witness of the empty street."""
     removed, shadows, unobserved = (
@@ -127,17 +136,20 @@ def _doubts_of(
     witnesses: Witnesses,
     own: int,
     exposures: Exposures,
+    places: RemovedPlaces,
 ) -> Float32:
     changed = origin != ORIGINAL
     exposure = exposures.of(frame)
     clean, rendered = (exposure.canonical(read_image(frame_file(made / name, frame))) for name in ("clean", "renders"))
     inpainted = read_image(frame_file(root / "inpainted", frame))
+    photograph, depth = exposures.read(frame), witnesses.views.frames[own].depth
     return find_doubts(
         clean,
-        exposures.read(frame),
+        photograph,
         (rendered, inpainted),
         changed,
         origin == RELIT,
-        witnesses.views.frames[own].depth,
+        depth,
         seen_by(witnesses, own, changed),
+        leftovers_of(clean, photograph, changed, depth, frame.camera, places),
     )
