@@ -112,3 +112,23 @@ def test_in_the_shade_no_dark_patch_stays_beside_what_goes() -> None:
     beside = (away > 0) & (away < 0.3)
     assert abs(np.median(level[beside]) - 1) < 0.1
     assert np.percentile(level[away < 0.8], 5) > 0.65
+
+
+def test_the_sidewalk_before_a_corner_is_not_continued_into_the_next_street() -> None:
+    """Before the corner a sidewalk lies 3 m from the path; after it a parked row stands there, and nobody saw the ground."""
+    chart = sunny_chart(None)[0]
+    s, t = chart.coordinates()
+    path = chart.ground.path
+    nodes = path.start + path.step * np.arange(len(path.heading))
+    turned = path.heading + np.radians(80) * np.clip((nodes - 8) / 6, 0, 1)
+    street = np.random.default_rng(0).normal(0.3, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    street[np.ix_(s < 8, t > 3)] += 0.4
+    hidden = np.zeros(chart.source.shape, dtype=bool)
+    hidden[np.ix_(s > 8, t > 3)] = True
+    for corner in (True, False):
+        way = replace(path, heading=turned) if corner else path
+        given = as_read(replace(chart, ground=replace(chart.ground, path=way)), street, hidden)
+        filled = fill_chart(given, np.zeros_like(hidden)).color.mean(axis=2)[
+            np.ix_((s > 16) & (s < 24), (t > 4) & (t < 5))
+        ]
+        assert abs(float(filled.mean()) - (0.3 if corner else 0.7)) < 0.05

@@ -18,6 +18,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
+from unveil_core.inpaint.chart.street_parts import parts_between_corners
 from unveil_core.inpaint.fill.crossings import continue_crossings
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
@@ -127,7 +128,7 @@ def fill_chart(
     even = sound & ~grow((missing > 0.02) & (missing < 0.98), BORDER_M * per_m)
     # In full sun: what the medians and the texture are taken from.
     sunny = np.where(seen[..., None], chart.color / illumination, 0).astype(np.float32)
-    median = _in_the_sun(sunny, even, inside, _profile(per_m), per_m=per_m)
+    median = _in_the_sun(sunny, even, inside, _profile(chart), per_m=per_m)
     target = median * illumination
 
     color, source, gain = chart.color.copy(), chart.source.copy(), chart.gain.copy()
@@ -160,19 +161,28 @@ def fill_chart(
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=replaced)
 
 
-def _profile(per_m: float) -> Profile:
-    """Running medians of the lateral offsets of a chart.
+def _profile(chart: StreetChart) -> Profile:
+    """Running medians of the lateral offsets of a chart, of each street between corners by itself.
 
     Paint, kerb and sidewalk are those of a long stretch: of a short one zebra bars that end in a hole would be lines along the
     street. How bright they are is that of a short one, all across: light and the asphalt's age change sooner.
     """
+    per_m = 1.0 / chart.texel
     windows = [(int(w * per_m), max(1, int(h * per_m))) for w, h in ((LONG_WINDOW_M, LONG_HOP_M), (WINDOW_M, HOP_M))]
+    streets = parts_between_corners(chart.ground.path, chart.coordinates()[0])
 
-    def profile(color: Float32, usable: Mask) -> Float32:
+    def of_one(color: Float32, usable: Mask) -> Float32:
         long, short = (lateral_profile(color, usable, window=window, hop=hop)[0] for window, hop in windows)
         brighter = (short / np.maximum(long, 0.02) - 1).astype(np.float32)
         same = np.abs(luminance(brighter)) < OTHER_PAINT
         return (long * (1 + spread_from(brighter, same, [ACROSS_M * per_m]))).astype(np.float32)
+
+    def profile(color: Float32, usable: Mask) -> Float32:
+        result = of_one(color, usable)
+        for part in streets if len(streets) > 1 else []:
+            if usable[part].any():
+                result[part] = of_one(color[part], usable[part])
+        return result
 
     return profile
 
@@ -186,7 +196,7 @@ def _shade(chart: StreetChart, footprint: Mask, light: Light | None) -> Shade:
         return prevailing_shade(
             chart.color, seen, footprint, shadow_ratio=SHADOW_RATIO, window=window, hop=hop, per_m=per_m
         )
-    profile = _profile(per_m)
+    profile = _profile(chart)
     # Right beside an object it is dark whatever the sun does, which would pass for the colour of its offset.
     clear = ~grow(footprint, CONTACT_M * per_m)
     shade = read_shade(
