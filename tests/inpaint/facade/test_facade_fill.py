@@ -128,7 +128,7 @@ def test_a_bright_streak_at_a_houses_far_edge_does_not_brighten_what_is_copied()
     streak[int(13.0 * PER_M) :] = False
     seen = np.where(hidden[..., None], 0, truth)
     seen[streak] = 0.9
-    color, filled, _ = fill_facade(seen, ~hidden | streak, hidden & ~streak, texels_per_m=PER_M)
+    color, filled, *_ = fill_facade(seen, ~hidden | streak, hidden & ~streak, texels_per_m=PER_M)
     inside = filled & ~gap(truth.shape, (0.0, 10.5, 6.0))
     assert inside.sum() > 0.5 * hidden.sum()
     own = np.stack([PLASTER[0], PANE, PLINTH])
