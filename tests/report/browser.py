@@ -6,6 +6,7 @@ import base64
 import contextlib
 import fcntl
 import json
+import math
 import os
 import select
 import shutil
@@ -163,7 +164,9 @@ class Tab:
             left, top, width, height = self.place(selector)
             self.settle()
             scroll = self.run("[scrollX, scrollY]")
-            clip = {"x": left + scroll[0], "y": top + scroll[1], "width": width, "height": height, "scale": 1}
+            # Whole pixels, halves up, as the browser counts an element's: it cuts off the last row of what ends between two.
+            x, y, width, height = (math.floor(v + 0.5) for v in (left + scroll[0], top + scroll[1], width, height))
+            clip = {"x": x, "y": y, "width": width, "height": height, "scale": 1}
             taken = self.ask("Page.captureScreenshot", clip=clip)
         raw = np.frombuffer(base64.b64decode(taken["data"]), np.uint8)
         image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
