@@ -67,7 +67,7 @@ SHIFT_COST = 0.02
 FAR_M, NEAR_M = (8.0, 0.5), (2.0, 0.5)
 """Standard deviations along s and t within which observed shade corrects the shade that the scene casts, first and then, metres.
 The shade of a row of houses ends along the street: where its border is seen beside a lorry, it also lies behind it, though the sun
-or a house that the images cut off is wrong. The second is chosen on the two sample streets, the first on @@ drawn ones."""
+or a house that the images cut off is wrong. The second is chosen on the two sample streets, the first on fourteen drawn ones."""
 FAR_PRIOR, PRIOR = 0.06, 0.12
 """Weights of the cast shade in these corrections, as the share of the surroundings that is observed against it: many texels
 together overrule it, a few in a gap between two cars do not. The second is chosen on the two sample streets, the first as above."""
