@@ -37,7 +37,7 @@ from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.raster.near_camera import near_camera
-from unveil_core.report.wording import wavelengths
+from unveil_core.report.wording import WAVELENGTHS, spectrum
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_selection
@@ -234,9 +234,8 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
     gradients = {m: share for m, share in found.get("gradient", {}).items() if m in METHODS and share is not None}
     shares = [f"{METHODS[m]} {share:.2f}" for m, share in gradients.items()]
     lines.append(f"  gradient inside, as a share of the photographs': {', '.join(shares)}")
-    bands = [f"{found[name]['ours']:.2f} ({band})" for name, band in wavelengths().items() if _has(found, name)]
-    if bands:
-        lines.append(f"  spectrum inside, as a share of the photographs': {', '.join(bands)}")
+    if bands := spectrum({name: found.get(name, {}).get("ours") for name in WAVELENGTHS}):
+        lines.append(f"  spectrum inside, as a share of the photographs': {bands}")
     recall, false = found["line_recall"], found["false_lines"]
     found_lines = [f"{METHODS[m]} {_percent(recall[m])} / {_percent(false[m])}" for m in recall if m in METHODS]
     lines.append(f"  lines on the ground found / false: {', '.join(found_lines)}")
@@ -248,10 +247,6 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         )
     lines.append(f"  changed where nothing should: {100 * found['outside']['changed']:.2f} % of the pixels")
     return lines
-
-
-def _has(found: dict[str, Any], figure: str) -> bool:
-    return found.get(figure, {}).get("ours") is not None
 
 
 def _percent(value: float | None) -> str:

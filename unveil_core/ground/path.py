@@ -118,6 +118,10 @@ class StreetPath:
             np.ascontiguousarray(horizontal, dtype=np.float64), index, self.nodes, self.heading, self.step
         )
 
+    def heading_at(self, s: Float64) -> Float64:
+        """(N,) radians at arc lengths (N,); beyond the path's ends as there."""
+        return np.interp(s, self.start + self.step * np.arange(len(self.heading)), self.heading)
+
     def along_street(self, s: Float64, vectors: Float64) -> Float64:
         """World vectors (N, 3) as components along the street, to its left and up, at arc lengths (N,)."""
         local = vectors @ self.axes.T

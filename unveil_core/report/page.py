@@ -28,6 +28,7 @@ from unveil_core.report.provenance import certainty_cards, mode_legend, origin_s
 from unveil_core.report.scene.parts import inert_json, map_part, scene_part
 from unveil_core.report.video import write_video
 from unveil_core.report.wording import (
+    WAVELENGTHS,
     decibels,
     detail,
     detail_rows,
@@ -37,7 +38,6 @@ from unveil_core.report.wording import (
     percent,
     seconds,
     similarity,
-    wavelengths,
 )
 from unveil_core.workspace.assumptions import recorded_assumptions
 
@@ -53,7 +53,7 @@ REGION_TITLES = {
 }
 DETAIL_TITLES = {
     "gradient": "Gradient, ratio to the truth",
-    **{name: f"Spectrum, {band}" for name, band in wavelengths().items()},
+    **{name: f"Spectrum, {band}" for name, band in WAVELENGTHS.items()},
     "line_recall": "Lines found",
     "false_lines": "False lines",
     "residue": "Residue",
@@ -260,7 +260,7 @@ def _details(shown: Shown) -> Part | None:
     rows = [_row(name, [{"text": detail(key, values.get(key))} for key in titles]) for name, values in figures.items()]
     words = (
         "Spectrum is the strength of detail by its wavelength, as a ratio to the truth's. "
-        if wavelengths().keys() & titles.keys()
+        if WAVELENGTHS.keys() & titles.keys()
         else ""
     )
     words += "Lines are edges of paint and kerbs on the ground; residue still shows the crowded frame's colours."

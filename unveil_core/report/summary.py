@@ -18,7 +18,7 @@ from unveil_core.report.wording import (
     percent,
     seconds,
     similarity,
-    wavelengths,
+    spectrum,
 )
 
 __all__ = ["print_summary"]
@@ -107,10 +107,8 @@ def _details(truth: dict[str, Any]) -> list[str]:
     lines = [f"  {'inside the removed region':<38}" + "".join(f"{title:>15}" for title in DETAILS.values())]
     for name, figures in shown.items():
         lines.append(f"    {name:<36}" + "".join(f"{detail(k, figures.get(k)):>15}" for k in DETAILS))
-    ours = next(iter(shown.values()))
-    bands = [f"{ours[name]:.2f} ({band})" for name, band in wavelengths().items() if ours.get(name) is not None]
-    if bands:
-        lines.append(f"  spectrum inside, ratio to the truth: {', '.join(bands)}")
+    if bands := spectrum(next(iter(shown.values()))):
+        lines.append(f"  spectrum inside, ratio to the truth: {bands}")
     worst = left_most(truth)
     return [*lines, f"  most is left of: {worst}"] if worst else lines
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from unveil_core.evaluate import METHODS
@@ -9,6 +10,7 @@ from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES
 from unveil_core.evaluate.detail.spectrum import BANDS_PX
 
 __all__ = [
+    "WAVELENGTHS",
     "decibels",
     "detail",
     "detail_rows",
@@ -18,9 +20,11 @@ __all__ = [
     "percent",
     "seconds",
     "similarity",
-    "wavelengths",
+    "spectrum",
 ]
 
+WAVELENGTHS = {name: f"{px // 2} to {px} px" for name, px in zip(SPECTRUM_FIGURES, BANDS_PX, strict=True)}
+"""The bands of the spectrum by the names of their figures."""
 MOST_LEFT = 3
 """Objects that are named for what is left of them."""
 
@@ -43,9 +47,10 @@ def detail(name: str, value: float | None) -> str:
     return f"{value:.2f}" if name in ("gradient", *SPECTRUM_FIGURES) else percent(value)
 
 
-def wavelengths() -> dict[str, str]:
-    """``2 to 4 px`` and so on: the bands of the spectrum by the names of their figures."""
-    return {name: f"{px // 2} to {px} px" for name, px in zip(SPECTRUM_FIGURES, BANDS_PX, strict=True)}
+def spectrum(figures: Mapping[str, Any]) -> str:
+    """``0.85 (2 to 4 px), …`` of those bands that are known; empty where none is."""
+    known = {band: figures.get(name) for name, band in WAVELENGTHS.items()}
+    return ", ".join(f"{value:.2f} ({band})" for band, value in known.items() if value is not None)
 
 
 def detail_rows(truth: dict[str, Any]) -> dict[str, dict[str, Any]]:

@@ -25,8 +25,7 @@ def parts_between_corners(path: StreetPath, s: Float64) -> list[slice]:
         s: (A,) arc lengths of the rows, evenly spaced.
     """
     rows = len(s)
-    nodes = path.start + path.step * np.arange(len(path.heading))
-    heading = np.interp(s, nodes, path.heading)
+    heading = path.heading_at(s)
     half = max(1, round(AROUND_M / (s[1] - s[0]))) if rows > 1 else 1
     here = np.arange(rows)
     before, after = np.maximum(here - half, 0), np.minimum(here + half, rows - 1)

@@ -113,7 +113,7 @@ def lit_at_sunny_walls(
     path = chart.ground.path
     rows, columns = plane.shape
     s = chart.coordinates()[0]
-    heading = np.interp(s, path.start + path.step * np.arange(len(path.heading)), path.heading)
+    heading = path.heading_at(s)
     local = path.axes @ towards
     from_left = -local[0] * np.sin(heading) + local[1] * np.cos(heading) > 0
     first, last = inside.argmax(axis=1), columns - 1 - inside[:, ::-1].argmax(axis=1)
