@@ -127,11 +127,21 @@ def _logistic(
     return tuple(round(float(v), 3) for v in found)
 
 
+def levels_of(sample: Sample, models: Models) -> NDArray[np.uint8]:
+    """(P,) certainty of a workspace's pixels."""
+    return certainty_levels(expected_right(sample.origin, sample.doubts, models))
+
+
+def _right_shares(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]], level: int) -> list[float]:
+    """Of each drive with enough pixels from a level on, the share of these that are right."""
+    called = [right[levels >= level] for levels, right in predicted]
+    return [c.mean() for c in called if len(c) >= LEAST_CALLED]
+
+
 def threshold(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]]) -> int:
     """The lowest level from which on ``PURITY`` is right on the mean of all drives, and ``LEAST_PURITY`` on nine of ten."""
     for level in range(128, ORIGINAL_LEVEL):
-        called = [right[levels >= level] for levels, right in predicted]
-        shares = [c.mean() for c in called if len(c) >= LEAST_CALLED]
+        shares = _right_shares(predicted, level)
         if not shares or (np.mean(shares) >= PURITY and np.quantile(shares, 0.1) >= LEAST_PURITY):
             return level
     return ORIGINAL_LEVEL
@@ -168,9 +178,8 @@ def _mean(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]], certain:
     other levels on."""
 
     def at(level: int) -> dict[str, float]:
-        called = [levels >= level for levels, _ in predicted]
-        shares = [right[c].mean() for c, (_, right) in zip(called, predicted, strict=True) if c.sum() >= LEAST_CALLED]
-        share = np.mean([c.mean() for c in called])
+        shares = _right_shares(predicted, level)
+        share = np.mean([(levels >= level).mean() for levels, _ in predicted])
         names = ("called_certain", "certain_right", "worst")
         values = (share, np.mean(shares), np.min(shares)) if shares else (share, np.nan, np.nan)
         return {name: round(float(v), 4) for name, v in zip(names, values, strict=True) if np.isfinite(v)}
@@ -188,10 +197,10 @@ def main() -> None:
     for one in samples:
         others = [s for s in samples if s is not one]
         held_out = fit(others) if others else models
-        by_others.append((certainty_levels(expected_right(one.origin, one.doubts, held_out)), one.right))
+        by_others.append((levels_of(one, held_out), one.right))
     certain = threshold(by_others)
-    fitted_levels = [certainty_levels(expected_right(s.origin, s.doubts, models)) for s in samples]
-    predicted = [(certainty_levels(expected_right(s.origin, s.doubts, models)), s.right) for s in checks]
+    fitted_levels = [levels_of(s, models) for s in samples]
+    predicted = [(levels_of(s, models), s.right) for s in checks]
     document = {
         "machine": machine(),
         "doubts": list(DOUBTS),

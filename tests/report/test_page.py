@@ -7,8 +7,10 @@ import hashlib
 import json
 import re
 import shutil
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -206,13 +208,19 @@ def test_exact_and_undefined_numbers(workspace: Path) -> None:
     assert "exact" in Page((workspace / "report/index.html").read_text()).text
 
 
-def test_metrics_of_before_the_details(workspace: Path) -> None:
-    """A workspace of an earlier version has none of them in its metrics.json."""
+def metrics_without(workspace: Path, figures: Sequence[str]) -> dict[str, Any]:
+    """The metrics of a workspace, as an earlier version wrote them."""
     metrics = json.loads((workspace / "metrics.json").read_text())
     for region in metrics["truth"]["regions"].values():
-        for figures in region["methods"].values():
-            for name in DETAIL_FIGURES:
-                figures.pop(name, None)
+        for values in region["methods"].values():
+            for name in figures:
+                values.pop(name, None)
+    return metrics
+
+
+def test_metrics_of_before_the_details(workspace: Path) -> None:
+    """A workspace of an earlier version has none of them in its metrics.json."""
+    metrics = metrics_without(workspace, DETAIL_FIGURES)
     del metrics["truth"]["residue_by_object"]
     write_report(workspace, workspace / "report", metrics)
     page = Page((workspace / "report/index.html").read_text())
@@ -220,12 +228,7 @@ def test_metrics_of_before_the_details(workspace: Path) -> None:
 
 
 def test_metrics_of_before_the_spectrum(workspace: Path) -> None:
-    metrics = json.loads((workspace / "metrics.json").read_text())
-    for region in metrics["truth"]["regions"].values():
-        for figures in region["methods"].values():
-            for name in SPECTRUM_FIGURES:
-                figures.pop(name, None)
-    write_report(workspace, workspace / "report", metrics)
+    write_report(workspace, workspace / "report", metrics_without(workspace, SPECTRUM_FIGURES))
     page = Page((workspace / "report/index.html").read_text())
     assert "False lines" in page.text and "Spectrum" not in page.text
 

@@ -99,10 +99,15 @@ def test_a_wall_across_the_street_is_no_facade() -> None:
     assert np.isnan(facade_offsets(side, ground, np.arange(0, 26, 0.1), left=True)).all()
 
 
-def test_a_facade_goes_on_behind_a_car() -> None:
+def behind_a_car() -> tuple[Ground, list[FacadeView]]:
+    """A straight street, and what is seen of its left side past a parked car."""
     ground, cameras = street(np.inf)
     car = np.array([[9.0, 3.2, 0.0], [13.0, 4.8, 1.5]])
-    views = [FacadeView(c, *view(c, car)) for c in cameras]
+    return ground, [FacadeView(c, *view(c, car)) for c in cameras]
+
+
+def test_a_facade_goes_on_behind_a_car() -> None:
+    ground, views = behind_a_car()
     chart = read_facade(ground, houses(np.inf), views, left=True, texel_m=0.05)
     assert chart is not None
     found = invented_facades(chart, label=3, sh_degree=1).walls

@@ -7,18 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.inpaint.facade.test_continued import FACADE_T, houses, street, stripes, view
+from tests.inpaint.facade.test_continued import FACADE_T, behind_a_car, houses, street, stripes
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.inpaint.facade.copies import FacadeCopies, copied_from, read_copies, save_copies
-from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.facade_chart import invented_facades, read_facade
 
 
 @pytest.fixture(scope="module")
 def copies() -> FacadeCopies:
     """Of the facade behind a car."""
-    ground, cameras = street(np.inf)
-    car = np.array([[9.0, 3.2, 0.0], [13.0, 4.8, 1.5]])
-    views = [FacadeView(c, *view(c, car)) for c in cameras]
+    ground, views = behind_a_car()
     chart = read_facade(ground, houses(np.inf), views, left=True, texel_m=0.05)
     assert chart is not None
     found = invented_facades(chart, label=3, sh_degree=1).copies
