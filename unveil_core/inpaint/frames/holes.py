@@ -14,6 +14,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.frames.depth import complete_depth
+from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.surfels import Surfels
 
@@ -28,7 +29,7 @@ __all__ = [
     "open_hole",
 ]
 
-CARRIED_M = 60.0
+CARRIED_M = 30.0
 """Depth up to which what one frame invents is carried to others, metres. What is continued from around a hole is off by a share of
 the depth that grows with it, and the pixels are as large as bricks there: what was meant for a house 150 m away hangs in the
 street as fog, before frames that come by. Those see the place from near and invent it themselves."""
@@ -53,6 +54,8 @@ class FrameTask:
         unobserved: (H, W) bool, of them those behind which lies what no frame shows.
         kept: (H, W) bool, pixels of objects that stay, on which no ground is relit; None where they are not known.
         sky: (H, W) bool, pixels behind which facades end below the sky; None where they are not known.
+        free: what the frames saw through; None where it is not known.
+        ground: (H, W) bool, pixels whose photograph shows ground; None where no labels tell.
     """
 
     camera: Camera
@@ -61,6 +64,8 @@ class FrameTask:
     unobserved: Mask
     kept: Mask | None = None
     sky: Mask | None = None
+    free: FreeSpace | None = None
+    ground: Mask | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +165,14 @@ def hole_in_frame(task: FrameTask, background: BackgroundLayers, filled: Mask | 
     return empty if filled is None else empty & ~filled
 
 
-def missing_depth(background: BackgroundLayers, empty: Mask) -> NDArray[np.float64]:
-    """(H, W) depth of the scene, continued into ``empty`` from around it, before the ground."""
-    return complete_depth(
+def missing_depth(task: FrameTask, background: BackgroundLayers, empty: Mask) -> NDArray[np.float64]:
+    """(H, W) depth of the scene, continued into ``empty`` from around it, behind what frames see through and before the ground."""
+    depth = complete_depth(
         background.rendered["depth"], background.rendered["alpha"] > IN_FRONT_ALPHA, empty, background.ceiling
     )
+    if task.free is None:
+        return depth
+    return task.free.behind(task.camera, empty, depth, ceiling=background.ceiling, furthest=CARRIED_M)
 
 
 def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None, filled: Mask | None = None) -> Hole:
@@ -173,6 +181,6 @@ def open_hole(task: FrameTask, surfels: Surfels, layer: GroundLayer | None, fill
     empty = hole_in_frame(task, background, filled)
     if not empty.any():
         return Hole(task.camera, empty, np.zeros(0))
-    depth = missing_depth(background, empty)
+    depth = missing_depth(task, background, empty)
     carried = empty & (depth <= CARRIED_M)
     return Hole(task.camera, carried, depth[carried])

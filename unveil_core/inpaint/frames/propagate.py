@@ -34,9 +34,10 @@ from unveil_core.inpaint.frames.holes import (
     missing_depth,
 )
 from unveil_core.inpaint.frames.keyframes import Plan
+from unveil_core.inpaint.frames.layered_fill import fill_in_layers
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
-from unveil_core.inpaint.single_image.registry import SingleImageInpainter, fill_around
+from unveil_core.inpaint.single_image.registry import SingleImageInpainter, exemplar, fill_around
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.sky import Sky
@@ -232,7 +233,7 @@ class _Painter:
         depth = None
         unpainted = empty
         if self.references is not None:
-            depth = missing_depth(background, empty)
+            depth = missing_depth(task, background, empty)
             # What surfels carry here from another frame is a hole as well, to be painted by that frame.
             image, by_reference = self.references.paint(task.camera, image, self._bare_hole(task), depth)
             origin[by_reference] = INVENTED
@@ -240,8 +241,8 @@ class _Painter:
         # A deferred pixel is painted, too, until its own keyframe's surfels are put over it.
         origin[empty] = INVENTED
         if invented.any():
-            image = fill_around(self.single_image, image, unpainted)
-            depth = missing_depth(background, empty) if depth is None else depth
+            depth = missing_depth(task, background, empty) if depth is None else depth
+            image = self._invent(task, image, unpainted, background, depth)
             carried = invented & (depth <= CARRIED_M)
             if int(carried.sum()) >= area_px(carried.shape, least_px):
                 label = _nearest_label(surfels, task.camera, empty, self.scene.label_count)
@@ -250,6 +251,22 @@ class _Painter:
                 if self.references is not None:
                     self.references.add(task.camera, image, depth)
         return Painted(image, origin, invented, shadow), seeds
+
+    def _invent(
+        self,
+        task: FrameTask,
+        image: NDArray[np.uint8],
+        hole: NDArray[np.bool_],
+        background: BackgroundLayers,
+        depth: NDArray[np.float64],
+    ) -> NDArray[np.uint8]:
+        """The frame with a hole filled: in layers where labels and a street tell them; a chosen inpainter fills it as a whole."""
+        if self.single_image is not exemplar or background.chart is None or task.ground is None:
+            return fill_around(self.single_image, image, hole)
+        ground = task.ground | background.from_chart
+        beside = ~(ground | task.removed)
+        low = background.below_horizon
+        return fill_in_layers(image, hole, depth, ground=ground, beside=beside, below_horizon=low)
 
     def _bare_hole(self, task: FrameTask) -> NDArray[np.bool_]:
         """(H, W) the hole as it is before anything is invented."""

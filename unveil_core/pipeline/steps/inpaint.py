@@ -29,6 +29,7 @@ from unveil_core.inpaint.facade.copies import save_copies
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json, plans_json
+from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
@@ -289,12 +290,17 @@ class _Cleaning:
         frames = [given.drive.frames[i] for i in block.own]
         cameras = [f.camera for f in frames]
         sky = None if self.completed is None else sky_behind(self.completed.curtains, cameras, context.cache)
+        on_ground = given.scene.labels.indices(GROUND_CLASSES)
+        free = FreeSpace([f.camera for f in given.drive.frames], Frames(len(given.drive.frames), self._reached))
 
         def task(k: int) -> FrameTask:
             i = block.own[k]
             kept = np.isin(views.labels[i], given.scene.removable_labels) & ~views.removed[i]
             over = None if sky is None else sky[k]
-            return FrameTask(cameras[k], views.images[i], views.removed[i], given.unobserved[i], kept, over)
+            ground = np.isin(views.labels[i], on_ground) & ~views.removed[i]
+            return FrameTask(
+                cameras[k], views.images[i], views.removed[i], given.unobserved[i], kept, sky=over, free=free, ground=ground
+            )
 
         def write(k: int, result: Painted) -> None:
             frame = frames[k]
@@ -327,6 +333,12 @@ class _Cleaning:
             progress=progress,
         )
         return plan, seeds
+
+    def _reached(self, i: int) -> NDArray[np.float32]:
+        """(H, W) depth of what a frame shows, removed or not; inf where that is the sky, or nothing."""
+        views, depth = self.given.views, self.given.views.depths[i]
+        sky = np.isin(views.labels[i], self.given.scene.labels.indices(("sky",)))
+        return np.where(sky | (depth <= 0), np.inf, depth).astype(np.float32)
 
     def _named(self, block: Block) -> tuple[int, ...] | None:
         """The user's keyframes among a block's frames; None where they are chosen here."""

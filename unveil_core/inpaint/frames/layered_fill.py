@@ -1,0 +1,102 @@
+"""A hole in layers: far ground, what stands or hangs above the horizon, and what is near.
+
+Patches of the surroundings continue a wall well, but know nothing of the street: behind a car at the end of it they lay brick where
+there is road, or road where there is sky. So what is far and below the horizon is taken to be ground, for streets go on, and takes
+the colours of the ground beside it, at the same height of the picture, that is, about as far. What is above the horizon has the
+colours around it, those at the same height first, for skylines and rows of trees are level, with the grain of patches. All else is
+left to patches.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.inpaint.single_image.registry import exemplar, fill_around, telea
+
+__all__ = ["across", "fill_in_layers"]
+
+FAR_GROUND_M = 25.0
+"""Continued depth from which on what is below the horizon is ground, metres. Nearer, it is often the wall behind a parked car. On
+eight streets by seed 15 to 35 m differ by less than 0.3 dB of a hole, but on one with walls close by, where 15 m cost 0.5."""
+BESIDE_PX = 8
+"""Pixels at 384 whose mean is a row's colour on one side, in proportion in wider images."""
+GRAIN_PX = 4.0
+"""Standard deviation, pixels at 384, below which details come from patches, in proportion in wider images. By patches alone the
+colours are 0.7 to 2 dB worse on five of eight streets, and as good on the others."""
+
+
+def fill_in_layers(
+    image: Picture, hole: Mask, depth: NDArray[np.float64], *, ground: Mask, beside: Mask, below_horizon: Mask
+) -> Picture:
+    """Fill a hole whose surroundings are known by what they show.
+
+    Args:
+        image: (H, W, 3) uint8; hole: (H, W); depth: (H, W) metres, continued into the hole.
+        ground: (H, W) pixels that are known to show ground; beside: those that show something else.
+        below_horizon: (H, W) pixels that cannot show the sky.
+    """
+    far = hole & below_horizon & (depth > FAR_GROUND_M)
+    ground = ground & ~hole
+    if ground.any():
+        image = across(image, far, ground)
+        hole = hole & ~far
+    above = hole & ~below_horizon
+    if above.any():
+        image = _above(image, above, beside & ~hole & ~below_horizon)
+    return fill_around(exemplar, image, hole & ~above)
+
+
+def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
+    """Interpolate each row of ``wanted`` (H, W) between the nearest pixels of ``source`` on its two sides; rows without any take
+    over the nearest of the others."""
+    reach = _pixels(BESIDE_PX, image)
+    result = image.astype(np.float32)
+    reached = source.copy()
+    for y in np.flatnonzero(wanted.any(axis=1) & source.any(axis=1)):
+        x, known = np.flatnonzero(wanted[y]), np.flatnonzero(source[y])
+        total = np.concatenate([np.zeros((1, 3)), np.cumsum(image[y, known].astype(np.float64), axis=0)])
+        after = np.searchsorted(known, x)
+        color, weight = np.zeros((2, len(x), 3))
+        for begin, end, nearest in (
+            (np.maximum(after - reach, 0), after, after - 1),
+            (after, np.minimum(after + reach, len(known)), after),
+        ):
+            there = end > begin
+            apart = np.abs(known[np.clip(nearest, 0, len(known) - 1)] - x)
+            share = np.where(there, 1.0 / np.maximum(apart, 1), 0.0)[:, None]
+            color += share * (total[end] - total[begin]) / np.maximum(end - begin, 1)[:, None]
+            weight += share
+        result[y, x] = color / weight
+        reached[y, x] = True
+    left = wanted & ~reached
+    if left.any() and reached.any():
+        row, column = distance_transform_edt(~reached, return_distances=False, return_indices=True)
+        result[left] = result[row[left], column[left]]
+    return np.clip(np.round(result), 0, 255).astype(np.uint8)
+
+
+def _above(image: Picture, wanted: Mask, source: Mask) -> Picture:
+    """Fill ``wanted`` (H, W), above the horizon: colours from beside and around it, details from patches."""
+    color = fill_around(telea, image, wanted).astype(np.float32)
+    if source.any():
+        color = (color + across(image, wanted, source)) / 2
+    patches = fill_around(exemplar, image, wanted).astype(np.float32)
+    sigma = GRAIN_PX * max(1.0, image.shape[1] / 384)
+    mixed = patches + _blurred(color - patches, wanted, sigma)
+    return np.where(wanted[..., None], np.clip(np.round(mixed), 0, 255), image).astype(np.uint8)
+
+
+def _blurred(plane: Float32, inside: Mask, sigma: float) -> Float32:
+    """A plane (H, W, C) blurred within a mask (H, W), over nothing of what is outside."""
+    share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), sigma)
+    blurred: Float32 = cv2.GaussianBlur(plane * inside[..., None], (0, 0), sigma) / np.maximum(share, 1e-3)[..., None]
+    return blurred
+
+
+def _pixels(at_384: float, image: Picture) -> int:
+    """A length given in pixels of a picture 384 wide, in those of this one."""
+    return round(at_384 * max(1.0, image.shape[1] / 384))
