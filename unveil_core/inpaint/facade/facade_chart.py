@@ -19,7 +19,7 @@ from unveil_core.geometry.images import border_px, grow, sample_at
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.facade.copies import FacadeCopies
 from unveil_core.inpaint.facade.facade_fill import FacadeFill, fill_facade
-from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets
+from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets, fanned_out
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -136,6 +136,7 @@ def read_facade(
     if len(s) < 2:
         return None
     offset = facade_offsets(walls, ground, s, left=left)
+    offset[fanned_out(ground, s, offset)] = np.nan
     if not np.isfinite(offset).any():
         return None
     factor = max(1, round(COARSE_M / texel_m))
@@ -145,6 +146,7 @@ def read_facade(
     coarse = _read(_empty(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
     hidden = np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)]
     offset = carried_on(offset, hidden, texel_m)
+    offset[fanned_out(ground, s, offset)] = np.nan
     lacks = coarse.unseen[np.isfinite(offset[::factor])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
     return _read(_empty(ground, s, offset, top), views, reach_m)

@@ -8,7 +8,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOW_M", "carried_on", "facade_offsets", "share_facing"]
+__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "share_facing"]
 
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
@@ -25,6 +25,10 @@ LONG_M = 2.5
 """Shortest facade along s, metres: shorter things that are labelled as building are posts and pillars."""
 TOUCH_M = 1.5
 """Length of what is hidden neither way, metres, over which a facade still runs into the hidden stretch behind it."""
+FAN, ALONG_M = 2.0, 0.5
+"""How many times longer or shorter than the path the line beside it may be on which a facade stands, and the length over which that
+is measured, metres. In a corner all of a side street's mouth is a metre of the path, and its rows are slits between lengths of
+facade that stand for nothing."""
 CARRIED_M = 20.0
 """Distance along s over which a facade goes on behind something that hides it to the eaves, metres: the length of an articulated
 lorry, from either end half of it and as much again for the angle at which it is seen."""
@@ -59,6 +63,17 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(offset))
     return np.where(stands[below] & stands[above], smooth, np.nan)
+
+
+def fanned_out(ground: Ground, s: Float64, offset: Float64) -> Mask:
+    """(A,) whether rows at arc lengths ``s`` (A,) spread, or close up, at their ``offset`` (A,) from a path that bends."""
+    ends = [
+        ground.path.to_world(np.column_stack([s + d, np.nan_to_num(offset), np.zeros(len(s))]))
+        for d in (-ALONG_M / 2, ALONG_M / 2)
+    ]
+    ratio = np.linalg.norm(ends[1] - ends[0], axis=1) / ALONG_M
+    fanned: Mask = np.isfinite(offset) & ((ratio > FAN) | (ratio < 1 / FAN))
+    return fanned
 
 
 def share_facing(walls: Surfels, ground: Ground) -> float | None:
