@@ -17,7 +17,7 @@ from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
 from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
-from unveil_core.inpaint.facade.offsets import facade_offsets
+from unveil_core.inpaint.facade.offsets import facade_offsets, fanned_out
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels, concatenate
@@ -91,6 +91,15 @@ def test_a_piece_that_is_drawn_out_towards_the_cameras_is_no_step_of_the_facade(
     wall = concatenate([wall.select((along < 11.4) | (along > 13.0)), drawn])
     offset = facade_offsets(wall, ground, np.arange(1, 25, 0.1), left=True)
     assert np.abs(offset - FACADE_T).max() < 0.2
+
+
+def test_in_a_corner_the_outer_side_is_fanned_out() -> None:
+    corner, straight = street(7.0)[0], street(np.inf)[0]
+    s = np.arange(4.0, 9.0, 0.5)
+    outer, inner = np.full(len(s), -12.0), np.full(len(s), 4.0)
+    assert fanned_out(corner, s, outer).all()
+    for ground, offset in ((corner, inner), (straight, outer), (corner, np.full(len(s), np.nan))):
+        assert not fanned_out(ground, s, offset).any()
 
 
 def test_a_wall_across_the_street_is_no_facade() -> None:

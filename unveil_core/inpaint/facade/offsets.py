@@ -26,7 +26,7 @@ LONG_M = 2.5
 TOUCH_M = 1.5
 """Length of what is hidden neither way, metres, over which a facade still runs into the hidden stretch behind it."""
 FAN, ALONG_M = 2.0, 0.5
-"""How many times longer or shorter than the path the line beside it may be on which a facade stands, and the length over which that
+"""How many times longer than the path the line beside it may be on which a facade stands, and the length over which that
 is measured, metres. In a corner all of a side street's mouth is a metre of the path, and its rows are slits between lengths of
 facade that stand for nothing."""
 CARRIED_M = 20.0
@@ -66,13 +66,13 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
 
 
 def fanned_out(ground: Ground, s: Float64, offset: Float64) -> Mask:
-    """(A,) whether rows at arc lengths ``s`` (A,) spread, or close up, at their ``offset`` (A,) from a path that bends."""
+    """(A,) whether rows at arc lengths ``s`` (A,) spread at their ``offset`` (A,) from a path that bends."""
     ends = [
         ground.path.to_world(np.column_stack([s + d, np.nan_to_num(offset), np.zeros(len(s))]))
         for d in (-ALONG_M / 2, ALONG_M / 2)
     ]
     ratio = np.linalg.norm(ends[1] - ends[0], axis=1) / ALONG_M
-    fanned: Mask = np.isfinite(offset) & ((ratio > FAN) | (ratio < 1 / FAN))
+    fanned: Mask = np.isfinite(offset) & (ratio > FAN)
     return fanned
 
 

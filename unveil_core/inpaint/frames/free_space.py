@@ -13,21 +13,19 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from unveil_core.base.types import Float64, Mask
+from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.reach import CameraViews, cameras_near
+from unveil_core.geometry.reach import cameras_near, centres_of
 
 __all__ = ["FreeSpace"]
 
 STEP = 1.1
 """Ratio of the depths that are tried one after the other."""
 BEFORE, BEFORE_M = 0.1, 0.3
-"""Share of a surface's depth, plus metres, by which a place must lie before it to be seen through: rendered depths are as uncertain."""
-WITNESSES = 1
-"""Frames that must see through a place."""
+"""Share of a surface's depth, plus metres, by which a place must lie before it to be seen through: rendered depths are as
+uncertain."""
 ASKED_PX = 2000
 """Pixels of a hole that are asked for; of larger holes one of each block."""
 
@@ -40,8 +38,9 @@ class FreeSpace:
         depths: (H, W) depth per frame of what it shows, the removed objects included; inf where that is the sky.
     """
 
-    def __init__(self, cameras: Sequence[Camera], depths: Sequence[NDArray[np.floating]]) -> None:
-        self.views = CameraViews(cameras, depths)
+    def __init__(self, cameras: Sequence[Camera], depths: Sequence[Float32]) -> None:
+        self.cameras, self.depths = cameras, depths
+        self.centres = centres_of(cameras)
 
     def behind(self, camera: Camera, mask: Mask, depth: Float64, *, ceiling: Float64, furthest: float) -> Float64:
         """Depths (H, W), those of the pixels of ``mask`` pushed back to the first place that no frame sees through.
@@ -73,15 +72,12 @@ class FreeSpace:
 
     def _seen_through(self, places: Float64) -> Mask:
         """(P,) whether cameras saw what lies behind places (P, 3)."""
-        seen = np.zeros(len(places), dtype=np.int64)
-        for j in cameras_near(self.views.centres, places, ASKED_M).tolist():
-            open_ = np.flatnonzero(seen < WITNESSES)
-            if not len(open_):
-                break
-            which, pixel, depth = self.views.cameras[j].shown(places[open_])
+        seen = np.zeros(len(places), dtype=bool)
+        for j in cameras_near(self.centres, places, ASKED_M).tolist():
+            open_ = np.flatnonzero(~seen)
+            which, pixel, depth = self.cameras[j].shown(places[open_])
+            column, row = pixel.astype(np.int64).T
             if len(which):
-                column, row = pixel.astype(np.int64).T
-                through = depth < (1 - BEFORE) * self.views.frames[j][row, column] - BEFORE_M
-                seen[open_[which[through]]] += 1
-        found: Mask = seen >= WITNESSES
-        return found
+                through = depth < (1 - BEFORE) * self.depths[j][row, column] - BEFORE_M
+                seen[open_[which[through]]] = True
+        return seen

@@ -1,10 +1,9 @@
 """A hole in layers: far ground, what stands or hangs above the horizon, and what is near.
 
 Patches of the surroundings continue a wall well, but know nothing of the street: behind a car at the end of it they lay brick where
-there is road, or road where there is sky. So what is far and below the horizon is taken to be ground, for streets go on, and takes
-the colours of the ground beside it, at the same height of the picture, that is, about as far. What is above the horizon has the
-colours around it, those at the same height first, for skylines and rows of trees are level, with the grain of patches. All else is
-left to patches.
+there is road, or road where there is sky. So what is far, below the horizon and beside ground in its row is ground, for streets go
+on, and takes the colours of that ground, which is about as far. What is far and above the horizon has the colours around it and
+those at the same height, for skylines and rows of trees are level, with the grain of patches. All else is left to patches.
 """
 
 from __future__ import annotations
@@ -19,9 +18,10 @@ from unveil_core.inpaint.single_image.registry import exemplar, fill_around, tel
 
 __all__ = ["across", "fill_in_layers"]
 
-FAR_GROUND_M = 25.0
-"""Continued depth from which on what is below the horizon is ground, metres. Nearer, it is often the wall behind a parked car. On
-eight streets by seed 15 to 35 m differ by less than 0.3 dB of a hole, but on one with walls close by, where 15 m cost 0.5."""
+FAR_M = 25.0
+"""Continued depth from which on a hole is filled in layers, metres. Nearer, what is below the horizon is often the wall behind a
+parked car. On eight streets by seed 15 to 35 m differ by less than 0.3 dB of a hole, but on one with walls close by, where 15 m
+cost 0.5."""
 BESIDE_PX = 8
 """Pixels at 384 whose mean is a row's colour on one side, in proportion in wider images."""
 GRAIN_PX = 4.0
@@ -39,15 +39,23 @@ def fill_in_layers(
         ground: (H, W) pixels that are known to show ground; beside: those that show something else.
         below_horizon: (H, W) pixels that cannot show the sky.
     """
-    far = hole & below_horizon & (depth > FAR_GROUND_M)
-    ground = ground & ~hole
+    far = hole & (depth > FAR_M)
+    on_ground, above = far & below_horizon, far & ~below_horizon
+    ground, beside = ground & ~hole, beside & ~hole
     if ground.any():
-        image = across(image, far, ground)
-        hole = hole & ~far
-    above = hole & ~below_horizon
-    if above.any():
-        image = _above(image, above, beside & ~hole & ~below_horizon)
-    return fill_around(exemplar, image, hole & ~above)
+        on_ground &= _next_to(ground, ground | beside)
+        image = across(image, on_ground, ground)
+        hole = hole & ~on_ground
+    patches = fill_around(exemplar, image, hole)
+    if not above.any():
+        return patches
+    color = fill_around(telea, image, hole).astype(np.float32)
+    source = beside & ~below_horizon
+    if source.any():
+        color = (color + across(image, above, source)) / 2
+    sigma = GRAIN_PX * max(1.0, image.shape[1] / 384)
+    mixed = patches + _blurred(color - patches, above, sigma)
+    return np.where(above[..., None], np.clip(np.round(mixed), 0, 255), patches).astype(np.uint8)
 
 
 def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
@@ -79,15 +87,15 @@ def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
     return np.clip(np.round(result), 0, 255).astype(np.uint8)
 
 
-def _above(image: Picture, wanted: Mask, source: Mask) -> Picture:
-    """Fill ``wanted`` (H, W), above the horizon: colours from beside and around it, details from patches."""
-    color = fill_around(telea, image, wanted).astype(np.float32)
-    if source.any():
-        color = (color + across(image, wanted, source)) / 2
-    patches = fill_around(exemplar, image, wanted).astype(np.float32)
-    sigma = GRAIN_PX * max(1.0, image.shape[1] / 384)
-    mixed = patches + _blurred(color - patches, wanted, sigma)
-    return np.where(wanted[..., None], np.clip(np.round(mixed), 0, 255), image).astype(np.uint8)
+def _next_to(source: Mask, known: Mask) -> Mask:
+    """(H, W) whether the nearest ``known`` pixel of the row, on one side or the other, is one of ``source``: a wall on both sides
+    goes on between."""
+    columns = np.arange(source.shape[1])[None]
+    before = np.maximum.accumulate(np.where(known, columns, -1), axis=1)
+    after = np.minimum.accumulate(np.where(known, columns, source.shape[1])[:, ::-1], axis=1)[:, ::-1]
+    padded = np.pad(source, ((0, 0), (1, 1)))
+    found: Mask = np.take_along_axis(padded, before + 1, axis=1) | np.take_along_axis(padded, after + 1, axis=1)
+    return found
 
 
 def _blurred(plane: Float32, inside: Mask, sigma: float) -> Float32:

@@ -27,9 +27,9 @@ from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.facade.copies import save_copies
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M
+from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.inpaint.frames.holes import FrameTask
 from unveil_core.inpaint.frames.keyframe_plan import plan_drive, plan_json, plans_json
-from unveil_core.inpaint.frames.free_space import FreeSpace
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
@@ -299,7 +299,14 @@ class _Cleaning:
             over = None if sky is None else sky[k]
             ground = np.isin(views.labels[i], on_ground) & ~views.removed[i]
             return FrameTask(
-                cameras[k], views.images[i], views.removed[i], given.unobserved[i], kept, sky=over, free=free, ground=ground
+                cameras[k],
+                views.images[i],
+                views.removed[i],
+                given.unobserved[i],
+                kept,
+                sky=over,
+                free=free,
+                ground=ground,
             )
 
         def write(k: int, result: Painted) -> None:
