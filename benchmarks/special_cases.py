@@ -119,7 +119,11 @@ CASES = {
     ),
     "facades": Case(
         "facades are completed by other parts of themselves, and the sky over them",
-        {f"{INPAINT}.by_stretch:invented_facades": lambda *_, **__: InventedFacades(None, None, None)},
+        {
+            f"{INPAINT}.by_stretch:invented_facades": lambda chart, **_: InventedFacades(
+                None, None, None, np.zeros_like(chart.known)
+            )
+        },
     ),
     "path_ahead": Case(
         "the street is followed ahead of the last camera by what is seen of it; else it goes on as the camera drove",

@@ -153,7 +153,7 @@ def test_of_many_long_objects_the_longest_are_named() -> None:
 
 
 def completed(sides: int, facing: float | None) -> Completed:
-    return Completed(None, None, None, None, sides, 0, facing)
+    return Completed(None, None, None, None, sides, 0, facing, np.zeros(0, dtype=bool))
 
 
 def test_facades_that_stand_across_are_not_parallel_to_the_street() -> None:

@@ -27,7 +27,13 @@ from unveil_core.inpaint.chart.footprint import footprint_of
 from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.copies import FacadeCopies
-from unveil_core.inpaint.facade.facade_chart import FacadeView, InventedFacades, invented_facades, read_facade
+from unveil_core.inpaint.facade.facade_chart import (
+    FacadeView,
+    InventedFacades,
+    invented_facades,
+    read_facade,
+    replaced_by,
+)
 from unveil_core.inpaint.facade.half_trees import complete_trees
 from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.facade.poles import feet_of_poles
@@ -64,6 +70,7 @@ class Completed:
         sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
             where something is.
         facing: share of the houses' surfels that face the street, 0 to 1; None where there are no houses.
+        displaced: (N,) which of the remaining surfels the walls replace.
         copies: where the missing parts of houses were copied from.
     """
 
@@ -74,6 +81,7 @@ class Completed:
     sides: int
     mended: int
     facing: float | None
+    displaced: Mask
     copies: Sequence[FacadeCopies] = ()
 
     def surfels(self) -> list[Surfels]:
@@ -114,7 +122,11 @@ class StreetFill:
     @cached_property
     def _s_of_surfels(self) -> Float64:
         """(N,) arc lengths of the full scene's surfels."""
-        return self.ground.path.to_street(self.removal.surfels.means.double().numpy())[:, 0]
+        return self._s_of(self.removal.surfels)
+
+    def _s_of(self, surfels: Surfels) -> Float64:
+        """(N,) arc lengths of surfels."""
+        return self.ground.path.to_street(surfels.means.double().numpy())[:, 0]
 
     @cached_property
     def _s_of_cameras(self) -> Float64:
@@ -309,19 +321,22 @@ class StreetFill:
         Args:
             remaining: the scene without what is removed.
         """
-        s = self.ground.path.to_street(remaining.means.double().numpy())[:, 0]
+        s = self._s_of(remaining)
         found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
+        displaced = np.zeros(len(remaining), dtype=bool)
         copies = []
         for stretch in self.stretches:
 
             def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
-                return self._completed(stretch, remaining.select(torch.from_numpy(stretch.near(s))))
+                near = np.flatnonzero(stretch.near(s))
+                return self._completed(stretch, remaining.select(torch.from_numpy(near)), near)
 
             arrays = self.kept.within(stretch.name).once("completed", make)
             self._told(stretch, "completing facades")
             sides |= arrays["sides"]
             mended |= arrays["mended"]
+            displaced[arrays["displaced"]] = True
             named = {name: _named(arrays, name) for name in (*COMPLETED, *COPIES)}
             for name, parts in found.items():
                 parts += [Surfels.from_arrays(named[name])] if named[name] else []
@@ -329,20 +344,28 @@ class StreetFill:
         walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
         house = self.scene.labels.index("building")
         facing = None if house is None else share_facing(remaining.select(remaining.labels == house), self.ground)
-        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing, copies)
+        return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing, displaced, copies)
 
-    def _completed(self, stretch: Stretch, local: Surfels) -> dict[str, NDArray[Any]]:
+    def _completed(self, stretch: Stretch, local: Surfels, near: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
         """What a stretch owns of that, the arrays of :data:`COMPLETED` by name; (2,) whether houses stand on
-        its ``sides``, and which of these are ``mended``."""
+        its ``sides``, and which of these are ``mended``; and indices ``displaced``.
+
+        Args:
+            local: the surfels near the stretch; near: (N,) their indices.
+        """
         found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
         add = self._owned_into(stretch, found)
         copies: dict[str, NDArray[Any]] = {}
         told = []
+        house = self.scene.labels.index("building")
+        walls = np.flatnonzero(local.labels.numpy() == house)
+        displaced = [np.zeros(0, dtype=np.int64)]
         for name, left in zip(COPIES, (False, True), strict=True):
-            stand, invented = self._complete_side(stretch, local, left=left)
+            stand, invented, replaced = self._complete_side(stretch, local.select(torch.from_numpy(walls)), left=left)
             told.append((stand, invented is not None and invented.walls is not None))
             if invented is None:
                 continue
+            displaced.append(near[walls[replaced]])
             add("walls", invented.walls)
             add("curtains", invented.open)
             own = None if invented.copies is None else invented.copies.part(stretch.owns(invented.copies.s))
@@ -356,7 +379,7 @@ class StreetFill:
             for key, array in concatenate(parts).arrays().items()
         }
         sides, mended = np.array(told).T
-        return {"sides": sides, "mended": mended, **arrays, **copies}
+        return {"sides": sides, "mended": mended, "displaced": np.concatenate(displaced), **arrays, **copies}
 
     def _owned_into(self, stretch: Stretch, found: dict[str, list[Surfels]]) -> Callable[[str, Surfels | None], None]:
         """Adds what a stretch owns of some surfels to what was found."""
@@ -364,17 +387,20 @@ class StreetFill:
         def add(name: str, surfels: Surfels | None) -> None:
             if surfels is None:
                 return
-            own = stretch.owns(self.ground.path.to_street(surfels.means.double().numpy())[:, 0])
+            own = stretch.owns(self._s_of(surfels))
             if own.any():
                 found[name].append(surfels.select(torch.from_numpy(own)))
 
         return add
 
-    def _complete_side(self, stretch: Stretch, local: Surfels, *, left: bool) -> tuple[bool, InventedFacades | None]:
-        """Whether houses stand on one side, and what completes their facades."""
+    def _complete_side(
+        self, stretch: Stretch, walls: Surfels, *, left: bool
+    ) -> tuple[bool, InventedFacades | None, Mask]:
+        """Whether houses stand on one side, what completes their facades, and (N,) which of their ``walls`` that replaces."""
+        none = np.zeros(len(walls), dtype=bool)
         house = self.scene.labels.index("building")
         if house is None:
-            return False, None
+            return False, None, none
         sky = self.scene.labels.indices(("sky",))
         views = self.views
 
@@ -385,11 +411,11 @@ class StreetFill:
             return FacadeView(self.cameras[i], views.images[i], on_wall, shows_sky, views.depths[i], views.removed[i])
 
         seen = Frames(len(stretch.frames), facade_view)
-        walls = local.select(local.labels == house)
         chart = read_facade(self.ground, walls, seen, left=left, along=stretch.s_around)
         if chart is None:
-            return False, None
-        return True, invented_facades(chart, label=house, sh_degree=local.sh_degree)
+            return False, None, none
+        invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
+        return True, invented, replaced_by(chart, invented.filled, walls) & stretch.owns(self._s_of(walls))
 
     def _feet(self, stretch: Stretch, local: Surfels) -> Surfels | None:
         """The hidden feet of poles beside a stretch."""

@@ -16,7 +16,7 @@ from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_street_heights
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.chart.street_chart import StreetChart
-from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade
+from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
 from unveil_core.inpaint.facade.offsets import facade_offsets, fanned_out
 from unveil_core.inpaint.facade.poles import feet_of_poles
 from unveil_core.surfels.initialize import surfels_from_points
@@ -131,6 +131,22 @@ def test_a_facade_goes_on_behind_a_car() -> None:
     true = stripes(means[:, 0] - 0.0, means[:, 2])[:, 0]
     assert np.median(np.abs(grey - true)) < 12
     assert read_facade(ground, houses(np.inf), views, left=False) is None
+
+
+def test_what_was_left_behind_a_car_makes_room_for_the_completed_facade() -> None:
+    ground, views = behind_a_car()
+    chart = read_facade(ground, houses(np.inf), views, left=True, texel_m=0.05)
+    assert chart is not None
+    filled = invented_facades(chart, label=3, sh_degree=1).filled
+    rows, columns = np.nonzero(filled)
+    hidden = chart.world(rows[:1], columns[:1])[0]
+    seen = chart.world(*(index[:1] for index in np.nonzero(chart.known)))[0]
+    places = np.array([hidden, hidden - [0, 0.3, 0], hidden - [0, 2.0, 0], hidden - [0, 0, 3.0], seen, [-50, 0, 0]])
+    count = len(places)
+    left = surfels_from_points(
+        places, np.zeros((count, 3), np.uint8), np.zeros(count, np.int64), np.zeros((count, 3)), np.full(count, 0.1)
+    )
+    assert replaced_by(chart, filled, left).tolist() == [True, True, False, False, False, False]
 
 
 def pole(low: float, high: float, at: tuple[float, float] = (11.0, 4.0), half: float = 0.1) -> Surfels:

@@ -23,7 +23,7 @@ from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, facade_offsets
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["FacadeChart", "FacadeView", "InventedFacades", "invented_facades", "read_facade"]
+__all__ = ["FacadeChart", "FacadeView", "InventedFacades", "invented_facades", "read_facade", "replaced_by"]
 
 TOP_M, HIGHEST_M = 6.0, 16.0
 """Height of the charts, metres: what a car or a van hides; and up to where they reach if something close by hides more."""
@@ -37,6 +37,9 @@ NEAREST_M = 0.3
 AGREE_M, AGREE = 0.3, 0.04
 """Difference between the scene's depth and the facade's up to which a pixel shows the facade, metres plus a share of the depth:
 its relief, and the error of rendered depth. Chosen on the two sample streets."""
+REPLACED_M = 0.5
+"""Distance from the facade up to which surfels of a house are its own, metres: sills, recesses, and what was drawn out towards the
+cameras."""
 ROOF_M, ROOF_WEIGHT = 6.0, 1e-3
 """How far behind the facade a house's pixel still shows its roof, metres, and what that counts beside a view of the wall itself."""
 
@@ -106,11 +109,13 @@ class InventedFacades:
         walls: surfels of houses, None where none are missing.
         open: surfels in the facade's plane through which the sky is to be seen, None where there are none.
         copies: what of it was copied from where, None where nothing was.
+        filled: (A, B) bool, texels of the chart that the walls fill.
     """
 
     walls: Surfels | None
     open: Surfels | None
     copies: FacadeCopies | None
+    filled: Mask
 
 
 def read_facade(
@@ -223,7 +228,25 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Inven
     walls, opened = (
         _surfels(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
     )
-    return InventedFacades(walls, opened, _copies(chart, fill))
+    return InventedFacades(walls, opened, _copies(chart, fill), fill.filled)
+
+
+def replaced_by(chart: FacadeChart, filled: Mask, walls: Surfels) -> Mask:
+    """(N,) which surfels of houses lie where nobody saw the facade and it was completed: what the optimization left there, mixed
+    from what hid it, would cover the completed wall.
+
+    Args:
+        filled: (A, B) texels that were completed; walls: N surfels of houses.
+    """
+    place = chart.ground.path.to_street(walls.means.double().numpy())
+    row = np.round((place[:, 0] - chart.s_start) * chart.per_m).astype(np.int64)
+    column = np.floor(chart.ground.over(place) * chart.per_m).astype(np.int64)
+    inside = (row >= 0) & (row < filled.shape[0]) & (column >= 0) & (column < filled.shape[1])
+    row, column = np.where(inside, row, 0), np.where(inside, column, 0)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(place[:, 1] - chart.offset[row]) < REPLACED_M
+    replaced: Mask = inside & near & filled[row, column]
+    return replaced
 
 
 def _copies(chart: FacadeChart, fill: FacadeFill) -> FacadeCopies | None:

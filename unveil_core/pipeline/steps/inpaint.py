@@ -105,6 +105,9 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     remaining = given.shortened.of(surfels).select(torch.from_numpy(~(gone | displaced)))
     completed = None if fill is None else fill.complete(remaining)
     if completed is not None:
+        stays = np.flatnonzero(~(gone | displaced))
+        displaced[stays[completed.displaced]] = True
+        remaining = remaining.select(torch.from_numpy(~completed.displaced))
         tested += _facades_assumed(completed, named=scene.labels.index("building") is not None)
     parts = [] if completed is None else completed.surfels()
     # What follows from the seen part of a house or a pole is known before anything is invented.

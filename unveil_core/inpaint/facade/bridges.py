@@ -1,0 +1,53 @@
+"""Short gaps of a facade, bridged along the street: plinths, sills and plaster go on behind a person or a bicycle.
+
+Copying whole columns (:mod:`unveil_core.inpaint.facade.facade_fill`) draws a door into a plinth where the door's column looks alike
+above; over a short way what is the same on both sides is the same between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from unveil_core.base.types import Float32, Mask
+
+__all__ = ["bridge_gaps"]
+
+WIDE_M = 2.5
+"""Longest gap that is bridged, metres: a bicycle along the wall, and its border. On ten facades of six streets 1.5 m gain a third
+of what 2.5 do, and from there on windows are lost."""
+BESIDE_M = 0.2
+"""Length on either side whose mean is a gap's colour there, metres."""
+ALIKE = 0.25
+"""Largest difference of the two sides, as a share of their mean brightness: across a gap of metres light changes. From 0.2 to 0.4
+the ten facades hardly differ; with 0.15 the plinth behind a bicycle is not bridged."""
+DARKEST = 0.05
+"""Brightness below which differences are measured against this, levels from 0 to 1."""
+
+
+def bridge_gaps(color: Float32, known: Mask, wanted: Mask, texels_per_m: float) -> tuple[Float32, Mask]:
+    """Interpolate along the street where both sides of a short gap are alike.
+
+    Args:
+        color: (A, B, 3) along the street, upwards; known: (A, B); wanted: (A, B) what is to be filled.
+    Returns:
+        (A, B, 3) the colours, with the bridges; (A, B) these.
+    """
+    result, bridged = color.copy(), np.zeros_like(wanted)
+    beside = max(1, round(BESIDE_M * texels_per_m))
+    for height in np.flatnonzero(wanted.any(axis=0)):
+        here, colors = known[:, height], color[:, height]
+        edges = np.flatnonzero(np.diff(np.concatenate([[1], here.astype(np.int8), [1]])))
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            if last - first > WIDE_M * texels_per_m or first == 0 or last == len(here):
+                continue
+            sides = []
+            for part in (np.s_[max(0, first - beside) : first], np.s_[last : last + beside]):
+                sides.append(colors[part][here[part]].mean(axis=0))
+            before, after = sides
+            if np.abs(before - after).max() > ALIKE * max(float((before + after).mean()) / 2, DARKEST):
+                continue
+            share = ((np.arange(first, last) - first + 0.5) / (last - first))[:, None]
+            result[first:last, height] = before * (1 - share) + after * share
+            bridged[first:last, height] = True
+    bridged &= wanted
+    return np.where(bridged[..., None], result, color), bridged
