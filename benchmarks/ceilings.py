@@ -9,7 +9,8 @@ benchmarks/results/ceilings.json:
   the same pixels. What is missing between the two is geometry and blending, not knowledge.
 * ``bound``: PSNR of all removed pixels if those that other frames show were coloured so (those of the sky, and others that no
   photograph shows by the true depth, exactly), and those that nobody saw were the true empty street itself, blurred by so many
-  pixels: all of its structure guessed right, and no more than that.
+  pixels: all of its structure guessed right, and no more than that. ``grain``: the same with details of GRAIN times the true ones'
+  strength laid over the blur, which nobody can place as they were: they cost what they add.
 * ``parts``: the removed pixels by what they truly show (sky, ground, upright), whether any frame shows it, and where our colour is
   from: their share, their share of the squared error, and PSNR. Of that error, ``coarse`` is the share that survives a blur of 4
   pixels: a wrong thing rather than a wrong grain.
@@ -55,6 +56,8 @@ ON_GROUND_M, ON_GROUND = 0.35, 0.02
 COARSE_PX = 4.0
 BOUND_PX = (1.0, 2.0, 4.0)
 """Standard deviations of a Gaussian up to which unseen structure is taken to be guessed, pixels."""
+GRAIN = 0.7
+"""Least strength of invented details, as a share of the true ones', with which the picture does not look blurred."""
 ORIGINS = ("photograph", "relit", "seen elsewhere", "continued", "invented")
 SHOWN = ("sky", "ground", "upright")
 LEAST = 0.005
@@ -163,6 +166,7 @@ def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
     transfer: list[Float64] = []
     parts: list[Float64] = []
     bounds: list[Float64] = []
+    grains: list[Float64] = []
     for view in views:
         at = view.rows, view.columns
         true, ours = view.true[at].astype(np.float64), view.ours[at]
@@ -172,7 +176,9 @@ def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
         seen = ~view.unseen[at]
         by_truth = np.square(carried(view, [v for v in views if v is not view]) - true).mean(axis=1)
         soft = [np.square(cv2.GaussianBlur(view.true, (0, 0), px)[at] - true).mean(axis=1) for px in BOUND_PX]
-        bounds.append(np.where(seen[:, None], np.nan_to_num(by_truth)[:, None], np.column_stack(soft)))
+        for found, share in ((bounds, 0.0), (grains, GRAIN)):
+            unseen = (1 + share**2) * np.column_stack(soft)
+            found.append(np.where(seen[:, None], np.nan_to_num(by_truth)[:, None], unseen))
         transfer.append(np.column_stack([by_truth, error])[seen])
     pairs, rows = np.concatenate(transfer), np.concatenate(parts)
     there = np.isfinite(pairs[:, 0])
@@ -198,7 +204,10 @@ def measured(workspace: Workspace, drive: Drive) -> dict[str, Any]:
     return {
         "removed": psnr(rows[:, 3]),
         "transfer": {"share": round(float(there.mean()), 3), "true": psnr(pairs[there, 0]), "ours": psnr(pairs[there, 1])},
-        "bound": {f"{px:g} px": psnr(e) for px, e in zip(BOUND_PX, np.concatenate(bounds).T, strict=True)},
+        **{
+            name: {f"{px:g} px": psnr(e) for px, e in zip(BOUND_PX, np.concatenate(found).T, strict=True)}
+            for name, found in (("bound", bounds), ("grain", grains))
+        },
         "parts": table,
     }
 
@@ -210,7 +219,7 @@ def main() -> None:
     for folder in parser.parse_args().workspaces:
         workspace = Workspace.open(folder)
         results[folder.name] = found = measured(workspace, read_imported(workspace.drive_dir, points=False))
-        print(folder.name, found["removed"], found["transfer"], found["bound"])
+        print(folder.name, *(found[name] for name in ("removed", "transfer", "bound", "grain")))
         for row in found["parts"]:
             print("   ", *(f"{k} {v}" for k, v in row.items()))
         write_json_atomic(RESULTS, results)

@@ -55,6 +55,14 @@ def test_what_is_not_asked_for_is_left() -> None:
     np.testing.assert_array_equal(result[100:106, 10:], 0)
 
 
+def test_the_roof_of_a_car_is_part_of_a_long_gap() -> None:
+    color = facade()
+    wanted = np.zeros(color.shape[:2], dtype=bool)
+    wanted[60:105, :8] = True
+    wanted[75:90, :14] = True
+    assert not bridge_gaps(color, ~wanted, wanted, PER_M)[1].any()
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_bridges_lie_between_their_sides(seed: int) -> None:
     rng = np.random.default_rng(seed)

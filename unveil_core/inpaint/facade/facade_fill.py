@@ -2,7 +2,7 @@
 
 Every column of a gap takes the column of the facade that looks alike above, below and beside the gap; neighbours prefer the same
 shift, so that whole windows are copied: the shift-map of Pritch, Kav-Venaki and Peleg (*Shift-map image editing*, 2009) along
-one axis, where dynamic programming finds the best one. Short gaps are bridged before.
+one axis, where dynamic programming finds the best one. Over short gaps that is bridged.
 """
 
 from __future__ import annotations
@@ -82,15 +82,18 @@ def fill_facade(
         color: (A, B, 3), rows along the street; known: (A, B) texels of the facade that were seen; wanted: (A, B) to fill; sky:
             (A, B) texels through which the sky was seen.
     """
-    color, bridged = bridge_gaps(color, known, wanted, texels_per_m)
-    fill = _copied(
-        color, known | bridged, wanted & ~bridged, np.zeros_like(known) if sky is None else sky, texels_per_m
+    fill = _copied(color, known, wanted, np.zeros_like(known) if sky is None else sky, texels_per_m)
+    bridges, bridged = bridge_gaps(color, known, wanted, texels_per_m)
+    return fill._replace(
+        color=np.where(bridged[..., None], bridges, fill.color),
+        filled=fill.filled | bridged,
+        opened=fill.opened & ~bridged,
+        copied=fill.copied & ~bridged,
     )
-    return fill._replace(filled=fill.filled | bridged)
 
 
 def _copied(color: Float32, known: Mask, wanted: Mask, sky: Mask, texels_per_m: float) -> FacadeFill:
-    """Fill what no bridge does with other parts of the facade, see :func:`fill_facade`."""
+    """Fill a facade with other parts of itself, see :func:`fill_facade`."""
     strip = np.ones((2 * round(STRIP_M / 2 * texels_per_m) + 1, 1), np.uint8)
     known = cv2.morphologyEx(known.astype(np.uint8), cv2.MORPH_OPEN, strip).astype(bool)
     factor = max(1, round(STEP_M * texels_per_m))
