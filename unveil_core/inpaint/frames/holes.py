@@ -32,7 +32,8 @@ __all__ = [
 CARRIED_M = 30.0
 """Depth up to which what one frame invents is carried to others, metres. What is continued from around a hole is off by a share of
 the depth that grows with it, and the pixels are as large as bricks there: what was meant for a house 150 m away hangs in the
-street as fog, before frames that come by. Those see the place from near and invent it themselves."""
+street as fog, before frames that come by. Those see the place from near and invent it themselves. On eight streets by seed the
+inpainted frames gain 0 to 0.9 dB over 60 m, and 15 m are as good."""
 SOLID = 0.6
 """Alpha of the remaining scene above which a pixel shows a surface. Chosen on the two sample streets."""
 IN_FRONT_ALPHA = 0.5
