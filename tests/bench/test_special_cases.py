@@ -7,6 +7,7 @@ import inspect
 import json
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,8 @@ def test_what_stands_in_takes_and_gives_what_the_caller_expects() -> None:
     assert not lines.any() and lines.shape == (4, 5, 3) and share.shape == (4, 5)
     quilted = off["quilt"](detail, mask, mask, patch=6, search=9)
     assert not off["_beside_what_is_known"](quilted, detail, mask).any()
-    assert off["invented_facades"](None, label=2, sh_degree=0).walls is None
+    found = off["invented_facades"](SimpleNamespace(known=mask), label=2, sh_degree=0)
+    assert found.walls is None and found.filled.shape == mask.shape and not found.filled.any()
     assert off["feet_of_poles"](surfels, poles=()) is None and off["complete_trees"](surfels) is None
 
 

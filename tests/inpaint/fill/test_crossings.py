@@ -51,7 +51,8 @@ def test_bars_that_a_row_of_cars_hides_are_continued_to_the_kerb(
     known = np.ones_like(bar)
     known[:, round((first + (bars - hidden - 0.1) * period) * PER_M) :] = False
     made, there = continued(detail, known)
-    assert there[bar & ~known].mean() > 0.85
+    # A texel on either side of a bar may be left, of eleven.
+    assert there[bar & ~known].mean() > 0.8
     assert there[~bar].mean() < 0.002
     assert abs(float(made[there].mean()) - 0.3) < 0.05
 
