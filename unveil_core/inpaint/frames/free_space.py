@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from unveil_core.base.types import Float32, Float64, Mask
-from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import cameras_near, centres_of
 
@@ -26,6 +25,9 @@ STEP = 1.1
 BEFORE, BEFORE_M = 0.1, 0.3
 """Share of a surface's depth, plus metres, by which a place must lie before it to be seen through: rendered depths are as
 uncertain."""
+REACH_M = 60.0
+"""Distance up to which a frame is asked about a place, metres: twice as far as what is invented is carried. From farther off
+rendered depth is wrong by metres, and the time of a long drive must not grow with the square of its length."""
 ASKED_PX = 2000
 """Pixels of a hole that are asked for; of larger holes one of each block."""
 
@@ -73,7 +75,7 @@ class FreeSpace:
     def _seen_through(self, places: Float64) -> Mask:
         """(P,) whether cameras saw what lies behind places (P, 3)."""
         seen = np.zeros(len(places), dtype=bool)
-        for j in cameras_near(self.centres, places, ASKED_M).tolist():
+        for j in cameras_near(self.centres, places, REACH_M).tolist():
             open_ = np.flatnonzero(~seen)
             which, pixel, depth = self.cameras[j].shown(places[open_])
             column, row = pixel.astype(np.int64).T

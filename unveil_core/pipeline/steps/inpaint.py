@@ -294,7 +294,8 @@ class _Cleaning:
         cameras = [f.camera for f in frames]
         sky = None if self.completed is None else sky_behind(self.completed.curtains, cameras, context.cache)
         on_ground = given.scene.labels.indices(GROUND_CLASSES)
-        free = FreeSpace([f.camera for f in given.drive.frames], Frames(len(given.drive.frames), self._reached))
+        every = given.drive.frames
+        free = FreeSpace([f.camera for f in every], context.cache.frames(len(every), self._reached))
 
         def task(k: int) -> FrameTask:
             i = block.own[k]
