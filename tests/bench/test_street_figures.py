@@ -92,7 +92,7 @@ def test_rows_of_before_the_spectrum_have_no_say_in_its_mean() -> None:
 
 def test_pictures_of_held_out_seeds_are_not_shown() -> None:
     assert all(may_be_shown(seed) for seed in (0, 9, 10, UNSEEN_FROM - 1, *SEEN))
-    assert not any(may_be_shown(seed) for seed in (28, 29, 31, 32, 37, 1000))
+    assert not any(may_be_shown(seed) for seed in (28, 29, 31, 32, 37, 46, 1000))
     assert [group_of(seed) for seed in (0, 19, 27, 28, 45, 46, 99)] == list(GROUPS)[:4] + ["40-45", "46-51", "60 on"]
 
 

@@ -22,6 +22,7 @@ __all__ = [
     "masked_blur",
     "resampled",
     "sample_at",
+    "scale_from_384",
     "smoothed",
     "spread_from",
     "within",
@@ -46,6 +47,11 @@ def border_px(width: int, least: int = 2) -> int:
             where it must not mix, more where one border has to contain another.
     """
     return max(least, round(least * width / BORDER_WIDTH))
+
+
+def scale_from_384(width: int) -> float:
+    """How many times wider than 384 pixels, where lengths in pixels were tried, a picture is; narrower ones count as that wide."""
+    return max(1.0, width / 384)
 
 
 def area_px(shape: tuple[int, ...], least: int) -> int:

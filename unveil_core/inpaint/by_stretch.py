@@ -28,6 +28,7 @@ from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.facade.copies import FacadeCopies
 from unveil_core.inpaint.facade.facade_chart import (
+    FacadeChart,
     FacadeView,
     InventedFacades,
     invented_facades,
@@ -358,14 +359,17 @@ class StreetFill:
         copies: dict[str, NDArray[Any]] = {}
         told = []
         house = self.scene.labels.index("building")
-        walls = np.flatnonzero(local.labels.numpy() == house)
+        of_walls = np.flatnonzero(np.isin(local.labels.numpy(), self.scene.labels.indices(("building",))))
+        walls = local.select(torch.from_numpy(of_walls))
+        owned = stretch.owns(self._s_of(walls))
         displaced = [np.zeros(0, dtype=np.int64)]
         for name, left in zip(COPIES, (False, True), strict=True):
-            stand, invented, replaced = self._complete_side(stretch, local.select(torch.from_numpy(walls)), left=left)
-            told.append((stand, invented is not None and invented.walls is not None))
-            if invented is None:
+            side = None if house is None else self._complete_side(stretch, walls, house, left=left)
+            told.append((side is not None, side is not None and side[1].walls is not None))
+            if side is None:
                 continue
-            displaced.append(near[walls[replaced]])
+            chart, invented = side
+            displaced.append(near[of_walls[owned & replaced_by(chart, invented.filled, walls)]])
             add("walls", invented.walls)
             add("curtains", invented.open)
             own = None if invented.copies is None else invented.copies.part(stretch.owns(invented.copies.s))
@@ -394,13 +398,13 @@ class StreetFill:
         return add
 
     def _complete_side(
-        self, stretch: Stretch, walls: Surfels, *, left: bool
-    ) -> tuple[bool, InventedFacades | None, Mask]:
-        """Whether houses stand on one side, what completes their facades, and (N,) which of their ``walls`` that replaces."""
-        none = np.zeros(len(walls), dtype=bool)
-        house = self.scene.labels.index("building")
-        if house is None:
-            return False, None, none
+        self, stretch: Stretch, walls: Surfels, house: int, *, left: bool
+    ) -> tuple[FacadeChart, InventedFacades] | None:
+        """The facades of one side, and what completes them; None where no house stands.
+
+        Args:
+            walls: surfels of houses; house: their label.
+        """
         sky = self.scene.labels.indices(("sky",))
         views = self.views
 
@@ -413,9 +417,8 @@ class StreetFill:
         seen = Frames(len(stretch.frames), facade_view)
         chart = read_facade(self.ground, walls, seen, left=left, along=stretch.s_around)
         if chart is None:
-            return False, None, none
-        invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
-        return True, invented, replaced_by(chart, invented.filled, walls) & stretch.owns(self._s_of(walls))
+            return None
+        return chart, invented_facades(chart, label=house, sh_degree=walls.sh_degree)
 
     def _feet(self, stretch: Stretch, local: Surfels) -> Surfels | None:
         """The hidden feet of poles beside a stretch."""

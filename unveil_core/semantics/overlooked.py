@@ -21,7 +21,7 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.cloud import estimate_normals, thinned_to
-from unveil_core.geometry.images import border_px
+from unveil_core.geometry.images import border_px, scale_from_384
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.semantics.votes import view_weights
@@ -149,7 +149,7 @@ def _regions(
     drawn = np.zeros(own.shape, np.uint8)
     if not len(half):
         return drawn > 0
-    scale = max(1.0, own.shape[1] / 384)  # as borders are, see border_px
+    scale = scale_from_384(own.shape[1])  # as borders are, see border_px
     for row, column, h in zip(*at, np.clip(half, 1.0, WIDEST_PX * scale), strict=True):
         cv2.circle(drawn, (int(column), int(row)), round(float(h)), 1, -1)
     side = 2 * border_px(own.shape[1]) + 1

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask, Picture
-from unveil_core.geometry.images import border_px
+from unveil_core.geometry.images import border_px, scale_from_384
 
 __all__ = ["Edges", "LineMatch", "find_edges", "match_lines", "reach_px"]
 
@@ -98,7 +98,7 @@ def find_edges(picture: Picture) -> Edges:
     )
     strength = cv2.magnitude(right, down)
     start = (weak > 0) & (strength >= START_LEVELS)
-    return Edges(edge > 0, _long(weak, start, LENGTH_PX * max(1.0, width / 384)), right, down, strength)
+    return Edges(edge > 0, _long(weak, start, LENGTH_PX * scale_from_384(width)), right, down, strength)
 
 
 def _long(edges: NDArray[np.uint8], start: Mask, shortest: float) -> Mask:

@@ -43,17 +43,15 @@ def bridge_gaps(color: Float32, known: Mask, wanted: Mask, texels_per_m: float) 
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             if not narrow[first, height] or first == 0 or last == len(here):
                 continue
-            sides = []
-            for part in (np.s_[max(0, first - beside) : first], np.s_[last : last + beside]):
-                sides.append(colors[part][here[part]].mean(axis=0))
-            before, after = sides
+            parts = np.s_[max(0, first - beside) : first], np.s_[last : last + beside]
+            before, after = (colors[part][here[part]].mean(axis=0) for part in parts)
             if np.abs(before - after).max() > ALIKE * max(float((before + after).mean()) / 2, DARKEST):
                 continue
-            share = ((np.arange(first, last) - first + 0.5) / (last - first))[:, None]
-            result[first:last, height] = before * (1 - share) + after * share
-            bridged[first:last, height] = True
-    bridged &= wanted
-    return np.where(bridged[..., None], result, color), bridged
+            rows = first + np.flatnonzero(wanted[first:last, height])
+            share = ((rows - first + 0.5) / (last - first))[:, None]
+            result[rows, height] = before * (1 - share) + after * share
+            bridged[rows, height] = True
+    return result, bridged
 
 
 def _narrow(gap: Mask, longest: float) -> Mask:

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.types import Float32, Float64, Labels, Mask
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.clusters import connected_points
-from unveil_core.geometry.images import border_px, grow
+from unveil_core.geometry.images import border_px, grow, scale_from_384
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.facade.poles import hidden_and_through, only_hidden
 from unveil_core.inpaint.light.crowns import CROWN_M, FOOT_M, trunk_places, turned_half
@@ -215,7 +215,7 @@ def _outline(means: Float64, size: Float64, view: _PlantView) -> _Outline | None
     for x, y, r in zip(column[shown], row[shown], reach[shown], strict=True):
         cv2.circle(crown, (int(x), int(y)), round(float(r)), 1, -1)
     seen = (crown > 0) & view.on_plant & ~view.removed
-    if seen.sum() < SEEN_PX * _scale(view.camera.width) ** 2:
+    if seen.sum() < SEEN_PX * scale_from_384(view.camera.width) ** 2:
         return None
     past = view.sky | (view.depth > BEHIND * np.median(z[shown]) + 0.5)
     past &= ~view.on_plant & ~grow(view.removed, border_px(view.camera.width, 1))
@@ -226,13 +226,8 @@ def _is_cut(crown: Mask, removed: Mask) -> bool:
     """Whether something removed (H, W) begins under a crown (H, W)."""
     columns, height = np.flatnonzero(crown.any(axis=0)), len(crown)
     lowest = height - 1 - crown[::-1, columns].argmax(axis=0)
-    below = [np.minimum(lowest + k, height - 1) for k in range(1, round(CUT_PX * _scale(crown.shape[1])) + 1)]
+    below = [np.minimum(lowest + k, height - 1) for k in range(1, round(CUT_PX * scale_from_384(crown.shape[1])) + 1)]
     return bool(np.any([removed[b, columns] for b in below], axis=0).mean() >= CUT)
-
-
-def _scale(width: int) -> float:
-    """How much wider a picture is than 384 pixels."""
-    return max(1.0, width / 384)
 
 
 def _coarse(outline: _Outline) -> _Outline:

@@ -77,6 +77,8 @@ class FreeSpace:
         seen = np.zeros(len(places), dtype=bool)
         for j in cameras_near(self.centres, places, REACH_M).tolist():
             open_ = np.flatnonzero(~seen)
+            if not len(open_):
+                break
             which, pixel, depth = self.cameras[j].shown(places[open_])
             column, row = pixel.astype(np.int64).T
             if len(which):

@@ -8,12 +8,12 @@ those at the same height, for skylines and rows of trees are level, with the gra
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from unveil_core.base.types import Float32, Mask, Picture
+from unveil_core.base.types import Mask, Picture
+from unveil_core.geometry.images import masked_blur, scale_from_384
 from unveil_core.inpaint.single_image.registry import exemplar, fill_around, telea
 
 __all__ = ["across", "fill_in_layers"]
@@ -53,15 +53,14 @@ def fill_in_layers(
     source = beside & ~below_horizon
     if source.any():
         color = (color + across(image, above, source)) / 2
-    sigma = GRAIN_PX * max(1.0, image.shape[1] / 384)
-    mixed = patches + _blurred(color - patches, above, sigma)
+    mixed = patches + masked_blur(color - patches, above, GRAIN_PX * scale_from_384(image.shape[1]))
     return np.where(above[..., None], np.clip(np.round(mixed), 0, 255), patches).astype(np.uint8)
 
 
 def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
     """Interpolate each row of ``wanted`` (H, W) between the nearest pixels of ``source`` on its two sides; rows without any take
     over the nearest of the others."""
-    reach = _pixels(BESIDE_PX, image)
+    reach = round(BESIDE_PX * scale_from_384(image.shape[1]))
     result = image.astype(np.float32)
     reached = source.copy()
     for y in np.flatnonzero(wanted.any(axis=1) & source.any(axis=1)):
@@ -96,15 +95,3 @@ def _next_to(source: Mask, known: Mask) -> Mask:
     padded = np.pad(source, ((0, 0), (1, 1)))
     found: Mask = np.take_along_axis(padded, before + 1, axis=1) | np.take_along_axis(padded, after + 1, axis=1)
     return found
-
-
-def _blurred(plane: Float32, inside: Mask, sigma: float) -> Float32:
-    """A plane (H, W, C) blurred within a mask (H, W), over nothing of what is outside."""
-    share = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), sigma)
-    blurred: Float32 = cv2.GaussianBlur(plane * inside[..., None], (0, 0), sigma) / np.maximum(share, 1e-3)[..., None]
-    return blurred
-
-
-def _pixels(at_384: float, image: Picture) -> int:
-    """A length given in pixels of a picture 384 wide, in those of this one."""
-    return round(at_384 * max(1.0, image.shape[1] / 384))

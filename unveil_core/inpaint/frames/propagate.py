@@ -21,7 +21,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import area_px, border_px, grow, within
+from unveil_core.geometry.images import area_px, border_px, grow, scale_from_384, within
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.frames.by_reference import ReferenceInpainter, ReferencePropagator
 from unveil_core.inpaint.frames.holes import (
@@ -279,7 +279,7 @@ class _Painter:
         each pixel has its colour from (H, W)."""
         layer = self.scene.ground
         border = border_px(task.camera.width)
-        ring = within(task.removed, RING_PX * max(1.0, task.camera.width / 384)) & ~grow(task.removed, border)
+        ring = within(task.removed, RING_PX * scale_from_384(task.camera.width)) & ~grow(task.removed, border)
         around = None if layer is None else ring | grow(layer.shadow_pixels(task.camera), border)
         background = background_layers(task, surfels, layer, around)
         out, solid, from_chart = background.rendered, background.solid, background.from_chart

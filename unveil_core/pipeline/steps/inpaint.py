@@ -102,10 +102,10 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         fill.fill(sun, shadows=shadows)
         tested += [_sun_assumed(sun)] if shadows else []
         displaced, relit, ground = _renew_ground(context, given, fill)
-    remaining = given.shortened.of(surfels).select(torch.from_numpy(~(gone | displaced)))
+    stays = np.flatnonzero(~(gone | displaced))
+    remaining = given.shortened.of(surfels).select(torch.from_numpy(stays))
     completed = None if fill is None else fill.complete(remaining)
     if completed is not None:
-        stays = np.flatnonzero(~(gone | displaced))
         displaced[stays[completed.displaced]] = True
         remaining = remaining.select(torch.from_numpy(~completed.displaced))
         tested += _facades_assumed(completed, named=scene.labels.index("building") is not None)
