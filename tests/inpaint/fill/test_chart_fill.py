@@ -94,6 +94,24 @@ def test_where_a_shadow_is_levelled_no_line_was_seen_to_end() -> None:
     assert min(brighter) > 0.1
 
 
+def test_black_shadow_far_from_what_is_known_of_its_object_is_replaced() -> None:
+    """The cab of a lorry is tall, and the asphalt before it black; of where it stands only its middle is known."""
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.5, 0.01, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    lorry, gone, black = (np.zeros(chart.source.shape, dtype=bool) for _ in range(3))
+    aside = slice(int(6 * per_m), int(8.5 * per_m))
+    lorry[int(16 * per_m) : int(20 * per_m), aside] = True
+    gone[int(10 * per_m) : int(20 * per_m), aside] = True
+    black[int(12 * per_m) : int(14 * per_m), aside] = True
+    ratio = np.where(black[..., None], 0.2, np.where(gone[..., None], np.array([0.4, 0.45, 0.55]), 1))
+    chart = as_read(chart, (street * ratio).astype(np.float32), lorry)
+    light = Light(Sun(np.array([0.0, 0.7, 0.7]), 1.0, 0.0, 45.0), np.zeros_like(gone), gone)
+    filled = fill_chart(chart, lorry, light=light)
+    assert filled.replaced[black].mean() > 0.95  # else frames would show their own pixels
+    assert abs(float(filled.color[black].mean()) - 0.5) < 0.03
+
+
 def test_in_the_shade_no_dark_patch_stays_beside_what_goes() -> None:
     """A lorry in the shade of a house darkens the ground around it to a third of that shade."""
     chart = sunny_chart(None)[0]

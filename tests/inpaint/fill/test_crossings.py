@@ -61,14 +61,46 @@ def test_bars_that_a_row_of_cars_hides_are_continued_to_the_kerb(
 
 
 def test_bars_end_at_the_line_beside_the_parked_cars() -> None:
-    detail, bar = crossing(4.25, 5)
+    detail, bar = crossing(5.05, 5)
     line, known = np.zeros_like(bar), np.ones_like(bar)
-    line[:, 9 * PER_M : 9 * PER_M + 3] = True
-    known[:, 7 * PER_M :] = False
-    known[:, : 4 * PER_M] = False  # the other side is hidden, too
+    beside = round(9.8 * PER_M)  # a bay of 2.2 m
+    line[:, beside : beside + 3] = True
+    known[:, round(7.8 * PER_M) :] = False
+    known[:, : round(4.8 * PER_M)] = False  # the other side is hidden, too
     _, there = continued(detail, known, line)
     assert there[bar & ~known].mean() > 0.85
-    assert not there[:, 9 * PER_M :].any()
+    assert not there[:, beside:].any()
+
+
+def test_a_line_in_the_middle_does_not_end_a_crossing_that_lies_around_it() -> None:
+    """Its other end, beside bays of 2.2 m, is seen; on this side a lorry stands from the middle to the kerb."""
+    detail, bar = crossing(4.45, 7)
+    line, known = np.zeros_like(bar), np.ones_like(bar)
+    middle = round(7.7 * PER_M)
+    line[:, middle - 1 : middle + 2] = True
+    known[:, round(7.3 * PER_M) :] = False
+    made, there = continued(detail, known, line)
+    assert there[bar & ~known].mean() > 0.7  # no more bars are made up than are seen
+    assert there[~bar].mean() < 0.002
+
+
+def test_a_bar_of_which_half_is_seen_says_where_one_edge_is() -> None:
+    detail, bar = crossing(2.75, 6)
+    known = np.ones_like(bar)
+    known[:, round(5.08 * PER_M) :] = False  # within the third
+    _, there = continued(detail, known)
+    inside = cv2.erode(bar.astype(np.uint8), np.ones((1, 3), np.uint8)).astype(bool)
+    assert there[inside & ~known].mean() > 0.9
+    assert there[~bar].mean() < 0.002
+
+
+def test_what_one_row_takes_for_a_bar_is_none() -> None:
+    detail, bar = crossing(4.75, 5)
+    known = np.ones_like(bar)
+    detail[16 * PER_M : round(16.4 * PER_M), round(2.75 * PER_M) : round(3.25 * PER_M)] += 0.3  # a sheet of paper
+    known[16 * PER_M : 19 * PER_M, round(3.4 * PER_M) : round(4.4 * PER_M)] = False
+    _, there = continued(detail, known)
+    assert not there.any()
 
 
 def test_a_bar_half_of_which_was_seen_is_whole() -> None:

@@ -33,3 +33,14 @@ def test_strips_leave_no_seam(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     assert whole[shadow].mean() > 1.5 and (whole[-100:] == 1.0).all()
     monkeypatch.setattr(relight, "STRIP_M", 2.35)
     np.testing.assert_allclose(gain(), whole, rtol=0, atol=1e-6)
+
+
+def test_deep_blue_shade_keeps_its_hue() -> None:
+    """Beside a lorry, which hides half of the sky, a third of the light is left, and of the red a fifth."""
+    target = np.full((200, 80, 3), 0.5, np.float32)
+    shadow = np.zeros((200, 80), bool)
+    shadow[60:140, 20:60] = True
+    color = np.where(shadow[..., None], np.float32([0.2, 0.33, 0.45]), np.float32(1)) * target
+    gain = relight.relighting_gain(color, target, ~np.zeros_like(shadow), shadow, grow(shadow, 2), shadow, per_m=PER_M)
+    inside = (color * gain)[80:120, 30:50]
+    np.testing.assert_allclose(inside, 0.5, atol=0.02)

@@ -157,7 +157,7 @@ def fill_chart(
     color[beyond] = target[beyond]
     source[beyond] = OUTSIDE
     progress(2, 2, "filling the street")
-    replaced = hole & grow(footprint, CLOSE_M * per_m)
+    replaced = hole & (hopeless | grow(footprint, CLOSE_M * per_m))
     return replace(chart, color=color, source=source, gain=gain, label=labels, replaced=replaced)
 
 

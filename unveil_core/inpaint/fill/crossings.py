@@ -21,7 +21,12 @@ __all__ = ["continue_crossings"]
 BIN_M = 0.25
 """Length along the street of the rows that bars are looked for in, metres: a fourteenth of a bar's."""
 KNOWN_SHARE = 0.5
-"""Share of a row at a lateral offset, or of a bar, that must be seen for it to be judged."""
+"""Share of a row at a lateral offset that must be seen for it to be judged."""
+BAR_SHARE = 0.2
+"""The same of a bar: a tenth of a square metre of asphalt is sure to be none."""
+LANE_M = 2.6
+"""Width of road beyond a line from which on another lane lies there, metres, and the line does not end the crossing: bays along the
+street are 2 to 2.3 m wide, lanes of streets 2.75 m and more."""
 CONTRAST = 0.1
 """Difference of luma, in [0, 1], from the lateral offset's median that makes a bar: as of other markings."""
 WIDTH_M, PERIOD_M = (0.25, 0.9), (0.7, 1.6)
@@ -31,6 +36,12 @@ PERIOD_STEP_M, SLACK_M = 0.02, 0.1
 five pixels wide is less."""
 LEAST_BARS = 3
 """Fewest bars that are seen beside each other: two lines are also the two borders of a lane."""
+EDGE, LEAST_EDGES = 0.2, 4
+"""Of a period, how far an edge may be off its place, and fewest edges: one more than what they tell, which is a place, a period
+and a width."""
+MOST_OFF = 0.15
+"""Of a period, by which a bar that is seen in part can have misled the first fit: one of three, half seen, by a quarter of its
+width."""
 LENGTH_M = (2.0, 8.0)
 """Lengths of a crossing's bars, metres: 2.5 to 5 m are usual. Dashes of two lanes are no bars, for they are wider apart."""
 
@@ -42,12 +53,14 @@ class _Crossing:
     Attributes:
         rows: of the chart; period, phase: distance between the bars, and the middle of one of them, texels.
         bars: (first, last) number of the outermost bars that were seen, counted from the one at ``phase``.
+        lane: width of a lane, texels.
     """
 
     rows: slice
     period: float
     phase: float
     bars: tuple[int, int]
+    lane: float
 
     def of(self, bar: int, plane: NDArray[Any], solid: Mask) -> NDArray[Any]:
         """A plane of the chart (A, B) under a bar, without the asphalt beside it; solid: (P,) bool, a bar within a period."""
@@ -107,7 +120,8 @@ def _crossings(luma: Float32, known: Mask, per_m: float) -> list[_Crossing]:
             while end < count and _same(fits[end - 1], fits[end]):
                 end += 1
             if LENGTH_M[0] <= (end - first) * size / per_m <= LENGTH_M[1]:
-                found.append(_crossing(luma, known, [f for f in fits[first:end] if f is not None], first * size, size))
+                rows = [f for f in fits[first:end] if f is not None]
+                found.append(_crossing(luma, known, rows, first * size, size, LANE_M * per_m))
         row = end
     return found
 
@@ -150,7 +164,7 @@ def _same(one: tuple[float, float, int, int] | None, other: tuple[float, float, 
 
 
 def _crossing(
-    luma: Float32, known: Mask, fits: list[tuple[float, float, int, int]], first: int, size: int
+    luma: Float32, known: Mask, fits: list[tuple[float, float, int, int]], first: int, size: int, lane: float
 ) -> _Crossing:
     """The crossing that rows of bins show, its ends to the texel."""
     period = float(np.median([f[0] for f in fits]))
@@ -165,7 +179,41 @@ def _crossing(
     seen = known[rows][:, columns]
     level = np.where(seen, luma[rows][:, columns], 0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
     inside = np.flatnonzero(level > 0.5 * np.median(level[size:-size]))
-    return _Crossing(slice(rows.start + int(inside[0]), rows.start + int(inside[-1]) + 1), period, phase, (low, high))
+    rows = slice(rows.start + int(inside[0]), rows.start + int(inside[-1]) + 1)
+    period, phase = _by_edges(luma[rows], known[rows], period, phase, (low, high))
+    return _Crossing(rows, period, phase, (low, high), lane)
+
+
+def _by_edges(luma: Float32, known: Mask, period: float, phase: float, bars: tuple[int, int]) -> tuple[float, float]:
+    """Period and phase by all edges of bars that were seen: the middle of what is seen of a bar is not that of the bar.
+
+    Args:
+        luma, known: (R, B) rows of the crossing; period, phase: to a few per cent, texels.
+        bars: (first, last) number of those that were seen.
+    Returns:
+        as given, where too few edges were seen.
+    """
+    count = known.sum(axis=0)
+    sure = count >= KNOWN_SHARE * len(known)
+    value = np.where(known, luma, 0).sum(axis=0) / np.maximum(count, 1)
+    bright = sure & (value > CONTRAST)
+    if not bright.any():
+        return period, phase
+    level = float(np.median(value[bright])) / 2
+    over = value > level
+    before = np.flatnonzero(sure[:-1] & sure[1:] & (over[:-1] != over[1:]))
+    at = before + (level - value[before]) / (value[before + 1] - value[before])
+    side = np.where(over[before], 1.0, -1.0)  # of the bar, on which the edge lies
+    turn = (at - phase) / period - side / 4  # a bar is half a period wide, more or less
+    number = np.round(turn)
+    own = (np.abs(turn - number) < EDGE) & (number >= bars[0]) & (number <= bars[1])
+    if own.sum() < LEAST_EDGES or np.ptp(number[own]) < LEAST_BARS - 2:
+        return period, phase
+    terms = np.stack([np.ones(own.sum()), number[own], side[own]], axis=1)
+    first, apart, _ = np.linalg.lstsq(terms, at[own], rcond=None)[0]
+    if abs(apart - period) > MOST_OFF * period:
+        return period, phase
+    return float(apart), float(first)
 
 
 def _section(detail: Float32, known: Mask, crossing: _Crossing) -> Float32 | None:
@@ -197,8 +245,12 @@ def _all_bars(
         on_road = crossing.of(bar, np.broadcast_to(road, known.shape), solid)
         if seen.shape[1] < solid.sum() or on_road.mean() < 0.5:
             return False
-        return bool(value[seen].mean() > CONTRAST) if seen.mean() >= KNOWN_SHARE else None
+        return bool(value[seen].mean() > CONTRAST) if seen.mean() >= BAR_SHARE else None
 
+    sure = [bar for bar in range(first, last + 1) if there(bar)]
+    if not sure:
+        return []
+    first, last = sure[0], sure[-1]  # one row may have taken something else for a bar
     marked = line[crossing.rows].mean(axis=0) > 0.5
     bars = list(range(first, last + 1))
     for bar, opposite, step in ((first, last, -1), (last, first, 1)):
@@ -215,8 +267,8 @@ def _all_bars(
 def _end(crossing: _Crossing, bar: int, opposite: int | None, step: int, road: Mask, line: Mask) -> float:
     """Column beyond which no bar's middle lies on a side of a crossing.
 
-    Where the other side is seen to end, this one ends as far from the border of the road, and from a line in the middle. It never
-    goes beyond the outermost line.
+    Where the other side is seen to end, this one ends as far from a line in the middle, or without one from the border of the road:
+    often only one side has bays. It never goes beyond the outermost line that has no lane beyond it.
 
     Args:
         bar: the outermost that was seen on this side; opposite: on the other one, None where that is not seen to end.
@@ -227,16 +279,16 @@ def _end(crossing: _Crossing, bar: int, opposite: int | None, step: int, road: M
     kerb = float(beside[np.abs(beside - at).argmin()] if len(beside) else (0 if step < 0 else len(road)))
     # A kerb may be as bright as a line.
     lines = columns[line & ((kerb - columns) * step > crossing.period / 2)]
-    outer = lines[(lines - at) * step > 0]
+    outer = lines[((lines - at) * step > 0) & ((kerb - lines) * step < crossing.lane)]
     quarter = step * crossing.period / 4  # half of a bar
     ends = [(float(outer[np.abs(outer - at).argmax()]) if len(outer) else kerb) - quarter]
     if opposite is not None:
         other = crossing.phase + opposite * crossing.period
         beyond = np.flatnonzero(~road & ((columns - other) * step < 0))
-        if len(beyond):
-            ends.append(kerb - step * float(np.abs(beyond - other).min()) + quarter)
         inner = lines[(lines - other) * step > 0]
-        inner = inner[(inner - at) * step < 0]
+        inner = inner[((inner - at) * step < 0) | ((kerb - inner) * step >= crossing.lane)]
         if len(inner):
             ends.append(float(2 * inner[np.abs(inner - other).argmax()] - other) + quarter)
+        elif len(beyond):
+            ends.append(kerb - step * float(np.abs(beyond - other).min()) + quarter)
     return min(ends, key=lambda end: (end - at) * step)

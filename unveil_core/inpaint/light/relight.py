@@ -42,6 +42,9 @@ CLEAR_M = 0.8
 """Distance from a removed object from which on what is seen tells how light it is there without the object, metres."""
 MOST_OF_AGE = 1.5
 """Gain beyond which a dark patch is a shadow that some sun made: asphalt of two ages differs by a third at the most."""
+MOST_GAIN = 6.0
+"""Gain of a channel beyond which noise is made brighter. What holds a texture has 0.3 of its luma and more, and in the light of the
+sky alone half of that in red: with 4, asphalt beside a lorry came out teal."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
@@ -234,7 +237,7 @@ def _gain_of_strip(
     weight = np.where(inside, 1.0, BORDER_WEIGHT).astype(np.float32)[..., None]
     local = masked_blur(color * weight, relit, 0.25 * per_m)
     wanted = masked_blur(target * weight, relit, 0.25 * per_m)
-    ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, 4.0)
+    ratio = np.clip(wanted / np.maximum(local, 1e-6), 1.0, MOST_GAIN)
     full = np.where(soft[..., None] > 0.01, 1 + (ratio - 1) * soft[..., None], 1.0)
     # Along the border lies penumbra, in no fixed width: there each texel gets the share of it that makes it as bright as the
     # street is.
