@@ -115,6 +115,15 @@ def test_an_overcast_street_has_no_sun() -> None:
     assert light_of_scene(chart, kept, car) is None
 
 
+def test_one_black_spot_is_no_shadow() -> None:
+    """A square metre of tar on an overcast street: there is a direction from which the shadow of a lamp would lie there."""
+    chart, *_, kept, car = sunny_chart(None)
+    color, per_m = chart.color.copy(), round(1 / chart.texel)
+    color[10 * per_m : 11 * per_m, 9 * per_m : 10 * per_m] *= 0.15
+    lamp = box_surfels(np.array([[7.5, -1.0, 2.5], [8.5, 0.0, 3.5]]))
+    assert light_of_scene(replace(chart, color=color), lamp, car) is None
+
+
 @pytest.mark.parametrize("sun", SUNS)
 def test_shadows_that_nothing_seen_casts_are_no_sun(sun: tuple[float, float]) -> None:
     """What shades the street was not seen, but a low wall beside it was: some direction always explains some of what is dark."""

@@ -48,7 +48,8 @@ AROUND = 8
 MOST_PLACES = 20_000
 """Places by which the direction is refined, evenly taken from all: the time of a search."""
 LEAST_DARK = 100
-"""Fewest dark samples that the direction is refined by."""
+"""Fewest dark samples by which a direction is believed, 1.4 square metres: for one black spot some direction is always found, as
+on an overcast drawn street, which had 78. Fourteen sunny ones have 450 and more."""
 BESIDE_M = (0.15, 0.6)
 """Distances from the border of the shade between which the light on either side of it is compared, metres: off the penumbra, and
 on the same asphalt."""
@@ -130,7 +131,7 @@ def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
     suns = _coarse_suns(evidence.chart, observed, everything)
     places, is_dark = evidence.light_seen(observed, dark)
     if not suns or is_dark.sum() < LEAST_DARK:
-        return suns[0] if suns else None
+        return None
     some = slice(None, None, -(-len(places) // MOST_PLACES))
     probes = _with_margins(places[some], evidence.chart.ground.path.axes)
     return _refined_sun(probes, is_dark[some], Discs.of(everything), suns)
