@@ -109,3 +109,12 @@ def test_nothing_outside_changes_and_no_new_colours_come(seed: int) -> None:
     if source.any():
         assert found[wanted].min(initial=255) >= image[source].min()
         assert found[wanted].max(initial=0) <= image[source].max()
+
+
+def test_a_line_beside_one_row_makes_no_stripe() -> None:
+    image, ground, _ = street()
+    image[70, :60] = 250  # a stop line far off, one row high
+    hole = hole_at(slice(62, 80), slice(60, 140))
+    found = across(image, hole, ground & ~hole)[62:80, 60:100].astype(float).mean(axis=(1, 2))
+    assert np.abs(np.diff(found)).max() < 12
+    assert abs(found[:4].mean() - np.mean(ROAD)) < 4

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
-from unveil_core.base.types import Mask, Picture
+from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.geometry.images import masked_blur, scale_from_384
 from unveil_core.inpaint.single_image.registry import exemplar, fill_around, telea
 
@@ -24,6 +24,10 @@ parked car. On eight streets by seed 15 to 35 m differ by less than 0.3 dB of a 
 cost 0.5."""
 BESIDE_PX = 8
 """Pixels at 384 whose mean is a row's colour on one side, in proportion in wider images."""
+DOWN_PX = 2.0
+"""Standard deviation, pixels at 384, over which rows beside each other are blended: where a line or a lamp lies beside one and not
+beside the next, the ground would come out in stripes. In the holes of thirteen streets 49 +0.7, 45 +0.5, 54 +0.2, the others within
+0.04 dB; 3 pixels are no better."""
 GRAIN_PX = 4.0
 """Standard deviation, pixels at 384, below which details come from patches, in proportion in wider images. By patches alone the
 colours are 0.7 to 2 dB worse on five of eight streets, and as good on the others."""
@@ -79,11 +83,20 @@ def across(image: Picture, wanted: Mask, source: Mask) -> Picture:
             weight += share
         result[y, x] = color / weight
         reached[y, x] = True
+    result = _down(result, wanted & reached, DOWN_PX * scale_from_384(image.shape[1]))
     left = wanted & ~reached
     if left.any() and reached.any():
         row, column = distance_transform_edt(~reached, return_distances=False, return_indices=True)
         result[left] = result[row[left], column[left]]
     return np.clip(np.round(result), 0, 255).astype(np.uint8)
+
+
+def _down(image: Float32, wanted: Mask, sigma: float) -> Float32:
+    """An image (H, W, 3) whose ``wanted`` pixels (H, W) are blended with those above and below."""
+    weight = wanted.astype(np.float32)[..., None]
+    total, share = (gaussian_filter1d(plane, sigma, axis=0, mode="constant") for plane in (image * weight, weight))
+    blended: Float32 = np.where(wanted[..., None], total / np.maximum(share, 1e-6), image)
+    return blended
 
 
 def _next_to(source: Mask, known: Mask) -> Mask:
