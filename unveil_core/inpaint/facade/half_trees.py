@@ -47,6 +47,10 @@ NEAR_M, FINE_M = 1.2, 0.3
 """The same around the best of these places."""
 TRUNK = 0.3
 """What a trunk costs through which frames look, of what the crown's outline scores: it is slim, and few pixels tell of it."""
+SMALLEST = 0.8
+"""Height of the seen part's top, as a share of a whole tree's, from which on it is a tree's top. What is lower is a piece of a
+crown: with such completed, two streets lost 0.1 dB and one 2.0, where a tree was stood before the sky; one gained 2.9 by higher
+ones."""
 SIZES = (0.8, 0.9, 1.0, 1.12, 1.25)
 """The sizes that are tried: what makes the model as high as the seen part, times these."""
 FIT_PX = 256
@@ -147,7 +151,8 @@ def complete_trees(
     for members, outlines in zip(crowns, seen, strict=True):
         if outlines:
             top = float(np.percentile(height[members], 98))
-            tree = _fitted(models, ground, local[members], top, outlines, planes)
+            alike = [m for m in models if top >= SMALLEST * m.height]
+            tree = _fitted(alike, ground, local[members], top, outlines, planes) if alike else None
             parts += [] if tree is None else [tree]
     if not parts:
         return None
