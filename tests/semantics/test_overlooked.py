@@ -94,16 +94,6 @@ def test_a_grey_car_that_left_is_not_overlooked(tmp_path: Path) -> None:
     assert not any(m.any() for m in overlooked_pixels(drive, find_labels(drive), shown))
 
 
-def test_road_on_which_a_grey_car_was_for_a_while_is_as_the_road_beside_it(tmp_path: Path) -> None:
-    drive = drive_of(tmp_path, lambda i, car: car & (i < 4))
-    shown = pictures(drive)
-    for i, picture in enumerate(shown):
-        picture[car_in(drive.frames[i].camera)] = GREY if i == 4 else (135, 135, 135)
-    assert not any(m.any() for m in overlooked_pixels(drive, find_labels(drive), shown))
-    shown[4][car_in(drive.frames[4].camera)] = (140, 140, 140)  # the car itself, in another light
-    assert overlooked_pixels(drive, find_labels(drive), shown)[4].any()
-
-
 def test_a_car_that_one_frame_alone_shows_is_that_frame_s_error(tmp_path: Path) -> None:
     drive = drive_of(tmp_path, lambda i, car: car & (i == 2))
     assert not any(m.any() for m in overlooked_pixels(drive, find_labels(drive), pictures(drive)))

@@ -21,7 +21,7 @@ from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.cloud import estimate_normals, thinned_to
-from unveil_core.geometry.images import border_px, grow, scale_from_384
+from unveil_core.geometry.images import border_px, scale_from_384
 from unveil_core.semantics.labels import SceneLabels, labels_of_frames
 from unveil_core.semantics.visibility import PointsInView, PointsNear
 from unveil_core.semantics.votes import view_weights
@@ -37,16 +37,6 @@ LONGEST = 3
 ALIKE = 0.1
 """Difference between this photograph and those that show the object, levels from 0 to 1, up to which all show the same: a yellow
 car that shines from close by is 0.085 off (street 20). Where something else stands in front they differ more."""
-ALIEN = 1.35
-"""Of this photograph's difference from those that show the object, how often it goes at least into its difference from what is
-around: road on which a car drove by is as grey as the car, and as the road beside it. Of 62 lost objects on 29 drawn streets two
-small ones have more (170 of 107,000 pixels), of 60 places where nothing was lost 46 (64,000 of 70,000 pixels)."""
-AROUND_PX = (4, 24)
-"""Pixels at 384 in width around what seems overlooked in which it is compared with what is around."""
-ALIKE_SHARE = 10
-"""Percent of what is around that looks like a pixel for it to be no object's: it has a kerb and a house in it, too."""
-COMPARED = 1000
-"""Colours of either that are compared: a median of as many is right to some thousandths, and the table of all pairs stays small."""
 BORDER_PX = 4
 """Pixels at 384 in width beside an object's own label in which a point that is called otherwise is an error of its border."""
 LEAST_POINTS = 6
@@ -104,7 +94,7 @@ def overlooked_pixels(
         index, at = seen.index[lost], (seen.rows[lost], seen.columns[lost])
         apart = np.abs(images[v][at] / 255 - color[index]).mean(axis=1)
         half = spacing[index] * cameras[v].fx / seen.depth[lost]
-        return _regions(images[v], np.isin(labels[v], scene.removable_labels), at, half, apart)
+        return _regions(np.isin(labels[v], scene.removable_labels), at, half, apart)
 
     return cache.frames(len(cameras), pixels)
 
@@ -147,16 +137,12 @@ def _votes(
 
 
 def _regions(
-    image: NDArray[np.uint8],
-    own: Mask,
-    at: tuple[NDArray[np.int64], NDArray[np.int64]],
-    half: NDArray[np.float64],
-    apart: NDArray[np.float64],
+    own: Mask, at: tuple[NDArray[np.int64], NDArray[np.int64]], half: NDArray[np.float64], apart: NDArray[np.float64]
 ) -> Mask:
     """(H, W) the pixels around lost points, where enough of them lie together and show the object.
 
     Args:
-        image: (H, W, 3); own: (H, W) pixels that the frame's labels give to objects.
+        own: (H, W) pixels that the frame's labels give to objects.
         at: rows and columns (M,) of the lost points; half: (M,) half their width, pixels; apart: (M,) how far their colour is from
             that of the object, levels from 0 to 1.
     """
@@ -172,30 +158,11 @@ def _regions(
     group = component[at]
     beyond = distance_transform_edt(~own)[at] > BORDER_PX * scale if own.any() else np.ones(len(group), dtype=bool)
     lost = np.bincount(group[beyond], minlength=count) >= LEAST_POINTS
-    apart_of = np.asarray(ndimage.median(apart, group, np.arange(count)))
-    lost &= apart_of < ALIKE
+    lost &= np.asarray(ndimage.median(apart, group, np.arange(count))) < ALIKE
     lost[0] = False
-    found = np.zeros(own.shape, dtype=bool)
-    for k in np.flatnonzero(lost):
-        # Panes and what is black send no point back: an object's outline is taken as convex.
-        outline = np.zeros(own.shape, np.uint8)
-        cv2.fillConvexPoly(outline, cv2.convexHull(np.argwhere(component == k)[:, ::-1].astype(np.int32)), 1)
-        colors = image[at[0][group == k], at[1][group == k]]
-        if apart_of[k] <= ALIEN * _alien(colors, _around(image, outline > 0, own, scale)):
-            found |= outline > 0
-    return found & ~own
-
-
-def _around(image: NDArray[np.uint8], outline: Mask, own: Mask, scale: float) -> NDArray[np.uint8]:
-    """(K, 3) colours of what is around an outline (H, W) and is no object."""
-    near, far = (grow(outline, max(1, round(px * scale))) for px in AROUND_PX)
-    return image[far & ~near & ~own]
-
-
-def _alien(colors: NDArray[np.uint8], around: NDArray[np.uint8]) -> float:
-    """How far colours (M, 3) are from those of what is around (K, 3), levels from 0 to 1; infinite where nothing is around."""
-    if not len(around):
-        return np.inf
-    ours, theirs = (c[:: -(-len(c) // COMPARED)] / 255 for c in (colors, around))
-    apart = np.abs(ours[:, None] - theirs[None]).mean(axis=2)
-    return float(np.median(np.percentile(apart, ALIKE_SHARE, axis=1)))
+    # Panes and what is black send no point back: an object's outline is taken as convex.
+    outlines = [cv2.convexHull(np.argwhere(component == k)[:, ::-1].astype(np.int32)) for k in np.flatnonzero(lost)]
+    found = np.zeros(own.shape, np.uint8)
+    for outline in outlines:
+        cv2.fillConvexPoly(found, outline, 1)
+    return (found > 0) & ~own
