@@ -108,8 +108,7 @@ def _crossings(luma: Float32, known: Mask, per_m: float) -> list[_Crossing]:
     size = max(1, round(BIN_M * per_m))
     count = len(luma) // size
     seen = known[: count * size].reshape(count, size, -1)
-    many = seen.sum(axis=1)
-    value = np.where(seen, luma[: count * size].reshape(seen.shape), 0).sum(axis=1) / np.maximum(many, 1)
+    value, many = _mean(luma[: count * size].reshape(seen.shape), seen, axis=1)
     sure = many >= KNOWN_SHARE * size
     bright = sure & (value > CONTRAST)
     fits = [_fit(bright[row], sure[row], per_m) if bright[row].any() else None for row in range(count)]
@@ -120,10 +119,16 @@ def _crossings(luma: Float32, known: Mask, per_m: float) -> list[_Crossing]:
             while end < count and _same(fits[end - 1], fits[end]):
                 end += 1
             if LENGTH_M[0] <= (end - first) * size / per_m <= LENGTH_M[1]:
-                rows = [f for f in fits[first:end] if f is not None]
-                found.append(_crossing(luma, known, rows, first * size, size, LANE_M * per_m))
+                own = [f for f in fits[first:end] if f is not None]
+                found.append(_crossing(luma, known, own, first * size, size, LANE_M * per_m))
         row = end
     return found
+
+
+def _mean(luma: Float32, known: Mask, axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Mean of what is known of a plane along an axis, 0 where nothing is, and how much that is."""
+    count = known.sum(axis=axis)
+    return np.where(known, luma, 0).sum(axis=axis) / np.maximum(count, 1), count
 
 
 def _fit(bright: Mask, sure: Mask, per_m: float) -> tuple[float, float, int, int] | None:
@@ -176,8 +181,7 @@ def _crossing(
     rows = slice(max(first - size, 0), min(first + (len(fits) + 1) * size, len(luma)))
     middle = np.round(phase + np.arange(low, high + 1) * period).astype(int)
     columns = np.unique(np.clip(middle[:, None] + np.arange(-2, 3), 0, luma.shape[1] - 1))
-    seen = known[rows][:, columns]
-    level = np.where(seen, luma[rows][:, columns], 0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+    level, _ = _mean(luma[rows][:, columns], known[rows][:, columns], axis=1)
     inside = np.flatnonzero(level > 0.5 * np.median(level[size:-size]))
     rows = slice(rows.start + int(inside[0]), rows.start + int(inside[-1]) + 1)
     period, phase = _by_edges(luma[rows], known[rows], period, phase, (low, high))
@@ -193,9 +197,8 @@ def _by_edges(luma: Float32, known: Mask, period: float, phase: float, bars: tup
     Returns:
         as given, where too few edges were seen.
     """
-    count = known.sum(axis=0)
+    value, count = _mean(luma, known, axis=0)
     sure = count >= KNOWN_SHARE * len(known)
-    value = np.where(known, luma, 0).sum(axis=0) / np.maximum(count, 1)
     bright = sure & (value > CONTRAST)
     if not bright.any():
         return period, phase

@@ -127,10 +127,12 @@ def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
     dark = evidence.dark(observed)
     if evidence.light_at_borders(observed, dark) >= MOST_LIGHT:
         return None
+    places, is_dark = evidence.light_seen(observed, dark)
+    if is_dark.sum() < LEAST_DARK:
+        return None
     everything = concatenate([casters.kept, casters.gone])
     suns = _coarse_suns(evidence.chart, observed, everything)
-    places, is_dark = evidence.light_seen(observed, dark)
-    if not suns or is_dark.sum() < LEAST_DARK:
+    if not suns:
         return None
     some = slice(None, None, -(-len(places) // MOST_PLACES))
     probes = _with_margins(places[some], evidence.chart.ground.path.axes)
