@@ -150,17 +150,3 @@ def test_bricks_of_another_house_are_no_texture_of_plaster() -> None:
     near = np.abs(color - PLASTER[0]).max(axis=2) < 0.15
     assert near[smooth].mean() > 0.8
     assert np.std(np.log(color[smooth & near].mean(axis=1))) < 0.5 * bricks
-
-
-def test_what_is_copied_from_two_houses_at_once_takes_this_ones_plaster() -> None:
-    """A dark house beside a bright one, and a third one like both: nothing says that another shift is better from the border on."""
-    truth = facade(length=24.0, change=100.0, door=100.0)
-    plaster = np.isclose(truth, PLASTER[0], atol=1e-6).all(axis=2)
-    border, third = int(8.0 * PER_M), int(12.0 * PER_M)
-    truth[:border][plaster[:border]] *= 0.6
-    truth[border:third][plaster[border:third]] *= 1.3
-    hidden = gap(truth.shape, (13.0, 23.0, 1.8))
-    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
-    wall = plaster & hidden & filled
-    assert wall.sum() > 0.9 * (plaster & hidden).sum()
-    assert (np.abs(color - PLASTER[0])[wall].max(axis=1) < 0.04).mean() > 0.98

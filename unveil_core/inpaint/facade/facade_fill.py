@@ -57,10 +57,6 @@ SKY = np.float32(-2.0)
 """What stands for the sky among colours that are shares of the plaster's."""
 RATIO_LIMITS = (0.3, 3.0)
 """Limits of the ratio by which a copied column is darkened or brightened to the plaster here: beyond, it is another house."""
-OTHER_HOUSE = (0.1, 0.3)
-"""Differences of the logarithm of that ratio, along what is copied in one piece, up to which it is the error of the plaster's
-colour, and from which on another house's plaster: its errors became stripes. From (0.05, 0.2) to (0.2, 0.4) facades of 18 drawn
-streets stay within 0.02 dB."""
 GRAIN_TEXELS, GRAIN_M2 = 1.5, 1.0
 """Standard deviation of the Gaussian around which a wall's grain is measured, texels, and the area of plaster that tells it, square
 metres: bricks and joints in texels of 4 cm."""
@@ -150,10 +146,11 @@ def _under(known: Mask) -> Mask:
 def _ratios(
     color: Float32, known: Mask, rows: NDArray[np.int64], source: NDArray[np.int64], wall: Float32, texels_per_m: float
 ) -> Float32:
-    """(R, 3) by how much brighter than its ``source`` each of the ``rows`` (R,) is: by the colours ``wall`` (A, 3) of the plaster,
-    which change from house to house, times one value for all that come from one place.
+    """(R, 3) by how much brighter than its ``source`` each of the ``rows`` (R,) is, one value for all that come from one place.
 
-    That is found at the heights that are known of both: behind a lorry only the windows of the upper floor are, and are no plaster.
+    Compared at the heights that are known of both: behind a lorry only the windows of the upper floor are, and are no plaster.
+    Where too few are, the colours ``wall`` (A, 3) of the plaster are compared. One value for a piece is safer than one a row: of
+    rows of which little is known the plaster's colour may be that of a window.
     """
     ratio = wall[rows] / np.maximum(wall[source], 1e-3)
     half, shift = max(1, int(WALL_M * texels_per_m)), source - rows
@@ -165,21 +162,8 @@ def _ratios(
         both = known[here] & known[there]
         if both.sum() >= half * half:
             # Of the ratios the middle one: most texels are the same of both, and some a window here and plaster there.
-            plaster = np.broadcast_to((wall[here] / np.maximum(wall[there], 1e-3))[:, None], (*both.shape, 3))
-            ratio[first:last] *= np.median(
-                color[here][both] / np.maximum(color[there][both], 1e-3) / plaster[both], axis=0
-            )
-            ratio[first:last] = _without_stripes(ratio[first:last])
+            ratio[first:last] = np.median(color[here][both] / np.maximum(color[there][both], 1e-3), axis=0)
     return np.asarray(ratio, dtype=np.float32)
-
-
-def _without_stripes(ratio: Float32) -> Float32:
-    """Ratios (R, 3) of rows that come from one place, their median where they hardly differ from it."""
-    level = np.log(np.maximum(ratio, 1e-3))
-    usual = np.median(level, axis=0)
-    low, high = OTHER_HOUSE
-    apart = np.clip((np.abs(level - usual).max(axis=1, keepdims=True) - low) / (high - low), 0, 1)
-    return np.exp(usual + apart * (level - usual)).astype(np.float32)
 
 
 def _grain(color: Float32, known: Mask, wall: Float32, texels_per_m: float) -> Float32:
