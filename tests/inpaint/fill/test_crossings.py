@@ -131,3 +131,19 @@ def test_bars_that_are_seen_to_end_are_not_continued_behind_that() -> None:
     known[:, round(9.5 * PER_M) :] = False
     _, there = continued(detail, known)
     assert not there.any()
+
+
+def test_a_line_along_the_street_ends_before_a_crossing() -> None:
+    """It lies between two bars that a lorry hides, and goes on on both sides of the crossing."""
+    detail, bar = crossing(4.45, 7)
+    line, known = np.zeros_like(bar), np.ones_like(bar)
+    line[:, round(7.1 * PER_M) : round(7.2 * PER_M)] = True
+    known[:, round(6.8 * PER_M) :] = False
+    paint = np.where(line[..., None], np.float32(0.25), np.float32(0)).repeat(3, axis=2)
+    seen = np.where(known[..., None], detail, 0).astype(np.float32)
+    made, share = continue_crossings(seen, known, ~known, ground(), line, paint, texels_per_m=PER_M)
+    on_crossing = bar.any(axis=1, keepdims=True)
+    inside = cv2.erode(np.broadcast_to(on_crossing, bar.shape).astype(np.uint8), np.ones((5, 1), np.uint8)).astype(bool)
+    assert np.allclose(made[line & inside], -0.25)
+    assert (share[line & inside] == 1).all()
+    assert not share[line & ~on_crossing].any()

@@ -36,6 +36,7 @@ from unveil_core.inpaint.light.shade import (
     Light,
     Profile,
     Shade,
+    beside_lines,
     lines_along,
     read_shade,
     shade_where_unseen,
@@ -147,7 +148,7 @@ def fill_chart(
     bare = seen & ~hole & ~steep & ~levelled_border(shadow, per_m) & (chart.nearest < LINES_M)
     marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
     labels = _labels(chart, seen, hole)
-    markings = _markings(marked, bare, hole, labels, lines_along(median, per_m), per_m=per_m)
+    markings = _markings(marked, bare, hole, labels, median, per_m=per_m)
     invented = _invented(sunny - median, even, hole, markings, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
@@ -243,16 +244,18 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
 
 
 def _markings(
-    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], line: Mask, *, per_m: float
+    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], median: Float32, *, per_m: float
 ) -> tuple[Float32, Float32]:
     """Detail (A, B, 3) of the markings in the hole (A, B), and how much of it they are (A, B), 0 to 1.
 
     Args:
         marked: (A, B, 3) difference from the medians; bare: (A, B) where that can be trusted.
-        labels: (A, B) of the ground; line: (A, B) lines along the street.
+        labels: (A, B) of the ground; median: (A, B, 3) of the lateral offsets.
     """
+    line = lines_along(median, per_m)
+    paint = np.where(line[..., None], median - beside_lines(median, line, per_m), 0).astype(np.float32)
     lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
-    bars, on_bar = continue_crossings(marked, bare, hole, labels, line, texels_per_m=per_m)
+    bars, on_bar = continue_crossings(marked, bare, hole, labels, line, paint, texels_per_m=per_m)
     bar = on_bar > on_line
     return np.where(bar[..., None], bars, lines), np.where(bar, on_bar, on_line)
 

@@ -2,7 +2,7 @@
 
 Bars are longer than any line across the street, and shorter than the stretch whose median is a lateral offset's colour: neither
 holds them. They are all alike, lie at one distance from each other, and reach from one border of the carriageway to the other
-unless they are seen to end.
+unless they are seen to end. Lines along the street end before a crossing.
 """
 
 from __future__ import annotations
@@ -76,7 +76,14 @@ class _Crossing:
 
 
 def continue_crossings(
-    detail: Float32, known: Mask, wanted: Mask, kind: NDArray[np.int16], line: Mask, *, texels_per_m: float
+    detail: Float32,
+    known: Mask,
+    wanted: Mask,
+    kind: NDArray[np.int16],
+    line: Mask,
+    paint: Float32 | None = None,
+    *,
+    texels_per_m: float,
 ) -> tuple[Float32, Float32]:
     """Continue the bars of crossings into what nobody saw.
 
@@ -85,8 +92,9 @@ def continue_crossings(
         known: (A, B) where it was seen; wanted: (A, B) where it is asked for.
         kind: (A, B) class of the ground: bars lie where it is what it is under those that were seen.
         line: (A, B) lines along the street: beyond the outermost of them there are no bars.
+        paint: (A, B, 3) how much brighter these are than the ground beside them: between bars there are none; None = they stay.
     Returns:
-        detail (A, B, 3) of the bars, and how much of it is bar (A, B), 0 to 1, within ``wanted``.
+        detail (A, B, 3) of the bars, and how much of it is crossing (A, B), 0 to 1, within ``wanted``.
     """
     result, share = np.zeros_like(detail), np.zeros(wanted.shape, dtype=np.float32)
     luma = detail.mean(axis=2)
@@ -101,6 +109,10 @@ def continue_crossings(
             place = np.s_[crossing.rows, columns]
             share[place] = wanted[place] * solid[part]
             result[place] = np.where(share[place][..., None] > 0, section[part], 0)
+            if paint is not None:
+                between = wanted[place] & line[place] & (solid[part] == 0)
+                share[place] = np.where(between, 1, share[place])
+                result[place] = np.where(between[..., None], -paint[place], result[place])
     return result, share
 
 

@@ -20,7 +20,7 @@ from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur
 from unveil_core.inpaint.light.sun import Sun
 
-__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "lines_along", "read_shade", "shade_where_unseen"]
+__all__ = ["CONTACT_M", "Light", "Profile", "Shade", "beside_lines", "lines_along", "read_shade", "shade_where_unseen"]
 
 Profile = Callable[[Float32, Mask], Float32]
 """From a picture (A, B, 3) and the texels that count, the median of their lateral offset (A, B, 3)."""
@@ -145,7 +145,7 @@ def read_shade(
         if tint > LEAST_TINT:
             line = lines_along(lit, texels_per_m)
             # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
-            ground = masked_blur(_blue(lit), ~line, (1.0, ASIDE_M * texels_per_m))
+            ground = beside_lines(_blue(lit), line, texels_per_m)
             bluer = _blue(smooth) - np.where(line, ground, _blue(lit))
             dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
             beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
@@ -173,6 +173,11 @@ def lines_along(lit: Float32, texels_per_m: float) -> Mask:
     level = luminance(lit)
     darkest = cv2.erode(level, np.ones((1, 2 * round(STRAY_M * texels_per_m) + 1), np.uint8))
     return np.asarray(level > LINE * darkest)
+
+
+def beside_lines(picture: Float32, line: Mask, texels_per_m: float) -> Float32:
+    """A picture (A, B, …) with lines along the street (A, B) replaced by the ground beside them."""
+    return masked_blur(picture, ~line, (1.0, ASIDE_M * texels_per_m))
 
 
 def _blue(color: Float32) -> Float32:
