@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from unveil_core.inpaint.light.relight import shadows_of_removed
 from unveil_core.inpaint.light.shade import Shade
@@ -41,3 +42,21 @@ def test_a_line_under_a_lorry_is_relit_and_what_is_black_is_not() -> None:
     # Beside what is black, pixels mix with it.
     near = cv2.dilate((footprint & (light < 0.29)).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     assert hopeless[near & footprint].all()
+
+
+@pytest.mark.parametrize(("gap", "goes"), [(0.45, False), (0.42, False), (0.3, True)])
+def test_in_the_shade_of_houses_the_ground_between_two_cars_is_in_no_shadow_of_theirs(gap: float, goes: bool) -> None:
+    """Elsewhere along the street the sun shines where these cars stand, so all that is seen there seems dark."""
+    rows, columns = 400, 200
+    color = np.full((rows, columns, 3), 0.45, np.float32)
+    footprint = np.zeros((rows, columns), bool)
+    footprint[40:150, 120:165] = footprint[200:310, 120:165] = True
+    between = np.zeros_like(footprint)
+    between[150:200, 112:170] = True
+    color[between] = gap
+    lane = np.zeros_like(footprint)
+    lane[:, 110:] = True
+    seen = ~footprint & (~lane | between)
+    shade = Shade(seen & lane, np.ones(3, np.float32), np.full_like(color, 0.9))
+    shadow, _ = shadows_of_removed(color, seen, shade, footprint, None, reach_m=2.0, black_ratio=0.3, per_m=PER_M)
+    assert shadow[between].mean() == (1.0 if goes else 0.0)
