@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from unveil_core.inpaint.light.darkness import in_the_dark
+from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 
 TEXEL, ROWS, COLUMNS = 0.1, 800, 60
 
@@ -39,3 +39,21 @@ def test_a_street_of_one_brightness_has_no_dark() -> None:
     chart, shaded = street((1.0, 1.0, 1.0))
     chart.color[:] = 0.5
     assert not in_the_dark(chart, np.ones_like(shaded)).any()  # type: ignore[arg-type]
+
+
+def test_a_few_sunny_places_on_a_street_in_shade_are_exceptions() -> None:
+    chart, shaded = street((0.40, 0.46, 0.58))
+    everywhere = np.ones_like(shaded)
+    found = sunny_exceptions(chart, everywhere)  # type: ignore[arg-type]
+    assert found[~shaded].mean() > 0.98
+    assert not found[shaded].any()
+    # A crossing in the shade is as blue as the asphalt beside it.
+    chart.color[100:120] = np.clip(chart.color[100:120] * 2, 0, 1)
+    assert not sunny_exceptions(chart, everywhere)[shaded].any()  # type: ignore[arg-type]
+
+
+def test_where_most_lies_in_the_sun_nothing_is_an_exception() -> None:
+    chart, shaded = street((0.40, 0.46, 0.58))
+    last = np.zeros_like(shaded)
+    last[550:] = True
+    assert not sunny_exceptions(chart, last)[last].any()  # type: ignore[arg-type]

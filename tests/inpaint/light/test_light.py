@@ -368,3 +368,20 @@ def test_invented_ground_is_as_bright_as_the_ground_around_it() -> None:
         (filled.color / np.maximum(truth, 0.02))[hidden & (half[:, None])].mean() for half in (s < 10.5, s > 12.5)
     )
     assert old < 0.88 < 0.95 < new
+
+
+def test_where_houses_shade_most_of_a_street_what_nobody_saw_lies_in_shade() -> None:
+    """No sun is known; at the car's lateral offsets it shines wherever anything was seen, but for what is seen beside the car."""
+    chart, truth, footprint, *_ = sunny_chart(None)
+    shade = np.array([0.40, 0.46, 0.58], np.float32)
+    s, t = chart.coordinates()
+    of_car = footprint.any(axis=0) & ~footprint.all(axis=0)
+    at = np.flatnonzero(footprint.any(axis=1))
+    lit = np.zeros_like(footprint)
+    lit[:, of_car] = True
+    lit[max(0, at[0] - 60) : at[-1] + 60] = False
+    dark = replace(chart, color=np.where(lit[..., None], chart.color, chart.color * shade).astype(np.float32))
+    filled = fill_chart(dark, footprint, light=None)
+    wrong = (filled.color - truth * shade)[(filled.source == INVENTED) & footprint].mean(axis=1)
+    assert len(wrong) > 1000
+    assert np.abs(wrong).mean() < 0.04

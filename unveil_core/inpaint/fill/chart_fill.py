@@ -22,7 +22,7 @@ from unveil_core.inpaint.chart.street_parts import parts_between_corners
 from unveil_core.inpaint.fill.crossings import continue_crossings
 from unveil_core.inpaint.fill.quilting import quilt
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
-from unveil_core.inpaint.light.darkness import in_the_dark
+from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
 from unveil_core.inpaint.light.relight import (
     levelled_border,
@@ -116,14 +116,16 @@ def fill_chart(
     rows, columns = seen.shape
     s, t = chart.coordinates()
     inside = chart.ground.inside(np.repeat(s, columns), np.tile(t, rows)).reshape(rows, columns)
-    shade = _shade(chart, footprint, light)
+    # Without a known sun all has the light that prevails.
+    usual = seen & ~sunny_exceptions(chart, seen) if light is None else seen
+    shade = _shade(chart, usual, footprint, light)
     shadow, hopeless = shadows_of_removed(
         chart.color, seen, shade, footprint, light, reach_m=shadow_reach_m, black_ratio=BLACK_RATIO, per_m=per_m
     )
     hole = inside & (~seen | hopeless)
     # The penumbra reaches a little beyond what counts as dark.
     wide = grow(shadow, BORDER_M * per_m)
-    sound = seen & ~hole & ~wide & ~grow(footprint, BORDER_M * per_m)
+    sound = usual & ~hole & ~wide & ~grow(footprint, BORDER_M * per_m)
     missing = _missing_light(light, shade.dark & ~shadow, sound, per_m=per_m)
     illumination: NDArray[Any] = 1 - missing[..., None] * (1 - shade.ratio)
     even = sound & ~grow((missing > 0.02) & (missing < 0.98), BORDER_M * per_m)
@@ -188,10 +190,9 @@ def _profile(chart: StreetChart) -> Profile:
     return profile
 
 
-def _shade(chart: StreetChart, footprint: Mask, light: Light | None) -> Shade:
-    """Which seen texels lie in shadow, and what shadow takes."""
+def _shade(chart: StreetChart, seen: Mask, footprint: Mask, light: Light | None) -> Shade:
+    """Which texels of those that count as ``seen`` (A, B) lie in shadow, and what shadow takes."""
     per_m = 1.0 / chart.texel
-    seen = chart.source == OBSERVED
     if light is None:
         window, hop = int(WINDOW_M * per_m), max(1, int(HOP_M * per_m))
         return prevailing_shade(
