@@ -118,17 +118,10 @@ def _copied(color: Float32, known: Mask, wanted: Mask, sky: Mask, texels_per_m: 
     wall = _plaster(color, known, texels_per_m)
     taken[rows] = source - rows
     ratios[rows] = np.clip(_ratios(color, known, rows, source, wall, texels_per_m), *RATIO_LIMITS)
-    # Windows and doors do not take the colour of the plaster around them.
-    plaster = _likeness(color[source], wall[source][:, None])
     take = wanted[rows] & known[source]
-    copies = color[source] * ratios[rows, None] ** plaster
-    grain = _grain(color, known, wall, texels_per_m)
-    # Bricks of another house are no texture of plaster.
-    damped = np.nan_to_num(np.clip(grain[rows] / np.maximum(grain[source], 1e-3), LEAST_GRAIN, 1), nan=1.0)
-    kept = 1 - (1 - damped)[:, None, None] * plaster
-    copies = wall[rows, None] ** (1 - kept) * copies**kept
+    copies, kept = _in_this_plaster(color, known, rows, source, wall, ratios, texels_per_m)
     copied = np.zeros_like(wanted)
-    copied[rows] = take & (kept[..., 0] > OWN_GRAIN)
+    copied[rows] = take & (kept > OWN_GRAIN)
     result[rows] = np.where(take[..., None], np.clip(copies, 0, 1), result[rows])
     filled[rows], opened[rows] = take, wanted[rows] & sky[source]
     # Below all that is known of it a house is plaster: what is copied there from around in the images draws windows down to the
@@ -136,6 +129,26 @@ def _copied(color: Float32, known: Mask, wanted: Mask, sky: Mask, texels_per_m: 
     below = wanted & ~filled & ~opened & _under(known | filled)
     result[below] = np.broadcast_to(wall[:, None], result.shape)[below]
     return FacadeFill(result, filled | below, opened, copied, taken, ratios)
+
+
+def _in_this_plaster(
+    color: Float32,
+    known: Mask,
+    rows: NDArray[np.int64],
+    source: NDArray[np.int64],
+    wall: Float32,
+    ratios: Float32,
+    texels_per_m: float,
+) -> tuple[Float32, Float32]:
+    """What ``rows`` (R,) get from their ``source`` (R,) in their own plaster (R, B, 3), and how much grain is kept (R, B)."""
+    # Windows and doors do not take the colour of the plaster around them.
+    plaster = _likeness(color[source], wall[source][:, None])
+    grain = _grain(color, known, wall, texels_per_m)
+    # Bricks of another house are no texture of plaster.
+    damped = np.nan_to_num(np.clip(grain[rows] / np.maximum(grain[source], 1e-3), LEAST_GRAIN, 1), nan=1.0)
+    kept = 1 - (1 - damped)[:, None, None] * plaster
+    copies = wall[rows, None] ** (1 - kept) * (color[source] * ratios[rows, None] ** plaster) ** kept
+    return copies, kept[..., 0]
 
 
 def _under(known: Mask) -> Mask:

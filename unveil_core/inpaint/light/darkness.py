@@ -15,7 +15,7 @@ from unveil_core.geometry.images import luminance
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.chart.street_chart import StreetChart
 
-__all__ = ["in_the_dark", "level_by_label", "level_by_offset", "sunny_exceptions"]
+__all__ = ["blueness", "in_the_dark", "level_by_label", "level_by_offset", "sunny_exceptions"]
 
 OFFSET_M = 12.0
 """Half length of the stretch whose bright texels give the sunlit level of a lateral offset, metres: longer than the shadow of a
@@ -77,7 +77,7 @@ def _in_the_sun(color: Float32) -> float:
     bright = cv2.threshold(steps, 0, 1, cv2.THRESH_OTSU)[1].ravel() > 0
     if min(bright.mean(), 1 - bright.mean()) < LEAST_SHARE:
         return np.nan
-    blue = np.log(np.maximum(color[:, 2], 0.02) / np.maximum(color[:, 0], 0.02))
+    blue = blueness(color)
     fall, tint = (float(np.median(v[~bright]) - np.median(v[bright])) for v in (log, blue))
     return float(np.exp(np.median(log[bright]))) if fall < np.log(DARK) and tint > BLUER else np.nan
 
@@ -92,13 +92,19 @@ def sunny_exceptions(chart: StreetChart, seen: Mask) -> Mask:
     """(A, B) seen texels on which the sun shines though most of the ground with their label lies in shade: much brighter, and less
     blue."""
     log = np.log(np.maximum(luminance(chart.color), 0.02))
-    blue = np.log(np.maximum(chart.color[..., 2], 0.02) / np.maximum(chart.color[..., 0], 0.02))
+    blue = blueness(chart.color)
     sunny = np.zeros_like(seen)
     for label in np.unique(chart.label[seen]):
         own = seen & (chart.label == label)
         usual, usual_blue = (float(np.median(plane[own])) for plane in (log, blue))
         sunny |= own & (log > usual - np.log(DARK)) & (blue < usual_blue - MUCH_BLUER)
     return sunny
+
+
+def blueness(color: Float32) -> Float32:
+    """Logarithm of blue over red, (…) of colours (…, 3): what only the sky lights is bluer, whatever its brightness (Finlayson et
+    al., *On the removal of shadows from images*, 2006)."""
+    return np.asarray(np.log(np.maximum(color[..., 2], 0.02) / np.maximum(color[..., 0], 0.02)), dtype=np.float32)
 
 
 def coarse(plane: NDArray[np.floating], seen: Mask, step: int) -> tuple[Float32, Mask]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur
+from unveil_core.inpaint.light.darkness import blueness
 from unveil_core.inpaint.light.sun import Sun
 
 __all__ = ["CONTACT_M", "Light", "Profile", "Shade", "beside_lines", "lines_along", "read_shade", "shade_where_unseen"]
@@ -145,13 +146,13 @@ def read_shade(
         if tint > LEAST_TINT:
             line = lines_along(lit, texels_per_m)
             # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
-            ground = beside_lines(_blue(lit), line, texels_per_m)
-            bluer = _blue(smooth) - np.where(line, ground, _blue(lit))
+            ground = beside_lines(blueness(lit), line, texels_per_m)
+            bluer = blueness(smooth) - np.where(line, ground, blueness(lit))
             dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
             beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
             # What lies between dark ground is as blue as that if it lies in the same shade, whatever its offset's colour is.
-            shaded = masked_blur(_blue(smooth), dark, TOUCH_M * texels_per_m)
-            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, _blue(smooth) - shaded + tint), bluer)
+            shaded = masked_blur(blueness(smooth), dark, TOUCH_M * texels_per_m)
+            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, blueness(smooth) - shaded + tint), bluer)
             # White bars on asphalt are as bright in shade as their offset is in the sun.
             paint = beside & (darker > PAINT * fall) & (bluer > SHADE_TINT * tint)
             dark |= paint
@@ -178,12 +179,6 @@ def lines_along(lit: Float32, texels_per_m: float) -> Mask:
 def beside_lines(picture: Float32, line: Mask, texels_per_m: float) -> Float32:
     """A picture (A, B, …) with lines along the street (A, B) replaced by the ground beside them."""
     return masked_blur(picture, ~line, (1.0, ASIDE_M * texels_per_m))
-
-
-def _blue(color: Float32) -> Float32:
-    """Logarithm of blue over red, (…) of colours (…, 3): what only the sky lights is bluer, whatever its brightness (Finlayson et
-    al., *On the removal of shadows from images*, 2006)."""
-    return np.asarray(np.log(np.maximum(color[..., 2], 0.02) / np.maximum(color[..., 0], 0.02)), dtype=np.float32)
 
 
 def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: int) -> Float32:
