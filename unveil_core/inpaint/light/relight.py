@@ -47,7 +47,7 @@ MOST_GAIN = 6.0
 sky alone half of that in red: with 4, asphalt beside a lorry came out teal."""
 AROUND_M, LEAST_AROUND_M2, AS_LIGHT = 0.6, 0.03, 0.85
 """Width of what is seen around a dark patch that it is compared with, metres; the least area of that, square metres; and the share
-of its luma from which on the patch is no shadow of an object. Charts of nine streets without a sun that is known: 67 16.1 to 18.5
+of its luma from which on the patch is no shadow of an object. Charts of eight streets without a sun that is known: 67 16.1 to 18.5
 dB, 47 and 49 0.4 and 0.5 more, 0 0.1 less, the others the same; with 0.8 the same to 0.1 but 49 0.3 more, with 0.9 67 1.4 less."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
@@ -114,10 +114,10 @@ def shadows_of_removed(
     """
     if reach_m <= 0:
         return np.zeros_like(seen), np.zeros_like(seen)
-    touch = int(TOUCH_M * per_m)
+    touch, luma = int(TOUCH_M * per_m), luminance(color)
     near = object_shadows(shade.dark, footprint, reach=int(reach_m * per_m), touch=touch)
     if light is None:
-        shadow = near & ~_as_light_as_beside(near, luminance(color), seen & ~footprint, per_m)
+        shadow = near & ~_as_light_as_beside(near, luma, seen & ~footprint, per_m)
     else:
         # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
         blur = 0.2 * per_m
@@ -128,7 +128,7 @@ def shadows_of_removed(
             # A lorry that is never passed is longer than what was seen of it; what the scene explains stays.
             theirs |= light.beyond & ~grow(light.kept, UNEXPLAINED_M * per_m)
         shadow = shade.dark & theirs
-    smooth = masked_blur(luminance(color), seen, SMOOTH_M * per_m)
+    smooth = masked_blur(luma, seen, SMOOTH_M * per_m)
     if light is not None:
         # In the shade of a house, too, it is darker right beside an object.
         deep = seen & (smooth < DEEPER * luminance(shade.lit * shade.ratio))

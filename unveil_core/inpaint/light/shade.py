@@ -145,14 +145,14 @@ def read_shade(
         tint = float(np.log(ratio[2] / ratio[0]))
         if tint > LEAST_TINT:
             line = lines_along(lit, texels_per_m)
+            blue, usual = blueness(smooth), blueness(lit)
             # Asphalt beside a line that drifts from its offset is as dark against it as shade is, but no bluer than the ground.
-            ground = beside_lines(blueness(lit), line, texels_per_m)
-            bluer = blueness(smooth) - np.where(line, ground, blueness(lit))
+            bluer = blue - np.where(line, beside_lines(usual, line, texels_per_m), usual)
             dark &= ~line | (bluer > SUN_TINT * tint) | (darker < DEEP * fall)
             beside = seen & ~dark & grow(dark, TOUCH_M * texels_per_m)
             # What lies between dark ground is as blue as that if it lies in the same shade, whatever its offset's colour is.
-            shaded = masked_blur(blueness(smooth), dark, TOUCH_M * texels_per_m)
-            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, blueness(smooth) - shaded + tint), bluer)
+            shaded = masked_blur(blue, dark, TOUCH_M * texels_per_m)
+            bluer = np.where(_amid(dark, texels_per_m), np.maximum(bluer, blue - shaded + tint), bluer)
             # White bars on asphalt are as bright in shade as their offset is in the sun.
             paint = beside & (darker > PAINT * fall) & (bluer > SHADE_TINT * tint)
             dark |= paint
