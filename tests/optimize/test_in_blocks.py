@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from tests.hard_drives import make_tiny_street
-from unveil_core.base.files import read_label_image, write_image_atomic
+from unveil_core.base.files import read_image, read_label_image, write_image_atomic
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.resume.parts import Parts
 from unveil_core.drives import open_drive
@@ -125,3 +125,29 @@ def test_a_change_makes_only_the_blocks_again_that_see_it(street: tuple[Drive, S
     frames = (*drive.frames[:last], replace(drive.frames[last], semantic_path=changed))
     assert made(replace(drive, frames=frames)) == sees_last
     assert made(replace(drive, frames=frames), code="another") == everything
+
+
+def test_blocks_without_labels_choose_the_size_of_their_sky_apart(
+    street: tuple[Drive, SceneLabels], tmp_path: Path
+) -> None:
+    drive, scene = street
+    blocks, on_disk = cut_into_blocks(drive, 4.5), scene.labels.disk_ids
+    sky, car = (on_disk[scene.labels.index(name)] for name in ("sky", "car"))
+    frames = []
+    for i, frame in enumerate(drive.frames):
+        image, labels = read_image(frame.image_path), read_label_image(frame.semantic_path)
+        if i in blocks.blocks[1].own:  # an edge of clouds that a coarse panorama blurs
+            rays = frame.camera.rays()
+            height = np.degrees(np.arctan2(rays[..., 2], np.hypot(rays[..., 0], rays[..., 1])))
+            clouds = np.where(height > 8, 255, 60).astype(np.uint8)
+            image = np.where((labels == sky)[..., None], clouds[..., None], image)
+        paths = tmp_path / f"{i}.png", tmp_path / f"{i}_mask.png"
+        write_image_atomic(paths[0], image)
+        write_image_atomic(paths[1], np.where(labels == car, 0, 255).astype(np.uint8))
+        frames.append(replace(frame, image_path=paths[0], mask_path=paths[1], semantic_path=None))
+    unlabelled = replace(drive, frames=tuple(frames))
+    settings = replace(SETTINGS, iterations=24, given=frozenset(CHOICES) - {"sky"})
+    done = BlockwiseReconstruction(unlabelled, choose_labels(unlabelled), settings, blocks, Exposures()).whole()
+    rows = [choice["sky"]["chosen"] for choice in done.choices["blocks"]]
+    assert len(set(rows)) == 2
+    assert done.sky.texture.shape[1] == max(rows)

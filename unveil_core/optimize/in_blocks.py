@@ -193,8 +193,12 @@ def _in_view(camera: Camera, middles: Float64) -> Mask:
 
 
 def _together(skies: Sequence[Sky], start: Sky | None) -> Sky:
-    """One sky of all blocks: each direction as the mean of the blocks that changed it, or of all."""
-    textures = torch.stack([s.texture for s in skies]).double()
+    """One sky of all blocks: each direction as the mean of the blocks that changed it, or of all.
+
+    Without a common start each block chose the size of its panorama: they are brought to the finest.
+    """
+    rows = max(s.texture.shape[1] for s in skies)
+    textures = torch.stack([s.with_rows(rows).texture for s in skies]).double()
     weight = torch.ones_like(textures[:, :1])
     if start is not None:
         weight = (textures != start.texture.double()).any(dim=1, keepdim=True).double()

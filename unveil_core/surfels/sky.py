@@ -85,6 +85,16 @@ class Sky:
         picture = F.grid_sample(wrapped[None], grid, mode="bilinear", padding_mode="border", align_corners=False)
         return picture[0].permute(1, 2, 0)
 
+    def with_rows(self, rows: int) -> Sky:
+        """The same panorama with more rows, a multiple of its own, sampled bilinearly."""
+        factor = rows // self.texture.shape[1]
+        if factor == 1:
+            return self
+        # Wrapped by one column, as in :meth:`sample`: the seam behind stays continuous.
+        wrapped = torch.cat([self.texture[:, :, -1:], self.texture, self.texture[:, :, :1]], dim=2)
+        finer = F.interpolate(wrapped[None], scale_factor=factor, mode="bilinear", align_corners=False)[0]
+        return Sky(finer[:, :, factor:-factor].contiguous(), self.axes)
+
     def render(self, camera: Camera) -> Tensor:
         """(H, W, 3) sky colours of a whole view."""
         return self.sample(self.grid(camera))
