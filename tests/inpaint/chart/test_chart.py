@@ -13,11 +13,20 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.ground.path import fit_path
 from unveil_core.ground.street import Ground
 from unveil_core.ground.street_fit import fit_street_heights
-from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart, read_chart
+from unveil_core.inpaint.chart.street_chart import (
+    INVENTED,
+    OBSERVED,
+    OUTSIDE,
+    RELIT,
+    StreetChart,
+    read_chart,
+    usable_pixels,
+)
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
 from unveil_core.inpaint.light.relight import object_shadows
 from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import LabelSet
 
 RADIUS = 60.0
 
@@ -153,3 +162,21 @@ def test_all_invented_ground_that_a_frame_must_show_gets_surfels(street, chart: 
     assert (alpha[cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0] > 0.9).all()
     assert not texels_in_pixels(full, [camera], [np.zeros_like(mask)]).any()
     assert not (region & (full.source != INVENTED)).any()
+
+
+def test_without_labels_ground_is_what_nothing_stands_before(
+    street: tuple[Ground, list[Camera], list[np.ndarray], list[np.ndarray], list[np.ndarray]],
+) -> None:
+    ground, (camera, *_), *_ = street
+    shape = camera.height, camera.width
+    met = ground.intersect(camera, camera.rays().reshape(-1, 3))[0].reshape(shape)
+    on_ground, third = np.isfinite(met), camera.width // 3
+    depth = 1.02 * met  # a road that few points hold lies metres too deep, or nothing is reconstructed there
+    depth[:, :third] = 3 * met[:, :third]
+    depth[: camera.height * 3 // 4, :third] = np.nan
+    depth[:, -third:] = 0.6 * met[:, -third:]  # something stands there
+    no_ground = LabelSet(("keep", "remove"), (0, 1))
+    labels, hidden = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=bool)
+    usable = usable_pixels(ground, camera, labels, no_ground, hidden, depth)
+    assert np.array_equal(usable[:, :-third], on_ground[:, :-third]) and on_ground[:, :third].any()
+    assert not usable[:, -third:].any()

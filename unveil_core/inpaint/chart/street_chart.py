@@ -53,7 +53,7 @@ PLANES = ("color", "label", "source", "gain", "nearest", "replaced")
 
 
 ALIKE = 0.08
-"""Of its depth, by which the scene may lie before or behind the ground and be it all the same."""
+"""Of its depth, by which the scene may lie before the ground and be it all the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,8 @@ def usable_pixels(
 
     Args:
         label: (H, W) compact labels; hidden: (H, W) pixels that show something that goes, with their borders.
-        depth: (H, W) of the full scene, with which the ground's must agree; only asked where ``labels`` know no ground.
+        depth: (H, W) of the full scene; only asked where ``labels`` know no ground. What lies before the ground hides it. Nothing
+            lies behind it: where few points hold the scene, the road itself is reconstructed metres too deep.
     """
     possible = ~hidden
     wanted = labels.indices(GROUND_CLASSES)
@@ -146,7 +147,7 @@ def usable_pixels(
         return usable
     assert depth is not None
     with np.errstate(invalid="ignore"):
-        usable[possible] &= np.abs(depth[possible] - met) < ALIKE * met
+        usable[possible] &= ~(depth[possible] < (1 - ALIKE) * met)
     return usable
 
 
