@@ -385,3 +385,17 @@ def test_where_houses_shade_most_of_a_street_what_nobody_saw_lies_in_shade() -> 
     wrong = (filled.color - truth * shade)[(filled.source == INVENTED) & footprint].mean(axis=1)
     assert len(wrong) > 1000
     assert np.abs(wrong).mean() < 0.04
+
+
+def test_a_cast_shadow_whose_seen_part_lies_in_the_sun_is_not_drawn_where_nobody_saw() -> None:
+    per_m = 25.0
+    sound = np.ones((400, 200), dtype=bool)
+    sound[:, 100:] = False
+    floating, house = np.zeros((2, *sound.shape), dtype=bool)
+    floating[80:130, 85:150] = True  # of surfels that hang where an object went
+    house[250:350, 60:160] = True
+    found = shade_where_unseen(
+        Light(sun_towards(180, 45), floating | house, np.zeros_like(house)), sound, house & sound, texels_per_m=per_m
+    )
+    assert found[floating & ~sound].max() < 0.1
+    assert found[265:335, 100:145].min() > 0.9

@@ -65,6 +65,11 @@ SHIFT_M, SHIFT_STEP_M, WINDOW_M = 0.9, 0.15, 1.2
 decide, metres: a direction wrong by 5 degrees moves the shadow of a roof 10 m up by 0.9 m. Chosen on the two sample streets."""
 SHIFT_COST = 0.02
 """Share of the surroundings that a full shift must set right to be made. Chosen on the two sample streets."""
+SEEN_SHARE, SHADED_SHARE = 0.05, 0.2
+"""Of a cast shadow, the share that must be seen for it to be judged, and the share of that in shade below which it is not there: a
+few surfels that float where an object went cast a shadow, too. The unseen ground of 27 drawn streets gains 0.2 dB on the mean, one
+3.6, another 0.7, 45 and 53 lose 0.2; twice the first share gains less on three of eighteen, half as much again of the second costs
+two of them 0.4 dB."""
 FAR_M, NEAR_M = (8.0, 0.5), (2.0, 0.5)
 """Standard deviations along s and t within which observed shade corrects the shade that the scene casts, first and then, metres.
 The shade of a row of houses ends along the street: where its border is seen beside a lorry, it also lies behind it, though the sun
@@ -208,17 +213,26 @@ def _ratio(smooth: Float32, seen: Mask, dark: Mask, before: Float32, *, border: 
 def shade_where_unseen(light: Light, sound: Mask, dark: Mask, *, texels_per_m: float) -> Float32:
     """(A, B) 0 to 1, how much of the sun's light is missing when what is removed is gone.
 
-    The shadows of what stays, moved to where they are seen to lie and corrected by what was seen close by: a roof that no
-    camera saw casts its shadow all the same.
+    The shadows of what stays, but for those of which only sunny ground is seen, moved to where they are seen to lie and corrected
+    by what was seen close by: a roof that no camera saw casts its shadow all the same.
 
     Args:
         sound: (A, B) texels that show the ground as it will be; dark: (A, B) of them, in shadow.
     """
-    share = _moved(light.kept.astype(np.uint8), sound, dark, texels_per_m)
+    kept = light.kept & ~_refuted(light.kept, sound, dark)
+    share = _moved(kept.astype(np.uint8), sound, dark, texels_per_m)
     share = np.clip(share + _correction(share, sound, dark, FAR_M, FAR_PRIOR, texels_per_m), 0, 1)
     correction = _correction(share, sound, dark, NEAR_M, PRIOR, texels_per_m)
     soft: Float32 = np.clip((share + correction - 0.5) * 2.0 + 0.5, 0, 1).astype(np.float32)
     return soft
+
+
+def _refuted(cast: Mask, sound: Mask, dark: Mask) -> Mask:
+    """(A, B) shadows among those ``cast`` (A, B) of which what is seen lies in the sun: what casts them is not there, or not so."""
+    count, part = cv2.connectedComponents(cast.astype(np.uint8), connectivity=8)
+    size, seen, shaded = (np.bincount(part[where], minlength=count) for where in (cast, cast & sound, cast & dark))
+    wrong = (seen > SEEN_SHARE * size) & (shaded < SHADED_SHARE * seen)
+    return np.asarray(wrong[part])
 
 
 def _correction(
