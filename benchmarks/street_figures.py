@@ -33,7 +33,8 @@ GROUPS = {
     "56-59": range(56, 60),
     "60-63": range(60, 64),
     "64-67": range(64, 68),
-    "68 on": range(68, 10**6),
+    "68-71": range(68, 72),
+    "72 on": range(72, 10**6),
 }
 """Seeds that had their first look in one state of the program; those of the first group were worked on from the beginning."""
 POOLED = "28 on"
