@@ -49,7 +49,7 @@ class Sky:
         directions = camera.rays() @ self.axes.T
         azimuth = np.arctan2(directions[..., 1], directions[..., 0]) / np.pi
         elevation = np.arctan2(directions[..., 2], np.hypot(directions[..., 0], directions[..., 1])) / (np.pi / 2)
-        # The texture is padded by one column on each side when it is sampled, so that the seam behind is continuous.
+        # For the texture with its ends wrapped, see :func:`_wrapped`.
         width = self.texture.shape[2]
         grid = np.stack([azimuth * width / (width + 2), elevation], axis=-1)
         return torch.from_numpy(grid[None].astype(np.float32))
@@ -81,8 +81,8 @@ class Sky:
     def sample(self, grid: Tensor, texture: Tensor | None = None) -> Tensor:
         """(H, W, 3) sky colours at ``grid``; differentiable in ``texture`` (default: the stored one)."""
         texture = self.texture if texture is None else texture
-        wrapped = torch.cat([texture[:, :, -1:], texture, texture[:, :, :1]], dim=2)
-        picture = F.grid_sample(wrapped[None], grid, mode="bilinear", padding_mode="border", align_corners=False)
+        wrapped = _wrapped(texture)[None]
+        picture = F.grid_sample(wrapped, grid, mode="bilinear", padding_mode="border", align_corners=False)
         return picture[0].permute(1, 2, 0)
 
     def with_rows(self, rows: int) -> Sky:
@@ -90,14 +90,18 @@ class Sky:
         factor = rows // self.texture.shape[1]
         if factor == 1:
             return self
-        # Wrapped by one column, as in :meth:`sample`: the seam behind stays continuous.
-        wrapped = torch.cat([self.texture[:, :, -1:], self.texture, self.texture[:, :, :1]], dim=2)
-        finer = F.interpolate(wrapped[None], scale_factor=factor, mode="bilinear", align_corners=False)[0]
-        return Sky(finer[:, :, factor:-factor].contiguous(), self.axes)
+        wrapped = _wrapped(self.texture)[None]
+        finer = F.interpolate(wrapped, scale_factor=factor, mode="bilinear", align_corners=False)
+        return Sky(finer[0, :, :, factor:-factor].contiguous(), self.axes)
 
     def render(self, camera: Camera) -> Tensor:
         """(H, W, 3) sky colours of a whole view."""
         return self.sample(self.grid(camera))
+
+
+def _wrapped(texture: Tensor) -> Tensor:
+    """A panorama (3, E, A) with one more column on each side, so that the seam behind is continuous: (3, E, A + 2)."""
+    return torch.cat([texture[:, :, -1:], texture, texture[:, :, :1]], dim=2)
 
 
 def fit_sky(
