@@ -26,6 +26,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.optimize.adaptation.choices import decibels
+from unveil_core.optimize.ground_start import start_ground
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.labels import SceneLabels
@@ -142,6 +143,8 @@ def start_scene(
         usable: NDArray[np.bool_] = ~measured[i]
         if sky is not None:
             usable &= labels[i] != sky
+        if ground is not None:
+            usable &= ~ground.shown[i]
         return usable if hidden is None else usable & ~hidden[i]
 
     centres = np.stack([c.centre for c in cameras])
@@ -150,6 +153,13 @@ def start_scene(
     # An isolated point stands for no more surface than a pixel block of the nearest view would.
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
     measured, detail = _survey(positions[0], sizes[0], cameras, images, NEAR_M)
+    of_drive = len(positions[0])
+    ground = start_ground(
+        drive, scene, images, labels, measured, budget=settings.budget, hidden=hidden, cache=cache, progress=progress
+    )
+    if ground is not None:
+        positions[0] = np.concatenate([positions[0], ground.points])
+        sizes[0] = np.concatenate([sizes[0], np.full(len(ground.points), ground.spacing)])
     for track in tracks(drive):
         # Where a point was measured, the sweep has nothing to add: what it finds beside it is mostly wrong.
         found, footprint = sweep_points(
@@ -173,7 +183,7 @@ def start_scene(
         positions, sizes = [positions[0], extra[new]], [sizes[0], footprint[new]]
     points, size = np.concatenate(positions), np.concatenate(sizes)
     # A plain surface needs no finer surfels than its points; what has detail gets all points that there are.
-    size[: len(positions[0])] *= _cell_share(detail)
+    size[:of_drive] *= _cell_share(detail)
     cell = np.maximum(size, settings.spacing_m)
     keep = thin_points(points, cell)
     while len(keep) > settings.budget:
@@ -198,7 +208,7 @@ def start_scene(
     start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
-    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP)
+    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP, ground)
 
 
 def random_scene(

@@ -16,6 +16,7 @@ from torch import Tensor
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.optimize.ground_start import GroundStart
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.visibility import points_in_view
 from unveil_core.semantics.votes import label_share, vote_labels
@@ -56,6 +57,7 @@ def cover_uncovered(
     label_count: int,
     sky: int | None,
     up: NDArray[np.float64],
+    ground: GroundStart | None = None,
 ) -> Surfels:
     """Add surfels where a view shows something, but the surfels so far leave most of its light through.
 
@@ -68,10 +70,10 @@ def cover_uncovered(
         cameras, images: the views, (H, W, 3) uint8; labels: (H, W) compact, negative = unknown, left alone;
             label_count: K.
         sky: its label; None = unknown, then pixels above the horizon count as sky. up: (3,) unit.
-        limits: near and far, metres.
+        ground: what of the views shows it, and where it is; None = they stand on nothing.
     """
     before = len(surfels)
-    for camera, image, label in zip(cameras, images, labels, strict=True):
+    for i, (camera, image, label) in enumerate(zip(cameras, images, labels, strict=True)):
         small = camera.resized(max(1, camera.width // STEP), max(1, camera.height // STEP))
         planes = ("alpha", "median_depth", "semantics")
         out = rendered(surfels, small, planes, label_count=label_count, near=NEAR_M, far=FAR_M)
@@ -96,11 +98,18 @@ def cover_uncovered(
                 of_k = kind == k
                 away[of_k] = depth[tuple(nearest[:, rows[of_k], columns[of_k]])]
         ray = rays[rows, columns]
+        facing = -ray / np.linalg.norm(ray, axis=1, keepdims=True)
+        if ground is not None:
+            lies = ground.shown[i][row[rows], column[columns]]
+            met = np.full(len(ray), np.inf)
+            met[lies] = ground.street.intersect(camera, ray[lies])[0]
+            lies &= met < FAR_M
+            away[lies], facing[lies] = met[lies], up
         seeds = surfels_from_points(
             camera.centre + away[:, None] * ray,
             image[row[rows], column[columns]],
             kind,
-            -ray / np.linalg.norm(ray, axis=1, keepdims=True),
+            facing,
             away / small.fx,
             sh_degree=surfels.sh_degree,
             opacity=0.7,

@@ -1,0 +1,218 @@
+"""The ground of a drive before there is a scene, from its photographs and poses alone.
+
+Where no LiDAR measured it, few points lie on the ground, and few photographs show each place of it: what is optimized from there
+ends up metres too deep or before the cameras. But a street is a surface, and a car's cameras are as high over it all along: the
+height at which photographs of the lane ahead agree is found by trial, and pixels show ground if photographs agree more on that
+surface than on anything that stands upright.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.geometry.axes import UP
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.cheapest_path import cheapest_path
+from unveil_core.surfels.plane_kernels import NOTHING
+from unveil_core.surfels.planes import BlurredView, agreement, blurred_view
+
+__all__ = ["StreetViews", "heights_over_ground", "lane_ahead", "shows_ground", "street_axes"]
+
+SIDE_PX, HALF_PX = 288, 7
+"""Longer side of the pictures that are compared, and half of the window's: as wide as a quarter of a lane 8 m ahead."""
+NEIGHBOURS, LEAST_MOVE_M = 2, 0.3
+"""A frame is compared with so many before and after it, each at least so far from the one before."""
+LOWEST_M, HIGHEST_M, STEP = 0.4, 5.0, 0.04
+"""Heights of a camera over the ground that are tried, and the share by which they rise."""
+AROUND = 0.15
+"""Once some frames have told the height, others are asked about heights that differ by no more than this share."""
+ASKED_FIRST, FEWEST = 9, 3
+"""Frames that are asked about all heights, and how many of these must tell one."""
+AHEAD, ASIDE = (1.5, 8.0), 1.5
+"""The lane ahead: places between so many heights of the camera ahead of it, and no more than so many aside."""
+TOLD = 0.4
+"""Mean correlation in the lane from which on a frame tells the height: of unlike windows it is 0.1 to 0.2."""
+SAME = 0.15
+"""Spread of the frames' heights, between the quartiles, as a share of their median, over which there is no one height."""
+SMOOTHED = 5
+"""A frame is as high as the median of so many."""
+UPRIGHT_M, BESIDE_M, PLANES = (2.5, 100.0), (1.5, 20.0), (36, 24)
+"""What stands upright faces the camera at distances between the first, or lies along the street at the second; so many planes each,
+evenly in inverse distance."""
+ALIKE, AGREES, SMOOTH_PX = -0.1, 0.3, 2.0
+"""Pixels show ground where it explains them no worse than what stands upright, but for the first, and well enough, the second;
+both after a blur by the third. In even pictures of kerbs, and along edges that run ahead, all planes agree."""
+SURELY = 0.75
+"""Correlation from which on what stands upright is told: of noise the best of so many planes has 0.5 to 0.6."""
+MOST, BEND = 0.3, 0.4
+"""How far a single pixel counts for or against ground, and what a row costs by which the foot of things differs from column to
+column: as much as a pixel and a bit."""
+FARTHEST = 20.0
+"""Farther ahead than so many heights of the camera nothing is told: there a window spans metres of the ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class StreetViews:
+    """Photographs of one track, to be compared: (F,) in order of travel, and of each its axes (3, 3): rows right, ahead, up."""
+
+    views: Sequence[BlurredView]
+    axes: Sequence[Float64]
+
+    @staticmethod
+    def of(cameras: Sequence[Camera], images: Sequence[NDArray[np.uint8]], cache: FrameCache) -> StreetViews:
+        """Photographs (H, W, 3) of a track's cameras, made when they are asked for."""
+        views = cache.frames(len(cameras), lambda i: blurred_view(cameras[i], images[i], SIDE_PX))
+        return StreetViews(views, [street_axes(cameras, i) for i in range(len(cameras))])
+
+    def around(self, i: int) -> list[BlurredView]:
+        """Those that view ``i`` is compared with."""
+        found = []
+        for step in (-1, 1):
+            last, j, taken = self.views[i], i + step, 0
+            while 0 <= j < len(self.views) and taken < NEIGHBOURS:
+                other = self.views[j]
+                if np.linalg.norm(other.camera.centre - last.camera.centre) >= LEAST_MOVE_M:
+                    if other.levels.shape == self.views[i].levels.shape:
+                        found.append(other)
+                    last, taken = other, taken + 1
+                j += step
+        return found
+
+
+def street_axes(cameras: Sequence[Camera], i: int) -> Float64:
+    """(3, 3) rows right, ahead and up at a camera of a track: ahead along its way, or as it looks where it stands."""
+    before, after = cameras[max(i - 1, 0)], cameras[min(i + 1, len(cameras) - 1)]
+    way = after.centre - before.centre
+    if np.linalg.norm(way) < LEAST_MOVE_M:
+        way = cameras[i].forward - (cameras[i].forward @ UP) * UP
+    ahead = way / np.linalg.norm(way)
+    up = UP - (UP @ ahead) * ahead
+    up /= np.linalg.norm(up)
+    return np.stack([np.cross(ahead, up), ahead, up])
+
+
+def heights_over_ground(
+    street: StreetViews, barred: Sequence[Mask], progress: Progress = no_progress
+) -> Float64 | None:
+    """(F,) heights of a track's cameras over the ground ahead of them, metres; None where the photographs agree on none.
+
+    Args:
+        barred: (H, W) per frame of any size, pixels that do not show what stands still.
+    """
+    count = len(street.views)
+    first = np.unique(np.linspace(0, count - 1, min(count, ASKED_FIRST)).round().astype(int))
+    ladder = LOWEST_M * (1 + STEP) ** np.arange(np.log(HIGHEST_M / LOWEST_M) / np.log(1 + STEP))
+    some = [h for i in first if (h := _height(street, i, ladder, barred[i])) is not None]
+    if len(some) < min(FEWEST, count):
+        return None
+    usual = float(np.median(some))
+    near = usual * np.linspace(1 - AROUND, 1 + AROUND, 1 + 2 * round(2 * AROUND / STEP))
+    heights = np.full(count, np.nan)
+    for i in range(count):
+        height = _height(street, i, near, barred[i])
+        heights[i] = np.nan if height is None else height
+        progress(i + 1, count, "looking for the ground")
+    known = np.isfinite(heights)
+    if known.sum() < min(FEWEST, count) or np.subtract(*np.percentile(some, (75, 25))) > SAME * usual:
+        return None
+    index = np.arange(count)
+    return np.asarray(median_filter(np.interp(index, index[known], heights[known]), SMOOTHED, mode="nearest"))
+
+
+def lane_ahead(camera: Camera, axes: Float64) -> Mask:
+    """(H, W) pixels that show the lane ahead of a camera with these axes, see :func:`street_axes`, whatever its height."""
+    rays = camera.rays() @ axes.T
+    down = np.maximum(-rays[..., 2], 1e-9)
+    ahead, aside = rays[..., 1] / down, np.abs(rays[..., 0]) / down
+    return (rays[..., 2] < 0) & (ahead > AHEAD[0]) & (ahead < AHEAD[1]) & (aside < ASIDE)
+
+
+def _height(street: StreetViews, i: int, ladder: Float64, barred: Mask) -> float | None:
+    """The height over the ground on which the photographs of the lane ahead agree, None where they do on none within the ladder."""
+    view, others = street.views[i], street.around(i)
+    lane = lane_ahead(view.camera, street.axes[i]) & ~_resized(barred, view)
+    if not others or lane.sum() < 4 * HALF_PX**2:
+        return None
+    down = -street.axes[i][2]
+    score = np.array(
+        [np.maximum(agreement(view, others, down, np.array([h]), HALF_PX)[lane], 0).mean() for h in ladder]
+    )
+    best = int(score.argmax())
+    if score[best] < TOLD or best in (0, len(ladder) - 1):
+        return None
+    # A parabola through the best and those beside it.
+    before, at, after = score[best - 1 : best + 2]
+    shift = 0.5 * (before - after) / min(before - 2 * at + after, -1e-9)
+    return float(np.interp(best + np.clip(shift, -0.5, 0.5), np.arange(len(ladder)), ladder))
+
+
+def shows_ground(street: StreetViews, i: int, height: float, shape: tuple[int, int]) -> Mask:
+    """(H, W) of a shape, pixels of a photograph that show ground."""
+    view, others = street.views[i], street.around(i)
+    right, ahead, up = street.axes[i]
+    rays = view.camera.rays() @ up
+    below = rays < -1 / FARTHEST
+    if not others:
+        return np.zeros(shape, dtype=bool)
+    of_ground = agreement(view, others, -up, height * np.array([0.95, 1.0, 1.05]), HALF_PX)
+    facing, beside = (1 / np.linspace(1 / a, 1 / b, n) for (a, b), n in zip((UPRIGHT_M, BESIDE_M), PLANES, strict=True))
+    families = ((view.camera.forward, facing), (right, beside), (-right, beside))
+    upright = np.max([agreement(view, others, normal, planes, HALF_PX) for normal, planes in families], axis=0)
+    more, well = (cv2.GaussianBlur(p, (0, 0), SMOOTH_PX) for p in (of_ground - upright, of_ground))
+    found = below & (more > ALIKE) & (well > AGREES)
+    # Beside nothing that could be compared, and in noise, of which some plane always explains something, nothing is told.
+    told = found | (below & (of_ground > NOTHING) & (upright > SURELY))
+    free = _free_space(np.where(told, more - ALIKE, 0.0)) & below & found.any(axis=0)
+    found = _whole(found | free)
+    return cv2.resize(found.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+
+
+def _free_space(evidence: Float32) -> Mask:
+    """(H, W) what lies below the first thing that stands on the ground, column by column: the way to it is free (Badino et al., *Free
+    space computation using stochastic occupancy grids and dynamic programming*, 2007).
+
+    Args:
+        evidence: (H, W) for ground where it is positive, against it where negative.
+    """
+    sure = np.clip(evidence, -MOST, MOST)
+    # Cost of a foot over each row: what tells against ground below it, and for ground above it.
+    below = np.concatenate([np.cumsum(sure[::-1], axis=0)[::-1], np.zeros((1, sure.shape[1]))])
+    foot = cheapest_path(-below.T, _beside)
+    return np.asarray(np.arange(len(sure))[:, None] >= foot)
+
+
+def _beside(total: Float64) -> tuple[NDArray[np.int64], Float64]:
+    """A step of :func:`cheapest_path` that costs ``BEND`` a row."""
+    index = np.arange(len(total))
+    best, cost = index, total
+    for turned in (slice(None), slice(None, None, -1)):
+        level = cost[turned] - BEND * index
+        low = np.minimum.accumulate(level)
+        at = np.maximum.accumulate(np.where(level <= low, index, 0))
+        best, cost = best[turned][at][turned], (low + BEND * index)[turned]
+    return best, cost
+
+
+def _whole(found: Mask) -> Mask:
+    """A mask (H, W) without specks, and with its small holes filled."""
+    least = (2 * HALF_PX + 1) ** 2
+    for value in (1, 0):
+        count, part, stats, _ = cv2.connectedComponentsWithStats((found == value).astype(np.uint8), connectivity=4)
+        small = stats[:, cv2.CC_STAT_AREA] < least
+        small[0] = False
+        found = np.where(small[part] & (found == value), not value, found)
+    return np.asarray(found, dtype=bool)
+
+
+def _resized(mask: Mask, view: BlurredView) -> Mask:
+    height, width = view.levels.shape[1:]
+    return cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)

@@ -1,0 +1,165 @@
+"""Points on the ground to start from, where nothing measured it: as far as labels or photographs tell where it is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from unveil_core.base.frame_cache import FrameCache, Frames, subset
+from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.types import Float64, Mask
+from unveil_core.drives.depth_range import NEAR_M
+from unveil_core.drives.drive import Drive, tracks
+from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.images import mask_bits, mask_of_bits
+from unveil_core.ground.by_photographs import StreetViews, heights_over_ground, lane_ahead, shows_ground, street_axes
+from unveil_core.ground.path import StreetPath, fit_path
+from unveil_core.ground.street import Ground
+from unveil_core.ground.track import longest_track
+from unveil_core.semantics.classes import GROUND_CLASSES
+from unveil_core.semantics.labels import SceneLabels
+
+__all__ = ["GroundStart", "start_ground"]
+
+MEASURED = 0.3
+"""Share of the lane ahead that is measured from which on its ground is known: a LiDAR measures nearly all, few points of structure
+from motion lie on asphalt."""
+ASIDE_M, BEYOND_M = 10.0, 40.0
+"""How far aside of the path, and beyond the last camera, ground is looked for, metres."""
+ALONG, SMOOTHED_M = (2.0, 3.0, 4.0, 6.0), 2.0
+"""Heights of the camera ahead of it at which a frame's plane tells the ground, and over how many metres these are smoothed."""
+ACROSS_M = 0.5
+SHARE = 0.5
+"""Of the frames that look at a place from nearby, which must show ground there; and of the surfels, those that start there."""
+NEAR = 15.0
+"""Heights of the camera up to which a frame tells whether a place is ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundStart:
+    """The ground before there is a scene.
+
+    Attributes:
+        street: its height; points: (G, 3) where it is seen, spacing: between them, metres.
+        shown: (H, W) per frame, pixels that show it.
+    """
+
+    street: Ground
+    points: Float64
+    spacing: float
+    shown: Sequence[Mask]
+
+
+def start_ground(
+    drive: Drive,
+    scene: SceneLabels,
+    images: Sequence[NDArray[np.uint8]],
+    labels: Sequence[NDArray[np.int64]],
+    measured: Sequence[Mask],
+    *,
+    budget: int,
+    hidden: Sequence[Mask] | None = None,
+    cache: FrameCache | None = None,
+    progress: Progress = no_progress,
+) -> GroundStart | None:
+    """The ground of a drive that no LiDAR measured; None where one did, or where photographs agree on no ground.
+
+    Args:
+        images: (H, W, 3); labels: (H, W), negative = unknown; measured: (H, W) where points lie close together; of all frames.
+        budget: surfels to start with.
+        hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
+    """
+    cameras = [f.camera for f in drive.frames]
+    cache = cache or FrameCache()
+    track = longest_track(drive)
+    share = [float(measured[i][lane].mean()) for i in track if (lane := lane_ahead(*_posed(cameras, track, i))).any()]
+    if len(track) < 2 or not share or np.mean(share) > MEASURED:
+        return None
+
+    def barred(i: int) -> Mask:
+        mask: Mask = np.isin(labels[i], scene.removable_labels)
+        return mask if hidden is None else mask | hidden[i]
+
+    views = StreetViews.of([cameras[i] for i in track], subset(images, track), cache)
+    heights = heights_over_ground(views, Frames(len(track), lambda k: barred(track[k])), progress)
+    if heights is None:
+        return None
+    of_track = [cameras[i] for i in track]
+    street = _ground(fit_path(of_track), of_track, views.axes, heights)
+    wanted = scene.labels.indices(GROUND_CLASSES)
+    shown: list[NDArray[np.uint8]] = [np.zeros(0, np.uint8)] * len(cameras)
+    for one in [[i for i in range(len(cameras))]] if wanted else tracks(drive):
+        own = None if wanted else StreetViews.of([cameras[i] for i in one], subset(images, one), cache)
+        for k, i in enumerate(one):
+            if own is None:
+                mask: Mask = np.isin(labels[i], wanted)
+            else:
+                height = float(street.over(street.path.to_street(cameras[i].centre[None]))[0])
+                mask = shows_ground(own, k, max(height, NEAR_M), (cameras[i].height, cameras[i].width))
+            shown[i] = mask_bits(mask & ~barred(i))
+            progress(i + 1, len(cameras), "looking for the ground")
+    masks = Frames(len(cameras), lambda i: mask_of_bits(shown[i], (cameras[i].height, cameras[i].width)))
+    points, spacing = _seen_places(street, cameras, masks, Frames(len(cameras), barred), round(SHARE * budget))
+    return None if not len(points) else GroundStart(street, points, spacing, masks)
+
+
+def _posed(cameras: Sequence[Camera], track: Sequence[int], i: int) -> tuple[Camera, Float64]:
+    """A camera of a track and its axes."""
+    return cameras[i], street_axes([cameras[j] for j in track], list(track).index(i))
+
+
+def _ground(path: StreetPath, cameras: Sequence[Camera], axes: Sequence[Float64], heights: Float64) -> Ground:
+    """The ground under a track: each camera's plane where it looks at it, smoothed along the street, and level across it."""
+    places = []
+    for camera, (_, ahead, up), height in zip(cameras, axes, heights, strict=True):
+        places += [camera.centre + a * height * ahead - height * up for a in ALONG]
+    camera, (_, ahead, up), height = cameras[-1], axes[-1], heights[-1]
+    places += [camera.centre + a * ahead - height * up for a in np.arange(ALONG[-1] * height, BEYOND_M)]
+    camera, (_, ahead, up), height = cameras[0], axes[0], heights[0]
+    places += [camera.centre + a * ahead - height * up for a in np.arange(-BEYOND_M / 4, ALONG[0] * height)]
+    street = path.to_street(np.stack(places))
+    order = np.argsort(street[:, 0])
+    s, z = street[order, 0], street[order, 2]
+    rows = np.arange(np.floor(s[0]), np.ceil(s[-1]) + 1)
+    at = np.round(rows[:, None] - s[None]).astype(int)
+    weight = np.exp(-0.5 * np.square((rows[:, None] - s[None]) / SMOOTHED_M)) * (np.abs(at) < 5 * SMOOTHED_M)
+    level = np.where(weight.sum(axis=1) > 1e-6, (weight * z).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-9), np.nan)
+    known = np.isfinite(level)
+    level = gaussian_filter1d(np.interp(rows, rows[known], level[known]), SMOOTHED_M, mode="nearest")
+    columns = 2 * round(ASIDE_M / ACROSS_M) + 1
+    side = np.full(len(rows), ASIDE_M)
+    return Ground(
+        path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, np.repeat(level[:, None], columns, axis=1), side, -side
+    )
+
+
+def _seen_places(
+    street: Ground, cameras: Sequence[Camera], shown: Sequence[Mask], barred: Sequence[Mask], most: int
+) -> tuple[Float64, float]:
+    """Places (G, 3) on the ground that most frames near them show, no more than ``most``, and the spacing between them."""
+    length = street.s_cell * (len(street.height) - 1)
+    for spacing in 0.1 * 1.25 ** np.arange(20):
+        s = street.s_start + np.arange(0, length, spacing)
+        t = np.arange(-ASIDE_M, ASIDE_M, spacing)
+        if len(s) * len(t) > 8 * most:
+            continue
+        grid = np.stack([part.ravel() for part in np.meshgrid(s, t, indexing="ij")], axis=1)
+        places = street.path.to_world(np.column_stack([grid, street.height_at(grid[:, 0], grid[:, 1])]))
+        for_it, all_of_them = np.zeros(len(places)), np.zeros(len(places))
+        for camera, mask, without in zip(cameras, shown, barred, strict=True):
+            pixel, depth = camera.project(places)
+            height = max(NEAR_M, float(street.over(street.path.to_street(camera.centre[None]))[0]))
+            near = np.flatnonzero(camera.in_picture(pixel, depth, nearest=NEAR_M) & (depth < NEAR * height))
+            column, row = pixel[near, 0].astype(int), pixel[near, 1].astype(int)
+            told = ~without[row, column]
+            near, row, column = near[told], row[told], column[told]
+            for_it[near] += mask[row, column]
+            all_of_them[near] += 1
+        seen = for_it > SHARE * all_of_them
+        if seen.sum() <= most:
+            return places[seen], float(spacing)
+    return np.zeros((0, 3)), 1.0
