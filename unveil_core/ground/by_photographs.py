@@ -39,6 +39,8 @@ ASKED_FIRST, FEWEST = 9, 3
 """Frames that are asked about all heights, and how many of these must tell one."""
 AHEAD, ASIDE = (1.5, 8.0), 1.5
 """The lane ahead: places between so many heights of the camera ahead of it, and no more than so many aside."""
+WIDE, EVERY_PX = 4.0, 4
+"""Half the width of the street, in heights of the camera, in which single places are told, and which pixels are asked."""
 TOLD = 0.4
 """Mean correlation in the lane from which on a frame tells the height: of unlike windows it is 0.1 to 0.2."""
 SAME = 0.15
@@ -95,15 +97,16 @@ def street_axes(cameras: Sequence[Camera], i: int) -> Float64:
     if np.linalg.norm(way) < LEAST_MOVE_M:
         way = cameras[i].forward - (cameras[i].forward @ UP) * UP
     ahead = way / np.linalg.norm(way)
-    up = UP - (UP @ ahead) * ahead
-    up /= np.linalg.norm(up)
+    up: Float64 = UP - (UP @ ahead) * ahead
+    up = up / np.linalg.norm(up)
     return np.stack([np.cross(ahead, up), ahead, up])
 
 
 def heights_over_ground(
     street: StreetViews, barred: Sequence[Mask], progress: Progress = no_progress
-) -> Float64 | None:
-    """(F,) heights of a track's cameras over the ground ahead of them, metres; None where the photographs agree on none.
+) -> tuple[Float64, Float64] | None:
+    """Heights (F,) of a track's cameras over the ground ahead of them, metres, and places (P, 3) on the ground; None where the
+    photographs agree on no height.
 
     Args:
         barred: (H, W) per frame of any size, pixels that do not show what stands still.
@@ -111,48 +114,72 @@ def heights_over_ground(
     count = len(street.views)
     first = np.unique(np.linspace(0, count - 1, min(count, ASKED_FIRST)).round().astype(int))
     ladder = LOWEST_M * (1 + STEP) ** np.arange(np.log(HIGHEST_M / LOWEST_M) / np.log(1 + STEP))
-    some = [h for i in first if (h := _height(street, i, ladder, barred[i])) is not None]
+    some = [told[0] for i in first if (told := _height(street, i, ladder, barred[i])) is not None]
     if len(some) < min(FEWEST, count):
         return None
     usual = float(np.median(some))
     near = usual * np.linspace(1 - AROUND, 1 + AROUND, 1 + 2 * round(2 * AROUND / STEP))
-    heights = np.full(count, np.nan)
+    heights, places = np.full(count, np.nan), []
     for i in range(count):
-        height = _height(street, i, near, barred[i])
-        heights[i] = np.nan if height is None else height
+        told = _height(street, i, near, barred[i])
+        if told is not None:
+            heights[i] = told[0]
+            places.append(told[1])
         progress(i + 1, count, "looking for the ground")
     known = np.isfinite(heights)
     if known.sum() < min(FEWEST, count) or np.subtract(*np.percentile(some, (75, 25))) > SAME * usual:
         return None
     index = np.arange(count)
-    return np.asarray(median_filter(np.interp(index, index[known], heights[known]), SMOOTHED, mode="nearest"))
+    heights = median_filter(np.interp(index, index[known], heights[known]), SMOOTHED, mode="nearest")
+    return heights, np.concatenate(places)
 
 
-def lane_ahead(camera: Camera, axes: Float64) -> Mask:
-    """(H, W) pixels that show the lane ahead of a camera with these axes, see :func:`street_axes`, whatever its height."""
+def lane_ahead(camera: Camera, axes: Float64, aside: float = ASIDE) -> Mask:
+    """(H, W) pixels that show the lane ahead of a camera with these axes, see :func:`street_axes`, whatever its height.
+
+    Args:
+        aside: half its width, in heights of the camera.
+    """
     rays = camera.rays() @ axes.T
     down = np.maximum(-rays[..., 2], 1e-9)
-    ahead, aside = rays[..., 1] / down, np.abs(rays[..., 0]) / down
-    return (rays[..., 2] < 0) & (ahead > AHEAD[0]) & (ahead < AHEAD[1]) & (aside < ASIDE)
+    ahead, beside = rays[..., 1] / down, np.abs(rays[..., 0]) / down
+    return (rays[..., 2] < 0) & (ahead > AHEAD[0]) & (ahead < AHEAD[1]) & (beside < aside)
 
 
-def _height(street: StreetViews, i: int, ladder: Float64, barred: Mask) -> float | None:
-    """The height over the ground on which the photographs of the lane ahead agree, None where they do on none within the ladder."""
+def _height(street: StreetViews, i: int, ladder: Float64, barred: Mask) -> tuple[float, Float64] | None:
+    """The height over the ground on which the photographs of the lane ahead agree, and places (P, 3) of the street, each as high as
+    they agree on there; None where they do on none within the ladder."""
     view, others = street.views[i], street.around(i)
-    lane = lane_ahead(view.camera, street.axes[i]) & ~_resized(barred, view)
+    axes, clear = street.axes[i], ~_resized(barred, view)
+    lane, wide = (lane_ahead(view.camera, axes, aside) & clear for aside in (ASIDE, WIDE))
     if not others or lane.sum() < 4 * HALF_PX**2:
         return None
-    down = -street.axes[i][2]
-    score = np.array(
-        [np.maximum(agreement(view, others, down, np.array([h]), HALF_PX)[lane], 0).mean() for h in ladder]
-    )
+    # Of every window's width a few pixels are enough.
+    some = np.zeros(wide.shape, dtype=bool)
+    some[::EVERY_PX, ::EVERY_PX] = wide[::EVERY_PX, ::EVERY_PX]
+    score, table = np.empty(len(ladder)), np.empty((len(ladder), np.count_nonzero(some)))
+    for k, height in enumerate(ladder):
+        found = agreement(view, others, -axes[2], np.array([height]), HALF_PX)
+        score[k], table[k] = np.maximum(found[lane], 0).mean(), found[some]
     best = int(score.argmax())
     if score[best] < TOLD or best in (0, len(ladder) - 1):
         return None
-    # A parabola through the best and those beside it.
-    before, at, after = score[best - 1 : best + 2]
-    shift = 0.5 * (before - after) / min(before - 2 * at + after, -1e-9)
-    return float(np.interp(best + np.clip(shift, -0.5, 0.5), np.arange(len(ladder)), ladder))
+    rung = table.argmax(axis=0)
+    sure = (table.max(axis=0) > SURELY) & (rung > 0) & (rung < len(ladder) - 1)
+    table, rung = table[:, sure], rung[sure]
+    rays = view.camera.rays()[some][sure]
+    local = np.interp(_between(table, rung), np.arange(len(ladder)), ladder)
+    places = view.camera.centre + (local / -(rays @ axes[2]))[:, None] * rays
+    return float(np.interp(_between(score[:, None], np.array([best]))[0], np.arange(len(ladder)), ladder)), places
+
+
+def _between(table: Float64, best: NDArray[np.int64]) -> Float64:
+    """(P,) where between its rows a table (D, P) is greatest: on a parabola through the best row, not the first or last, and those
+    beside it."""
+    column = np.arange(len(best))
+    before, at, after = (table[best + step, column] for step in (-1, 0, 1))
+    shift: Float64 = 0.5 * (before - after) / np.minimum(before - 2 * at + after, -1e-9)
+    return best.astype(np.float64) + np.clip(shift, -0.5, 0.5)
 
 
 def shows_ground(street: StreetViews, i: int, height: float, shape: tuple[int, int]) -> Mask:
@@ -177,8 +204,8 @@ def shows_ground(street: StreetViews, i: int, height: float, shape: tuple[int, i
 
 
 def _free_space(evidence: Float32) -> Mask:
-    """(H, W) what lies below the first thing that stands on the ground, column by column: the way to it is free (Badino et al., *Free
-    space computation using stochastic occupancy grids and dynamic programming*, 2007).
+    """(H, W) what lies below the first thing that stands on the ground, column by column: the way to it is free (Badino et al.,
+    *Free space computation using stochastic occupancy grids and dynamic programming*, 2007).
 
     Args:
         evidence: (H, W) for ground where it is positive, against it where negative.

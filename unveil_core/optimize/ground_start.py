@@ -18,6 +18,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.ground.by_photographs import StreetViews, heights_over_ground, lane_ahead, shows_ground, street_axes
 from unveil_core.ground.path import StreetPath, fit_path
+from unveil_core.ground.plain_fit import plain_heights
 from unveil_core.ground.street import Ground
 from unveil_core.ground.track import longest_track
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -30,8 +31,8 @@ MEASURED = 0.3
 from motion lie on asphalt."""
 ASIDE_M, BEYOND_M = 10.0, 40.0
 """How far aside of the path, and beyond the last camera, ground is looked for, metres."""
-ALONG, SMOOTHED_M = (2.0, 3.0, 4.0, 6.0), 2.0
-"""Heights of the camera ahead of it at which a frame's plane tells the ground, and over how many metres these are smoothed."""
+ALONG, SMOOTHED_M = (1.5, 6.0), 2.0
+"""Heights of the camera ahead of it between which a frame's plane tells the ground, and over how many metres these are smoothed."""
 ACROSS_M = 0.5
 SHARE = 0.5
 """Of the frames that look at a place from nearby, which must show ground there; and of the surfels, those that start there."""
@@ -85,11 +86,11 @@ def start_ground(
         return mask if hidden is None else mask | hidden[i]
 
     views = StreetViews.of([cameras[i] for i in track], subset(images, track), cache)
-    heights = heights_over_ground(views, Frames(len(track), lambda k: barred(track[k])), progress)
-    if heights is None:
+    told = heights_over_ground(views, Frames(len(track), lambda k: barred(track[k])), progress)
+    if told is None:
         return None
     of_track = [cameras[i] for i in track]
-    street = _ground(fit_path(of_track), of_track, views.axes, heights)
+    street = _ground(fit_path(of_track), of_track, views.axes, *told)
     wanted = scene.labels.indices(GROUND_CLASSES)
     shown: list[NDArray[np.uint8]] = [np.zeros(0, np.uint8)] * len(cameras)
     for one in [[i for i in range(len(cameras))]] if wanted else tracks(drive):
@@ -112,29 +113,28 @@ def _posed(cameras: Sequence[Camera], track: Sequence[int], i: int) -> tuple[Cam
     return cameras[i], street_axes([cameras[j] for j in track], list(track).index(i))
 
 
-def _ground(path: StreetPath, cameras: Sequence[Camera], axes: Sequence[Float64], heights: Float64) -> Ground:
-    """The ground under a track: each camera's plane where it looks at it, smoothed along the street, and level across it."""
-    places = []
-    for camera, (_, ahead, up), height in zip(cameras, axes, heights, strict=True):
-        places += [camera.centre + a * height * ahead - height * up for a in ALONG]
-    camera, (_, ahead, up), height = cameras[-1], axes[-1], heights[-1]
-    places += [camera.centre + a * ahead - height * up for a in np.arange(ALONG[-1] * height, BEYOND_M)]
-    camera, (_, ahead, up), height = cameras[0], axes[0], heights[0]
-    places += [camera.centre + a * ahead - height * up for a in np.arange(-BEYOND_M / 4, ALONG[0] * height)]
-    street = path.to_street(np.stack(places))
-    order = np.argsort(street[:, 0])
-    s, z = street[order, 0], street[order, 2]
-    rows = np.arange(np.floor(s[0]), np.ceil(s[-1]) + 1)
-    at = np.round(rows[:, None] - s[None]).astype(int)
-    weight = np.exp(-0.5 * np.square((rows[:, None] - s[None]) / SMOOTHED_M)) * (np.abs(at) < 5 * SMOOTHED_M)
-    level = np.where(weight.sum(axis=1) > 1e-6, (weight * z).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-9), np.nan)
-    known = np.isfinite(level)
-    level = gaussian_filter1d(np.interp(rows, rows[known], level[known]), SMOOTHED_M, mode="nearest")
-    columns = 2 * round(ASIDE_M / ACROSS_M) + 1
+def _ground(
+    path: StreetPath, cameras: Sequence[Camera], axes: Sequence[Float64], heights: Float64, seen: Float64
+) -> Ground:
+    """The ground under a track: what its places tell, beginning with each camera's plane where it looks at it.
+
+    Args:
+        heights: (F,) of the cameras over it; seen: (P, 3) places on it.
+    """
+    planes = []
+    for i, (camera, (_, ahead, up), height) in enumerate(zip(cameras, axes, heights, strict=True)):
+        first = -BEYOND_M / 4 if i == 0 else ALONG[0] * height
+        last = BEYOND_M if i == len(cameras) - 1 else ALONG[1] * height
+        planes += [camera.centre + a * ahead - height * up for a in np.arange(first, last, 1.0)]
+    street = path.to_street(np.stack(planes))
+    rows = np.arange(np.floor(street[:, 0].min()), np.ceil(street[:, 0].max()) + 1)
+    order = np.argsort(street[:, 0], kind="stable")
+    level = gaussian_filter1d(np.interp(rows, street[order, 0], street[order, 2]), SMOOTHED_M, mode="nearest")
+    columns = ACROSS_M * np.arange(2 * round(ASIDE_M / ACROSS_M) + 1) - ASIDE_M
     side = np.full(len(rows), ASIDE_M)
-    return Ground(
-        path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, np.repeat(level[:, None], columns, axis=1), side, -side
-    )
+    of_all = np.concatenate([path.to_street(seen), street])
+    height = plain_heights(of_all, np.zeros((0, 3)), rows, columns, level)
+    return Ground(path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, height, side, -side)
 
 
 def _seen_places(

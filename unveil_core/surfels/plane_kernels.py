@@ -30,7 +30,7 @@ def _level(area, steps):
 
 @njit(**STRICT)
 def _carried(own, other, turn, steps, row, values, others, valid):
-    """A row of the photograph (L, H, W) and what lies there in the other (L, H', W') by a homography, each as coarse as the other."""
+    """A row of the photograph (L, H, W), and what a homography brings there of another (L, H', W'), each as coarse as the other."""
     bottom, right = f32(other.shape[1] - 1), f32(other.shape[2] - 1)
     size = (
         turn[0, 0] * (turn[1, 1] * turn[2, 2] - turn[1, 2] * turn[2, 1])
