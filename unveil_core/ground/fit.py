@@ -78,10 +78,12 @@ def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
-    """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, what gives (Q, 3) measured ones."""
+    """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, (O, 3) of what stands on it and could
+    be removed, what gives (Q, 3) measured ones."""
 
     ground: Float64
     walls: Float64 | None
+    standing: Float64 | None
     sure: Callable[[], Float64] | None
 
 
@@ -100,7 +102,9 @@ def fit_street(
         the ground, or None where too few surfels lie on any.
     """
     found = _evidence(surfels, labels, cameras, path, points)
-    return None if found is None else fit_street_heights(path, found.ground, walls=found.walls, sure=found.sure)
+    if found is None:
+        return None
+    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=found.sure)
 
 
 def street_noise(
@@ -118,12 +122,13 @@ def _evidence(
     means = surfels.means.double().numpy()
     of_surfel = surfels.labels.numpy()
     opaque = surfels.opacity_logits.numpy() > OPAQUE_LOGIT
-    wanted = labels.indices(GROUND_CLASSES)
+    wanted, standing = labels.indices(GROUND_CLASSES), None
     if wanted:
         chosen = np.isin(of_surfel, wanted) & opaque
         chosen[chosen] = ~_strays(path, means[chosen], cameras)
     else:
-        stays = opaque & ~np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
+        goes = np.isin(of_surfel, labels.indices((*REMOVABLE, "remove")))
+        standing, stays = means[goes & opaque], opaque & ~goes
         level = stays & (np.abs(surfels.normals().double().numpy() @ path.axes[2]) > LEVEL)
         chosen = _underfoot(path, means, level, cameras)
     if chosen.sum() < FEWEST:
@@ -137,7 +142,7 @@ def _evidence(
         ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
         more = measured_points(points, SIDE_CLASSES)
         walls = more if walls is None else np.concatenate([walls, more])
-    return _Evidence(ground, walls, sure)
+    return _Evidence(ground, walls, standing, sure)
 
 
 def side_places(ground: Ground, surfels: Surfels, labels: LabelSet) -> Float64:

@@ -32,13 +32,21 @@ wall across the street a few points lie behind and below it, where no frame look
 WALL_FOOT_M, WALL_TOP_M = 0.4, 6.0
 """Heights over the ground between which a point on a facade, wall or fence tells where the street ends."""
 FEWEST_OF_WALLS = 50
+LOW_M, UNDER_CELLS, ROUND_M = 1.0, 2, 0.3
+"""What could be removed tells by its parts up to this height that ground is under it, so many cells before and behind as well, and
+so far around it, metres: frames show the sides of a car, and no more of its ends than of what stands behind."""
 STEP_M, STEP_CELLS = 1.0, 4
 """Difference of the cross profile over so many cells that is a wall, metres: beyond, the street is at an end, or specks of wrong
 labels tell of crowns and roofs."""
 
 
 def fit_street_heights(
-    path: StreetPath, points: Float64, *, walls: Float64 | None = None, sure: Callable[[], Float64] | None = None
+    path: StreetPath,
+    points: Float64,
+    *,
+    walls: Float64 | None = None,
+    standing: Float64 | None = None,
+    sure: Callable[[], Float64] | None = None,
 ) -> Ground:
     """Height field and lateral limits from ground points.
 
@@ -49,9 +57,14 @@ def fit_street_heights(
         points: (P, 3) world points on the ground; sure: gives (Q, 3) measured ones, asked where the others are noisy.
         walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
             nobody saw any.
+        standing: (O, 3) world points on what stands on the ground and could be removed: it goes on under them, whether any was
+            seen there or not; None = nothing is known to.
     """
     street = path.to_street(points)
-    reach = min(WIDEST_M, float(np.percentile(np.abs(street[:, 1]), 99.5)) + T_CELL_M)
+    objects = np.zeros((0, 3)) if standing is None else path.to_street(standing)
+    objects = objects[np.abs(objects[:, 1]) < WIDEST_M]
+    aside = [float(np.percentile(np.abs(part[:, 1]), 99.5)) for part in (street, objects) if len(part)]
+    reach = min(WIDEST_M, max(aside) + T_CELL_M)
     street = street[np.abs(street[:, 1]) <= reach]
     s_low, s_high = _supported(street[:, 0], S_CELL_M)
     street = street[(street[:, 0] >= s_low) & (street[:, 0] <= s_high)]
@@ -86,6 +99,10 @@ def fit_street_heights(
         height = plain_heights(street, measured, along, across, base)
 
     left, right = _limits(street, a, rows, reach)
+    if len(objects):
+        row = np.round((objects[:, 0] - s_low) / S_CELL_M).astype(int)
+        over = objects[:, 2] - base[np.clip(row, 0, rows - 1)]
+        left, right = _under(objects[(over > 0) & (over < LOW_M)], s_low, left, right)
     if walls is not None and len(walls) > FEWEST_OF_WALLS:
         side = path.to_street(walls)
         over = side[:, 2] - base[np.clip(np.round((side[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)]
@@ -114,6 +131,23 @@ def _supported(s: Float64, cell: float) -> tuple[float, float]:
     runs = np.split(full, np.flatnonzero(np.diff(full) > APART_CELLS) + 1)
     full = np.concatenate([run for run in runs if counts[run].sum() >= FEWEST_APART] or runs)
     return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
+
+
+def _under(objects: Float64, s_low: float, left: Float64, right: Float64) -> tuple[Float64, Float64]:
+    """Limits of the ground, (A,) each, that hold what stands on it, too, (O, 3) street coordinates of its lower parts."""
+    rows = len(left)
+    row = np.round((objects[:, 0] - s_low) / S_CELL_M).astype(int)
+    within = (row >= 0) & (row < rows)
+    objects, row = objects[within], row[within]
+    left, right = left.copy(), right.copy()
+    order = np.argsort(row, kind="stable")
+    for k, part in zip(*_groups(row[order], objects[order, 1]), strict=True):
+        if len(part) >= FEWEST_APART:
+            low, high = np.percentile(part, [2, 98])
+            first, last = max(0, k - UNDER_CELLS), k + UNDER_CELLS + 1
+            left[first:last] = np.maximum(left[first:last], high + ROUND_M)
+            right[first:last] = np.minimum(right[first:last], low - ROUND_M)
+    return left, right
 
 
 def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float) -> tuple[Float64, Float64]:
