@@ -25,6 +25,7 @@ from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_camera
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.remove.behind import empty_street
+from unveil_core.remove.cut_off import cut_off_pixels
 from unveil_core.remove.floating import floating_ground
 from unveil_core.remove.missed import missed_pixels
 from unveil_core.remove.observed import SeenView, SeenViews, never_seen, seen_view
@@ -57,6 +58,8 @@ ON_GROUND_M = 0.15
 """Height over or under the ground within which a surfel lies on it, metres: what a fit along the whole street is off by."""
 LOOSE_M = 0.5
 """How far from an object its loose ends may lie, metres."""
+SEEN = 0.3
+"""Alpha over which the scene has a depth."""
 MOST_NAMED = 5
 """So many objects are named in a line of the log."""
 
@@ -174,6 +177,8 @@ def run(context: StageContext) -> Facts:
     exposures = read_exposures(workspace.exposure_json)
     frames = drive.frames
 
+    by_masks = scene.source == "masks"
+
     def look(i: int) -> tuple[NDArray[Any], ...]:
         frame = frames[i]
         planes = ("rgb", "alpha", "depth", "semantics")
@@ -187,7 +192,11 @@ def run(context: StageContext) -> Facts:
             into += part
         own = object_mask(frame, scene, known + marked) | moving.pixels(frame)
         own |= marked_pixels(by_hand, drive, frame, marked)
-        own |= missed_pixels(exposures.read(frame), array(full.rgb), known, own)
+        photograph = exposures.read(frame)
+        own |= missed_pixels(photograph, array(full.rgb), known, own)
+        if by_masks and ground.street is not None:
+            depth = array(full.depth) / np.maximum(array(full.alpha), SEEN)
+            own |= cut_off_pixels(photograph, frame.camera, depth.astype(np.float64), own, ground.street)
         for number, part in single.items():
             pixels = own & single_object(frame, number, part)
             own |= grow(pixels, working_px(frame, grown[number])) if pixels.any() else False
