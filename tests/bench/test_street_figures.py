@@ -160,6 +160,15 @@ def test_means_that_are_told_are_those_of_the_file() -> None:
         ]
 
 
+def test_pages_name_the_list_of_seeds_that_were_looked_at() -> None:
+    page = (ROOT / "sample_scenes/streets/README.md").read_text(encoding="utf-8")
+    assert (
+        "`SEEN` in `benchmarks/street_figures.py`" in " ".join(page.split())
+        and f"0 to {UNSEEN_FROM - 1} are for work" in page
+    )
+    assert f"{len(SEEN)} of those from {UNSEEN_FROM} on (`SEEN` in" in told_of_streets()
+
+
 def test_each_second_row_is_told_and_no_other() -> None:
     document = json.loads(RESULTS.read_text())
     looks, latest = (document[kind]["standard"] for kind in ("first_looks", "runs"))
