@@ -29,12 +29,15 @@ from unveil_core.base.errors import UnveilError  # noqa: E402
 from unveil_core.base.files import read_image, read_label_image, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
+from unveil_core.evaluate.detail.scores import DETAIL_FIGURES  # noqa: E402
 from unveil_core.evaluate.holdout.virtual_cars import VirtualCar  # noqa: E402
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim_map  # noqa: E402
 from unveil_core.pipeline.run import run  # noqa: E402
 from unveil_core.pipeline.settings import RunSettings  # noqa: E402
 
 RESULTS = HERE / "results" / "hard_streets.json"
+FIGURES = ("psnr", "ssim", *DETAIL_FIGURES)
+"""Of the removed region, of other methods; of ours, whose PSNR and SSIM are in all regions, the details."""
 BLACK = 8
 """A pixel all of whose channels are below this is black; the true street has hardly any."""
 
@@ -146,7 +149,7 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
     run(drive, workspace, case.settings(), until="deliver")
     seconds = time.perf_counter() - begun
     measured = run_evaluation(workspace)
-    regions = measured["truth"]["regions"]
+    methods = measured["truth"]["regions"]["removed"]["methods"]
     sums: dict[str, list[tuple[float, float, int]]] = {}
     changed = black = gone_pixels = bare = bare_unchanged = 0
     largest, worst = 0.0, (1.0, "")
@@ -178,9 +181,8 @@ def measure(case: Case, drive: Path, workspace: Path) -> dict[str, Any]:
         "seconds": round(seconds, 1),
         "largest_share_of_a_frame": round(largest, 3),
         "regions": {name: _figures(parts) for name, parts in sums.items() if sum(p for *_, p in parts)},
-        "others_in_the_gone_region": {
-            m: {k: v[k] for k in ("psnr", "ssim")} for m, v in regions["removed"]["methods"].items() if m != "ours"
-        },
+        "details_in_the_gone_region": {k: methods["ours"].get(k) for k in DETAIL_FIGURES},
+        "others_in_the_gone_region": {m: {k: v.get(k) for k in FIGURES} for m, v in methods.items() if m != "ours"},
         "changed_beside_share": round(changed / max(1, pixels), 5),
         "untouched": measured["untouched"],
         "black_pixels_in_the_gone_region": black,
@@ -236,7 +238,8 @@ def main() -> None:
             measured["cases"][name] = row
             measured["nothing_chosen"] = nothing_chosen(drive, folder)
             write_json_atomic(RESULTS, {**measured, "machine": machine()})
-            print(name, row["seconds"], row["regions"], row["black_pixels_in_the_gone_region"], flush=True)
+            shown = ("seconds", "regions", "details_in_the_gone_region", "black_pixels_in_the_gone_region")
+            print(name, *(row[key] for key in shown), flush=True)
         homes = [folder / n.replace(" ", "_") for n in every]
         if all((home / "workspace").is_dir() for home in homes):
             rows = [picture(c, h / "drive", h / "workspace") for c, h in zip(every.values(), homes, strict=True)]

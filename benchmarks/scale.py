@@ -32,7 +32,8 @@ from sample_scenes.long_street import long_street, long_way  # noqa: E402
 from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
-from unveil_core.evaluate.metrics import psnr_of_mse  # noqa: E402
+from unveil_core.evaluate.detail.scores import StreetDetail, detail_figures  # noqa: E402
+from unveil_core.evaluate.metrics import psnr_of_mse, rounded  # noqa: E402
 from unveil_core.ground.blocks import BLOCK_M, cut_into_blocks  # noqa: E402
 from unveil_core.workspace.files import frame_file, load_mask  # noqa: E402
 
@@ -115,6 +116,21 @@ def psnr(squared: np.ndarray, values: np.ndarray) -> float | None:
     return round(psnr_of_mse(float(squared.sum() / values.sum()) / 255**2), 3) if values.any() else None
 
 
+def details(workspace: Path, truth: Path) -> dict[str, float | None]:
+    """What PSNR forgives in the clean frames where something was removed: gradient, spectrum, lines and residue.
+
+    Args:
+        truth: the folder that has ``images/``.
+    """
+    scores = []
+    for frame in read_imported(workspace / "drive").frames:
+        removed = load_mask(frame_file(workspace / "masks/removed", frame))
+        ours, true = (read_image(frame_file(root, frame)) for root in (workspace / "frames", truth / "images"))
+        street = StreetDetail(truth, frame, true, read_image(frame.image_path), {"removed": removed})
+        scores += street.compare(ours).scores.values()
+    return rounded(detail_figures(scores))
+
+
 def beside_borders(workspace: Path, block_m: float) -> tuple[np.ndarray, int]:
     """(F,) which frames lie beside a border of blocks of a length, and how many blocks there are."""
     drive = read_imported(workspace / "drive")
@@ -193,6 +209,7 @@ def main() -> None:
         row = {**kind, "processor": machine()["processor"], **run_drive(drive, workspace, *run)}
         row["blocks"] = beside_borders(workspace, BLOCK_M)[1]
         row["psnr"] = psnr(*errors(workspace, truth, "frames"))
+        row |= details(workspace, drive / "truth")
         if arguments.borders and row["blocks"] > 1:
             other = folder / f"{workspace.name}_other_blocks"
             shutil.rmtree(other, ignore_errors=True)

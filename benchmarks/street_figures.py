@@ -16,7 +16,7 @@ BASELINES = ("telea", "shift_map")
 FIGURES = ("psnr", "ssim", *DETAIL_FIGURES)
 """Of a region. Rows of before the spectrum was measured have none of it, and no say in its mean."""
 UNSEEN_FROM = 28
-"""Seeds below are for work. Of those from here on nobody looks at pictures, and nothing is chosen by them."""
+"""Seeds below are for work. Of those from here on, but for ``SEEN``, nobody looks at pictures, and nothing is chosen by them."""
 SEEN = frozenset(
     {30, 33, 34, 35, 36, 38, 42, 44, 45, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62, 63, 64, 65, 66, 67}
 )

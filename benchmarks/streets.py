@@ -8,7 +8,7 @@ qualities are kept; a plot of all of them (streets.png) lies beside it. So does 
 worst seeds whose pictures may be looked at: of each, the picture of its latest run on this machine, which lies with the rendered
 streets. Without ``--seeds`` nothing is run: means, plot and sheet are made anew from what is there.
 
-Of seeds from 28 on nobody looks at pictures, and nothing is chosen by them, but for a few that were looked at after their first
+Of seeds from 28 on nobody looks at pictures, and nothing is chosen by them, but for those that were looked at after their first
 run (``SEEN`` in street_figures.py). The first row of each is kept (``first_looks``) when the seed is run again (``runs``), and the
 means of first looks count all of them: a mean of those that nobody looked at since would leave out the worst.
 """

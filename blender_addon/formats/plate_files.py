@@ -44,11 +44,13 @@ class TrackPlates:
         clean: the clean frames.
         mattes: of what was removed, by object.
         provenance: where the pixels come from; empty where the workspace does not tell.
+        certainty: how sure they are; likewise, and empty where plates are of an earlier version.
     """
 
     clean: tuple[Path, ...]
     mattes: tuple[Matte, ...]
     provenance: tuple[Path, ...]
+    certainty: tuple[Path, ...]
 
 
 def read_plates(drive: ImportedDrive) -> dict[str, TrackPlates]:
@@ -100,8 +102,10 @@ def _track(
     own = file_below(folder / "mattes", track)
     wanted = [*objects, *([(OTHER, OTHER)] if track in data["other"] else [])]
     mattes = tuple(Matte(name, key, sequence(file_below(own, key), key)) for name, key in wanted)
-    told = sequence(own / "provenance", "provenance") if (own / "provenance").is_dir() else ()
-    return TrackPlates(sequence(file_below(folder / "png", track), track), mattes, told)
+    provenance, certainty = (
+        sequence(own / name, name) if (own / name).is_dir() else () for name in ("provenance", "certainty")
+    )
+    return TrackPlates(sequence(file_below(folder / "png", track), track), mattes, provenance, certainty)
 
 
 def _numbers(cameras: Any, track: str, names: list[str]) -> list[str]:

@@ -18,9 +18,10 @@ from unveil_core.geometry.reach import centres_of
 from unveil_core.inpaint.by_stretch import Completed
 from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified
 from unveil_core.inpaint.facade.offsets import share_facing
+from unveil_core.inpaint.light.sun import Sun, given_sun
 from unveil_core.optimize.start import start_sky
 from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
-from unveil_core.pipeline.steps.inpaint import _facades_assumed
+from unveil_core.pipeline.steps.inpaint import _facades_assumed, _sun_assumed, _sun_recorded
 from unveil_core.pipeline.steps.reconstruct import _sky_assumed
 from unveil_core.pipeline.steps.remove import MOST_NAMED, _vehicles_assumed
 from unveil_core.remove.selection import select_removed
@@ -152,6 +153,18 @@ def test_of_many_long_objects_the_longest_are_named() -> None:
     assert found.endswith(f"and {9 - MOST_NAMED} more")
 
 
+def test_a_sun_that_was_given_is_recorded_as_given() -> None:
+    given = given_sun(135.0, 40.25)
+    found = Sun(given.towards, 0.41237, 135.0, 40.25)
+    place = {"azimuth_deg": 135.0, "elevation_deg": 40.25}
+    assert _sun_recorded(given, given=True) == {**place, "given": True}
+    assert _sun_recorded(found, given=False) == {**place, "score": 0.412}
+    assert _sun_recorded(None, given=False) is None
+    assert _sun_assumed(given, given=True).found == "azimuth 135, elevation 40 degrees, as given, not tested"
+    assert _sun_assumed(found, given=False).found == "azimuth 135, elevation 40 degrees"
+    assert [_sun_assumed(sun, given=sun is given).holds for sun in (given, found, None)] == [True, True, False]
+
+
 def completed(sides: int, facing: float | None) -> Completed:
     return Completed(None, None, None, None, sides, 0, facing, np.zeros(0, dtype=bool))
 
@@ -166,6 +179,7 @@ def test_facades_that_stand_across_are_not_parallel_to_the_street() -> None:
         told = by_name(_facades_assumed(completed(1, share_facing(walls, ground)), named=True))
         assert told["walls of houses are parallel to the street"].holds == holds
         assert told["facades stand along the street"].holds
+        assert told["walls of houses are parallel to the street"].instead.startswith("noted, nothing is switched off")
     assert share_facing(along.select(np.arange(3)), ground) is None
 
 

@@ -123,6 +123,10 @@ def test_everything_is_there(finished: Path, tmp_path: Path) -> None:
     for figure in DETAIL_FIGURES:
         assert f"<td>{detail(figure, removed['ours'][figure])}</td>" in text
     assert "found in green, missed in red" in page.text
+    cards = dict(re.findall(r'<div class="card number"><b>(.*?)</b><span>(.*?)</span>', text))
+    ours = {name: detail(name, removed["ours"][name]) for name in ("gradient", "line_recall", "false_lines")}
+    assert "gradient energy" in cards[ours["gradient"]]
+    assert "lines on the ground" in cards[f"{ours['line_recall']} / {ours['false_lines']}"]
     assert "removed: 3 cars" in page.text
     assert "vehicle" in page.text
     assert "polyline" in text
@@ -205,7 +209,12 @@ def test_exact_and_undefined_numbers(workspace: Path) -> None:
     metrics["per_frame"][1]["psnr"]["ours"] = None
     metrics["truth"]["regions"]["removed"]["methods"]["ours"]["line_recall"] = None
     write_report(workspace, workspace / "report", metrics)
-    assert "exact" in Page((workspace / "report/index.html").read_text()).text
+    page = Page((workspace / "report/index.html").read_text()).text
+    false = metrics["truth"]["regions"]["removed"]["methods"]["ours"]["false_lines"]
+    assert "exact" in page and f"– / {detail('false_lines', false)}lines on the ground" in page
+    metrics["truth"]["regions"]["removed"]["methods"]["ours"]["false_lines"] = None
+    write_report(workspace, workspace / "report", metrics)
+    assert "lines on the ground there" not in Page((workspace / "report/index.html").read_text()).text
 
 
 def metrics_without(workspace: Path, figures: Sequence[str]) -> dict[str, Any]:
@@ -225,6 +234,7 @@ def test_metrics_of_before_the_details(workspace: Path) -> None:
     write_report(workspace, workspace / "report", metrics)
     page = Page((workspace / "report/index.html").read_text())
     assert "Against the true" in page.headings() and "False lines" not in page.text
+    assert not any(words in page.text for words in ("gradient energy", "lines on the ground there"))
 
 
 def test_metrics_of_before_the_spectrum(workspace: Path) -> None:

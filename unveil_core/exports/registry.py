@@ -264,7 +264,7 @@ FORMATS: dict[str, ExportFormat] = {
         ),
         ExportFormat(
             "exr",
-            "clean plates in linear light, with mattes, provenance, depth and normal",
+            "clean plates in linear light, with mattes, provenance, certainty, depth and normal",
             "exr",
             write_exr,
             "OpenEXR",
@@ -274,7 +274,7 @@ FORMATS: dict[str, ExportFormat] = {
         ),
         ExportFormat(
             "mattes",
-            "a matte of each removed object with its border and shadow, and provenance, as PNG sequences",
+            "a matte of each removed object with its border and shadow, provenance and certainty, as PNG sequences",
             "mattes",
             write_mattes,
             "OpenCV: the clean frames come back bit for bit",

@@ -194,6 +194,7 @@ def _numbers(shown: Shown) -> list[tuple[str, str]]:
         beside = f", {METHODS[best]} {decibels(methods[best]['psnr'])}" if best else ""
         cards.append((decibels(methods["ours"].get("psnr")), f"PSNR where something was removed{beside}"))
         cards.append((similarity(methods["ours"].get("ssim")), "SSIM there, against the true empty street"))
+        cards += _detail_cards(methods["ours"])
     coverage = metrics.get("coverage", {})
     if coverage.get("removed"):
         cards.append((percent(coverage["removed"]), "of all pixels showed something that is gone"))
@@ -211,6 +212,19 @@ def _numbers(shown: Shown) -> list[tuple[str, str]]:
     stages = _timed(shown)
     if stages:
         cards.append((seconds(sum(s["seconds"] for _, s in stages)), "computing time of all stages"))
+    return cards
+
+
+def _detail_cards(ours: dict[str, Any]) -> list[tuple[str, str]]:
+    """What PSNR forgives, as far as it was measured: metrics of an earlier version have none, and without ground there are no
+    lines."""
+    cards = []
+    if ours.get("gradient") is not None:
+        cards.append((detail("gradient", ours["gradient"]), "gradient energy there, as a ratio to the true street's"))
+    lines = {name: ours.get(name) for name in ("line_recall", "false_lines")}
+    if any(value is not None for value in lines.values()):
+        found, false = (detail(name, value) for name, value in lines.items())
+        cards.append((f"{found} / {false}", "lines on the ground there: of the true ones found / of ours false"))
     return cards
 
 

@@ -27,8 +27,10 @@ LENSES = (
     ("UNDISTORTED", "Undistorted", "Without the lens, at full size: fits behind Blender's camera"),
 )
 """What the group gives."""
-IMAGE, MATTE, PROVENANCE = "Image", "Matte", "Provenance"
+IMAGE, MATTE = "Image", "Matte"
 """Outputs."""
+PLANES = {"provenance": ("Provenance", 255.0), "certainty": ("Certainty", 1.0)}
+"""Sequences of a number a pixel: the output, and its value where the file is white: 0 to 4 by origin, and 0 to 1."""
 PLAN = "unveil_plan"
 """On a group: what it was built of. As long as that is the same, what is in it may be the artist's work, and stays."""
 COLUMN, ROW = 260, 320
@@ -79,22 +81,22 @@ def set_group(
         "clean": _Pictures(made.clean, "plate_clean", False),
         **{m.key: _Pictures(m.files, f"matte_{m.key}", True) for m in made.mattes},
     }
-    if made.provenance:
-        pictures["provenance"] = _Pictures(made.provenance, "plate_provenance", True)
+    planes = [kind for kind in PLANES if getattr(made, kind)]
+    pictures |= {kind: _Pictures(getattr(made, kind), f"plate_{kind}", True) for kind in planes}
     for name, file in maps.items():
         _still(mark, f"st:{name}:{track}", file, f"{track} ST map {name}")
     flat = lens == "UNDISTORTED" and bool(maps)
     names = {m.key: m.name for m in made.mattes}
-    plan = json.dumps([names, "provenance" in pictures, flat])
+    plan = json.dumps([names, planes, flat])
     role = f"composite:{track}"
     groups = bpy.data.node_groups
     group = blocks.ensure(groups, mark, role, lambda: groups.new(f"Unveil {track}", "CompositorNodeTree"))
     group.use_fake_user = True
     if group.get(PLAN) != plan:
-        outputs = [IMAGE, MATTE, *([PROVENANCE] if "provenance" in pictures else [])]
+        outputs = [IMAGE, MATTE, *(PLANES[kind][0] for kind in planes)]
         _set_sockets(group, list(names.values()), outputs)
         undistort = blocks.find(bpy.data.images, mark, f"st:undistort:{track}") if flat else None
-        _build(group, names, "provenance" in pictures, undistort)
+        _build(group, names, planes, undistort)
         group[PLAN] = plan
     wanted = set()
     for kind, sequence in pictures.items():
@@ -168,12 +170,12 @@ def _nodes_of(group: bpy.types.NodeTree) -> list[bpy.types.Node]:
 
 
 def _build(
-    group: bpy.types.NodeTree, names: dict[str, str], with_provenance: bool, undistort: bpy.types.Image | None
+    group: bpy.types.NodeTree, names: dict[str, str], planes: Sequence[str], undistort: bpy.types.Image | None
 ) -> None:
     """The nodes, anew. Images are put in afterwards.
 
     Args:
-        names: of the inputs, by the keys of their mattes.
+        names: of the inputs, by the keys of their mattes; planes: of :data:`PLANES`, what there are pictures of.
         undistort: the ST map that all goes through at the end.
     """
     group.nodes.clear()
@@ -189,16 +191,18 @@ def _build(
     last = 3 + len(names)
     mixed = tree.mix("MIX", removed, photograph, clean, last, 0)
     shown = {IMAGE: mixed, MATTE: removed}
-    if with_provenance:
-        shown[PROVENANCE] = tree.math("MULTIPLY", tree.image("provenance", 0, 2 + len(names)), 255.0, 1, 2 + len(names))
+    for row, kind in enumerate(planes, start=2 + len(names)):
+        output, white = PLANES[kind]
+        shown[output] = tree.math("MULTIPLY", tree.image(kind, 0, row), white, 1, row)
     if undistort is not None:
-        st_map = tree.image("st", 0, 3 + len(names))
+        below = 2 + len(names) + len(planes)
+        st_map = tree.image("st", 0, below)
         st_map.node.image = undistort
         # The node takes the third value for opacity, and ST maps leave it empty.
-        opaque = tree.mix("ADD", 1.0, st_map, (0.0, 0.0, 1.0, 1.0), 1, 3 + len(names))
+        opaque = tree.mix("ADD", 1.0, st_map, (0.0, 0.0, 1.0, 1.0), 1, below)
         for row, (name, socket) in enumerate(shown.items()):
             if socket is not None:
-                shown[name] = tree.map_uv(socket, opaque, last + 1, row, smooth=name != PROVENANCE)
+                shown[name] = tree.map_uv(socket, opaque, last + 1, row, smooth=name in (IMAGE, MATTE))
     result = tree.new("NodeGroupOutput", last + 2, 0)
     for name, socket in shown.items():
         if socket is not None:

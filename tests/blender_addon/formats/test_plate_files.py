@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,7 +22,8 @@ def drive_of(root: Path) -> ImportedDrive:
         "other": ["front"],
         "cameras": {"front": {"9999": {"source": "a"}, "10000": {"source": "b"}}},
     }
-    for place in ("png/front", "mattes/front/car_0003", "mattes/front/other", "mattes/front/provenance"):
+    own = ("car_0003", "other", "provenance", "certainty")
+    for place in ("png/front", *(f"mattes/front/{name}" for name in own)):
         folder = root / "plates" / place
         folder.mkdir(parents=True)
         for number in ("09999", "10000"):
@@ -36,7 +38,19 @@ def test_each_matte_is_called_as_its_object(tmp_path: Path) -> None:
     assert [(m.name, m.key) for m in made.mattes] == [("car 3", "car_0003"), ("other", "other")]
     assert [f.name for f in made.clean] == ["front.09999.png", "front.10000.png"]
     assert [f.name for f in made.provenance] == ["provenance.09999.png", "provenance.10000.png"]
+    assert [f.name for f in made.certainty] == ["certainty.09999.png", "certainty.10000.png"]
     assert all(f.is_file() for m in made.mattes for f in m.files)
+
+
+@pytest.mark.parametrize("name", ["provenance", "certainty"])
+def test_a_missing_sequence_is_left_out_and_half_a_one_is_damaged(tmp_path: Path, name: str) -> None:
+    drive, folder = drive_of(tmp_path), tmp_path / "plates/mattes/front" / name
+    (folder / f"{name}.10000.png").unlink()
+    with pytest.raises(ValueError, match=rf"{name}\.10000\.png is missing"):
+        read_plates(drive)
+    shutil.rmtree(folder)
+    made = read_plates(drive)["front"]
+    assert [bool(made.provenance), bool(made.certainty)] == [name != "provenance", name != "certainty"]
 
 
 def test_a_lens_has_both_maps_or_none(tmp_path: Path) -> None:

@@ -106,19 +106,19 @@ def test_the_group_plays_the_plates(addon, scene, workspace, made) -> None:
     import bpy
 
     folder = workspace / "plates"
-    for place in ("png/camera", "mattes/camera/car_0005", "mattes/camera/provenance"):
+    for place in ("png/camera", "mattes/camera/car_0005", "mattes/camera/provenance", "mattes/camera/certainty"):
         stem = Path(place).name
         assert sorted(p.name for p in (folder / place).iterdir()) == [f"{stem}.{START + i}.png" for i in range(8)]
     assert list(sockets(made, "INPUT")) == [o.name for o in scene.unveil_selection.objects] == ["car 5"]
     factor = sockets(made, "INPUT")["car 5"]
     assert (factor.min_value, factor.max_value, factor.default_value, factor.subtype) == (0, 1, 1, "FACTOR")
-    assert list(sockets(made, "OUTPUT")) == ["Image", "Matte", "Provenance"]
+    assert list(sockets(made, "OUTPUT")) == ["Image", "Matte", "Provenance", "Certainty"]
     nodes = {n["unveil_role"]: n for n in made.nodes if n.bl_idname == "CompositorNodeImage"}
-    assert set(nodes) == {"photograph", "clean", "car_0005", "provenance"}
+    assert set(nodes) == {"photograph", "clean", "car_0005", "provenance", "certainty"}
     for kind, node in nodes.items():
         assert (node.frame_start, node.frame_duration, node.use_auto_refresh) == (START, 8, True)
         assert node.image.source == "SEQUENCE"
-        assert node.image.colorspace_settings.is_data == (kind in ("car_0005", "provenance"))
+        assert node.image.colorspace_settings.is_data == (kind not in ("photograph", "clean"))
         first = Path(bpy.path.abspath(node.image.filepath))
         assert first.is_file() and (node.frame_offset == int(first.stem.split(".")[-1]) - 1)
     assert Path(bpy.path.abspath(nodes["clean"].image.filepath)) == folder / "png/camera/camera.1001.png"
@@ -170,9 +170,10 @@ def test_a_factor_brings_the_object_back(addon, scene, workspace, made, tmp_path
         assert np.abs(found - expected).max() < 2e-5, factor
     shown = composed(scene, made, "Matte", {"car 5": 0.5}, frame, tmp_path / "matte.exr")
     assert np.abs(shown[..., 0] - 0.5 * matte[..., 0]).max() < 2e-5
-    told = composed(scene, made, "Provenance", {}, frame, tmp_path / "told.exr")
-    stored = pixels(workspace / f"provenance/camera/{name}.png", as_stored=True)
-    assert np.abs(told - 255 * stored).max() < 1e-4
+    for kind, white in (("provenance", 255), ("certainty", 1)):
+        told = composed(scene, made, kind.capitalize(), {}, frame, tmp_path / f"{kind}.exr")
+        stored = pixels(workspace / f"{kind}/camera/{name}.png", as_stored=True)
+        assert np.abs(told - white * stored).max() < 1e-4 and np.ptp(stored) > 0
 
 
 def test_a_picture_before_a_gap_stays(addon, scene, workspace) -> None:
@@ -300,7 +301,7 @@ def test_undistorted_fits_behind_the_camera(addon, scene, street, workspace, tmp
     document["camera_model"], document["k1"] = "OPENCV", -0.2
     (tmp_path / "street/transforms.json").write_text(json.dumps(document))
     outside("-m", "unveil_core", "import", str(tmp_path / "street"), "-o", str(workspace), "--work-side", "64")
-    for place in ("masks/removed", "masks/shadows", "provenance"):
+    for place in ("masks/removed", "masks/shadows", "provenance", "certainty"):
         halve(workspace / place / "camera")
     outside("-c", PREPARE, str(workspace))
     bpy.ops.unveil.load_workspace(directory=str(workspace))

@@ -33,8 +33,8 @@ def mattes(street: Street) -> Path:
 
 
 def test_each_object_has_a_sequence_that_is_named_after_it(mattes: Path) -> None:
-    assert {p.name for p in (mattes / "front").iterdir()} == {*CARS, "removed", "provenance"}
-    for name in CARS:
+    assert {p.name for p in (mattes / "front").iterdir()} == {*CARS, "removed", "provenance", "certainty"}
+    for name in (*CARS, "provenance", "certainty"):
         files = sorted(p.name for p in (mattes / f"front/{name}").iterdir())
         assert files == [f"{name}.{n}.png" for n in (1001, 1002, 1003)]
     told = json.loads((mattes / "export.json").read_text())
@@ -64,8 +64,27 @@ def test_together_they_are_what_delivery_may_change(street: Street, mattes: Path
         assert matte[(own > 0.9) & (removed == 255)].min() == 255 and 0.01 < (matte == 255).mean() < 0.5
         assert (matte == 255)[other > 0.9].sum() == 0
         assert ((matte > 0) & (matte < 255)).any()  # soft edges
-    origins = cv2.imread(str(street.root / "provenance/front/0001.png"), cv2.IMREAD_UNCHANGED)
-    assert set(np.unique(plane(mattes, "provenance"))) <= set(np.unique(origins))
+
+
+@pytest.mark.parametrize("name", ["provenance", "certainty"])
+def test_provenance_and_certainty_are_of_the_nearest_pixel(street: Street, mattes: Path, name: str) -> None:
+    frame = street.job.drive.frames[1]
+    assert frame.footage is not None
+    told = cv2.imread(str(street.root / f"{name}/front/0001.png"), cv2.IMREAD_UNCHANGED)
+    found = plane(mattes, name)
+    assert found.shape == (HEIGHT * LARGER, WIDTH * LARGER) and set(np.unique(found)) == set(np.unique(told))
+    column, row = np.moveaxis(work_positions(frame.footage, frame.camera), 2, 0)
+    inside = (column > 0.5) & (row > 0.5) & (column < WIDTH - 0.5) & (row < HEIGHT - 0.5)
+    nearest = told[np.clip(row.astype(int), 0, HEIGHT - 1), np.clip(column.astype(int), 0, WIDTH - 1)]
+    assert (found == nearest)[inside].mean() > 0.97
+
+
+def test_without_certainty_in_the_workspace_there_is_no_sequence(street: Street, tmp_path: Path) -> None:
+    root = tmp_path / "workspace"
+    shutil.copytree(street.root, root)
+    shutil.rmtree(root / "certainty")
+    assert main(["export", str(root), "--to", "mattes", "-o", str(tmp_path)]) == 0
+    assert {p.name for p in (tmp_path / "mattes/front").iterdir()} == {*CARS, "removed", "provenance"}
 
 
 def test_a_part_without_an_object_is_of_none(street: Street, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@
 ``<camera>/other/other.1001.png``            the same of whatever has no number; only where there is such
 ``<camera>/removed/removed.1001.png``        all of them
 ``<camera>/provenance/provenance.1001.png``  0 original, 1 relit, 2 seen elsewhere, 3 continued, 4 invented
+``<camera>/certainty/certainty.1001.png``    0 surely wrong to 254 surely right, 255 the footage's own
 ============================================ =====================================================================
 
 A clean frame over its photograph by these mattes is the clean frame, bit for bit; by some of them, the other objects stand there
@@ -35,9 +36,9 @@ from unveil_core.geometry.images import grow, resampled
 from unveil_core.workspace.files import frame_file, load_mask
 from unveil_core.workspace.movers import Moving, read_moving
 
-__all__ = ["OTHER", "PROVENANCE", "REMOVED", "write_mattes"]
+__all__ = ["CERTAINTY", "OTHER", "PROVENANCE", "REMOVED", "write_mattes"]
 
-OTHER, REMOVED, PROVENANCE = "other", "removed", "provenance"
+OTHER, REMOVED, PROVENANCE, CERTAINTY = "other", "removed", "provenance", "certainty"
 """Names that no object has: those end with a number."""
 NO_OBJECT = -1
 """Stands for :data:`OTHER` among the numbers of objects; 0 is nothing."""
@@ -68,11 +69,12 @@ def write_mattes(job: Job, folder: Path) -> None:
                 others.add(camera)
             _write(folder, camera, name, number, _softened(own, soft) if own.any() else _empty(own.shape))
         _write(folder, camera, REMOVED, number, _encoded(np.where(changed, 255, 0)))
-        told = frame_file(job.workspace.root / "provenance", frame)
-        if told.is_file():
-            origins = read_label_image(told)
-            shown = _encoded(origins if at is None else resampled(origins, at, cv2.INTER_NEAREST))
-            _write(folder, camera, PROVENANCE, number, shown)
+        for name in (PROVENANCE, CERTAINTY):
+            told = frame_file(job.workspace.root / name, frame)
+            if told.is_file():
+                values = read_label_image(told)
+                shown = _encoded(values if at is None else resampled(values, at, cv2.INTER_NEAREST))
+                _write(folder, camera, name, number, shown)
         job.progress(done + 1, len(frames), "writing mattes")
     _leave_out(folder, {f.camera_name for f in frames} - others)
     mattes = [{"name": names[e["id"]], "id": e["id"], "class": e["class"]} for e in removed]

@@ -55,8 +55,9 @@ from unveil_core.workspace.movers import read_moving
 __all__ = ["inpaint_with", "run"]
 
 LEAST_FACING = 0.5
-"""Share of the surfels of houses above which these count as parallel to the street: half of walls that stand in any direction face
-it. Of 17 drawn and real streets 15 have 0.52 to 0.92; two that show more of gables than of facades have 0.27 and 0.49."""
+"""Share of the surfels of houses above which these are said to be parallel to the street: half of walls that stand in any direction
+face it. Only the record depends on it. Of 17 drawn and real streets 15 have 0.52 to 0.92; two that show more of gables than of
+facades have 0.27 and 0.49."""
 
 
 def run(context: StageContext) -> Facts:
@@ -100,7 +101,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         shadows = context.settings.shadows != "off"
         sun = fill.find_sun() if context.settings.sun is None else given_sun(*context.settings.sun)
         fill.fill(sun, shadows=shadows)
-        tested += [_sun_assumed(sun)] if shadows else []
+        tested += [_sun_assumed(sun, given=context.settings.sun is not None)] if shadows else []
         displaced, relit, ground = _renew_ground(context, given, fill)
     stays = np.flatnonzero(~(gone | displaced))
     remaining = given.shortened.of(surfels).select(torch.from_numpy(stays))
@@ -129,10 +130,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
     save_array(relit.astype(np.uint8), context.output("surfels/relit.npy"))
     save_copies(() if completed is None else completed.copies, context.output("inpaint/facades.npz"))
     save_chart(None if fill is None else fill.sources(), context.output("inpaint/chart.npz"))
-    if sun is None:
-        return {"sun": None, **assumed(tested)}
-    numbers = {"azimuth_deg": sun.azimuth, "elevation_deg": sun.elevation, "score": sun.score}
-    return {"sun": {name: round(value, 3) for name, value in numbers.items()}, **assumed(tested)}
+    return {"sun": _sun_recorded(sun, given=context.settings.sun is not None), **assumed(tested)}
 
 
 def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tuple[Mask, Mask, list[Surfels]]:
@@ -161,11 +159,26 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
     return displaced & ~gone, relit, new
 
 
-def _sun_assumed(sun: Sun | None) -> Assumption:
+def _sun_recorded(sun: Sun | None, *, given: bool) -> dict[str, float | bool] | None:
+    """The sun's entry in workspace.json: its direction, and how well that explains the dark ground or that it was given."""
+    if sun is None:
+        return None
+    direction = {"azimuth_deg": round(sun.azimuth, 3), "elevation_deg": round(sun.elevation, 3)}
+    return {**direction, "given": True} if given else {**direction, "score": round(sun.score, 3)}
+
+
+def _sun_assumed(sun: Sun | None, *, given: bool) -> Assumption:
+    """What is assumed of the sun.
+
+    Args:
+        given: whether its direction was given: then it is not tested.
+    """
     found = "no direction from which shadows would lie where it is dark, and take light away"
     if sun is not None:
         found = f"azimuth {sun.azimuth:.0f}, elevation {sun.elevation:.0f} degrees"
+        found += ", as given, not tested" if given else ""
     instead = f"what is dark within {SHADOW_REACH_M:g} m of a removed object counts as its shadow"
+    instead += ", unless what is seen around is as dark"
     return Assumption("the sun shines", sun is not None, found, instead)
 
 
@@ -190,7 +203,7 @@ def _facades_assumed(completed: Completed, *, named: bool) -> list[Assumption]:
                 "walls of houses are parallel to the street",
                 completed.facing > LEAST_FACING,
                 f"{completed.facing:.0%} of what is seen of them is, to 45 degrees",
-                "what was not seen of other walls is filled frame by frame",
+                "noted, nothing is switched off: what was not seen of other walls is filled frame by frame, however many they are",
             )
         )
     return found
