@@ -100,6 +100,15 @@ CASES = {
             )
         },
     ),
+    "stop_lines": Case(
+        "a thick line across a lane goes on to the lane's border",
+        {
+            f"{INPAINT}.fill.chart_fill:continue_stop_lines": lambda detail, known, wanted, *_, **__: (
+                np.zeros_like(detail),
+                np.zeros(wanted.shape, dtype=np.float32),
+            )
+        },
+    ),
     "crossings": Case(
         "hidden bars of zebra crossings are continued",
         {

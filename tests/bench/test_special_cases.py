@@ -46,8 +46,9 @@ def test_what_stands_in_takes_and_gives_what_the_caller_expects() -> None:
     assert off["in_shadow_of_hull"](points, None, None, [], []).tolist() == [False] * 3
     detail, mask = np.ones((4, 5, 3), np.float32), np.ones((4, 5), bool)
     assert off["shade_of_kerbs"](detail, mask, "shade", texels_per_m=20.0) == "shade"
-    lines, share = off["continue_transverse_markings"](detail, mask, mask, texels_per_m=20.0)
-    assert not lines.any() and lines.shape == (4, 5, 3) and share.shape == (4, 5)
+    for name, more in (("continue_transverse_markings", ()), ("continue_stop_lines", (mask, mask))):
+        lines, share = off[name](detail, mask, mask, *more, texels_per_m=20.0)
+        assert not lines.any() and lines.shape == (4, 5, 3) and share.shape == (4, 5)
     quilted = off["quilt"](detail, mask, mask, patch=6, search=9)
     assert not off["_beside_what_is_known"](quilted, detail, mask).any()
     found = off["invented_facades"](SimpleNamespace(known=mask), label=2, sh_degree=0)

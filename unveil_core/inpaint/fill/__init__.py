@@ -1,1 +1,1 @@
-"""Fills the gaps of the ground's texture: running medians along s, quilting, transverse markings."""
+"""Fills the gaps of the ground's texture: running medians along s, quilting, transverse markings, stop lines, crossings."""

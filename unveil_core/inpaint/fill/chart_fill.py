@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.geometry.images import disc, grow, luminance, masked_blur, spread_from
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile, nearest_known
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, OUTSIDE, RELIT, StreetChart
 from unveil_core.inpaint.chart.street_parts import parts_between_corners
 from unveil_core.inpaint.fill.crossings import continue_crossings
 from unveil_core.inpaint.fill.quilting import quilt
+from unveil_core.inpaint.fill.stop_lines import continue_stop_lines
 from unveil_core.inpaint.fill.transverse_markings import continue_transverse_markings
 from unveil_core.inpaint.light.darkness import in_the_dark, sunny_exceptions
 from unveil_core.inpaint.light.kerb_shade import shade_of_kerbs
@@ -89,6 +90,8 @@ LOCAL_M, MOST_LOCAL, OTHER_TINT = (0.5, 1.0, 2.0), 0.3, 0.2
 """Standard deviations of the surroundings, metres, from narrow to broad, that tell how much brighter or darker than its lateral
 offset the street is at a place; the change of luma from which on it is paint that does so, and that between channels. On a real
 street with asphalt of two ages 1.0 dB of what is invented, on the two sample streets 0.05 and 0.2 dB; up to 4 m is no better."""
+DRIVEN_M = 1.0
+"""Distance from the path within which the ground is carriageway, metres: a car is twice as wide."""
 CLOSE_M = 0.6
 """Distance from a removed object within which frames show the invented ground instead of their own pixels, metres: there they are
 too mixed with the object to be read. Chosen on the two sample streets."""
@@ -150,7 +153,8 @@ def fill_chart(
     bare = seen & ~hole & ~steep & ~levelled_border(shadow, per_m) & (chart.nearest < LINES_M)
     marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
     labels = _labels(chart, seen, hole)
-    markings = _markings(marked, bare, hole, labels, median, per_m=per_m)
+    road = inside & (labels == _under_path(labels, inside, t))
+    markings = _markings(marked, bare, hole, labels, road, median, per_m=per_m)
     invented = _invented(sunny - median, even, hole, markings, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
@@ -245,20 +249,24 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
 
 
 def _markings(
-    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], median: Float32, *, per_m: float
+    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], road: Mask, median: Float32, *, per_m: float
 ) -> tuple[Float32, Float32]:
     """Detail (A, B, 3) of the markings in the hole (A, B), and how much of it they are (A, B), 0 to 1.
 
     Args:
         marked: (A, B, 3) difference from the medians; bare: (A, B) where that can be trusted.
-        labels: (A, B) of the ground; median: (A, B, 3) of the lateral offsets.
+        labels: (A, B) of the ground; road: (A, B) the carriageway; median: (A, B, 3) of the lateral offsets.
     """
     line = lines_along(median, per_m)
     paint = np.where(line[..., None], median - beside_lines(median, line, per_m), 0).astype(np.float32)
     lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
-    bars, on_bar = continue_crossings(marked, bare, hole, labels, line, paint, texels_per_m=per_m)
-    bar = on_bar > on_line
-    return np.where(bar[..., None], bars, lines), np.where(bar, on_bar, on_line)
+    for other, on_other in (
+        continue_stop_lines(marked, bare, hole, road, line, texels_per_m=per_m),
+        continue_crossings(marked, bare, hole, labels, line, paint, texels_per_m=per_m),
+    ):
+        more = on_other > on_line
+        lines, on_line = np.where(more[..., None], other, lines), np.where(more, on_other, on_line)
+    return lines, on_line
 
 
 def _invented(detail: Float32, even: Mask, hole: Mask, markings: tuple[Float32, Float32], *, per_m: float) -> Float32:
@@ -303,6 +311,13 @@ def _labels(chart: StreetChart, seen: Mask, hole: Mask) -> NDArray[np.int16]:
     if unknown.any():
         labels[unknown] = _lateral_labels(chart.label, seen)[np.nonzero(unknown)[1]]
     return labels
+
+
+def _under_path(labels: NDArray[np.int16], inside: Mask, t: Float64) -> int:
+    """The commonest label of the ground that was driven on; -1 where none is known."""
+    driven = labels[:, np.abs(t) < DRIVEN_M][inside[:, np.abs(t) < DRIVEN_M]]
+    kinds, counts = np.unique(driven[driven >= 0], return_counts=True)
+    return int(kinds[counts.argmax()]) if len(kinds) else -1
 
 
 def _to_the_sides(picture: Float32, amid: NDArray[np.bool_]) -> Float32:

@@ -1,7 +1,7 @@
-"""Transverse markings: bay lines, stop lines, joints across the street, which a median per lateral offset does not hold.
+"""Transverse markings: bay lines and joints across the street, which a median per lateral offset does not hold.
 
 A line seen at one lateral offset is continued at another if the street's other lines go on there as well. Where lines repeat at a
-regular distance (parking bays), the row is completed.
+regular distance (parking bays), the row is completed. A stop line, of which there is one, is continued by ``stop_lines.py``.
 """
 
 from __future__ import annotations
