@@ -1,4 +1,4 @@
-"""The foot of walls beside a street, row by row: as if each row looked at all points."""
+"""The foot of walls beside a street, row by row, as if each row looked at all points; and ground under what stands on it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from scipy.ndimage import median_filter
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.camera import Camera
 from unveil_core.ground import street_fit
+from unveil_core.ground.path import StreetPath, fit_path
 
 
 def by_looking_at_all(side: Float64, fallback: Float64) -> Float64:
@@ -27,3 +29,33 @@ def test_walls_are_where_the_points_around_a_row_are(seed: int, points: int, row
     along = generator.uniform(-5, 1.1 * rows * street_fit.S_CELL_M, points) * generator.random(points) ** crowded
     side, fallback = np.stack([along, generator.uniform(2, 9, points)], axis=1), generator.uniform(1, 5, rows)
     np.testing.assert_array_equal(street_fit._wall_limit(side, 0.0, fallback), by_looking_at_all(side, fallback))
+
+
+def straight_path() -> StreetPath:
+    pose = np.eye(4)
+    pose[:3, :3] = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
+    cameras = []
+    for x in np.arange(0.0, 40.0):
+        there = pose.copy()
+        there[:3, 3] = -pose[:3, :3] @ (x, 0.0, 1.6)
+        cameras.append(Camera(96, 64, 80.0, 80.0, 48.0, 32.0, there))
+    return fit_path(cameras)
+
+
+def test_the_ground_goes_on_under_what_stands_on_it() -> None:
+    generator = np.random.default_rng(0)
+    lane = np.stack([generator.uniform(0, 40, 9000), generator.uniform(-2, 2, 9000), np.zeros(9000)], axis=1)
+    # A row of cars on the left, seen from the side; leaves high over the right.
+    cars = np.stack(
+        [generator.uniform(10, 30, 4000), generator.uniform(2.1, 4.0, 4000), generator.random(4000)], axis=1
+    )
+    leaves = np.stack([generator.uniform(0, 40, 4000), generator.uniform(-6, -3, 4000), np.full(4000, 3.0)], axis=1)
+    path = straight_path()
+    plain = street_fit.fit_street_heights(path, lane)
+    under = street_fit.fit_street_heights(path, lane, standing=np.concatenate([cars, leaves]))
+    s = np.array([15.0, 20.0, 25.0])
+    assert not plain.inside(s, np.full(3, 3.5)).any()
+    assert under.inside(s, np.full(3, 3.9)).all() and not under.inside(s, np.full(3, 5.0)).any()
+    assert not under.inside(s, np.full(3, -3.5)).any()
+    assert not under.inside(np.array([3.0, 36.0]), np.full(2, 3.5)).any()
+    assert np.abs(under.height_at(s, np.full(3, 3.9))).max() < 0.02
