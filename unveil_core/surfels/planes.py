@@ -25,8 +25,8 @@ SCALES = (1.5, 2.2, 3.2, 4.5, 6.5)
 """Pixels of one picture to one of the other for which levels are made; each serves up to halfway to the next."""
 BLUR = 0.5
 """Standard deviation of the blur, as a share of the scale. A pixel's own is 0.3, and poses are right to a pixel or so. Photographs
-of real cobbles agree on the ground to 0.51 without a blur, 0.64 with 0.3 and 0.70 with 0.5; those of a drawn street to 0.90, 0.93 and
-0.94."""
+of real cobbles agree on the ground to 0.51 without a blur, 0.64 with 0.3 and 0.70 with 0.5, of a drawn street
+to 0.90, 0.93 and 0.94."""
 
 
 @dataclass(frozen=True, eq=False)
