@@ -18,12 +18,14 @@ GROUND, WALL, BOX, SKY = 0, 1, 2, 3
 @dataclass(frozen=True)
 class TexturedStreet:
     """crown: metres by which the street is lower a metre aside of its middle, growing with the square; slope: metres a metre;
-    rough: contrast of all surfaces, 0 to 1; finest: length of their shortest waves, metres."""
+    rough: contrast of all surfaces, 0 to 1; finest: length of their shortest waves, metres; paved: side of the slabs that the
+    ground repeats, metres, None where it does not."""
 
     crown: float = 0.006
     slope: float = 0.0
     rough: float = 1.0
     finest: float = 0.3
+    paved: float | None = None
 
     def height(self, p: np.ndarray) -> np.ndarray:
         """(N,) of the ground under places (N, 3)."""
@@ -78,5 +80,9 @@ class TexturedStreet:
             length = np.exp(generator.uniform(np.log(self.finest), np.log(2.0)))
             wave = 2 * np.pi / length * direction / np.linalg.norm(direction)
             total += np.sin(p @ wave + generator.uniform(0, 2 * np.pi))
+        if self.paved is not None:
+            along, across = 2 * np.pi / self.paved * p[:, 0], 2 * np.pi / self.paved * p[:, 1]
+            slabs = 3 * np.sin(along) + 2 * np.sin(2 * along + 1) + np.cos(across)
+            total = np.where(kind == GROUND, slabs + 0.4 * total, total)
         level = np.array([110.0, 150.0, 90.0, 220.0])[kind]
         return np.clip(level + np.where(kind == SKY, 0.0, self.rough * 12.0 * total), 0, 255)

@@ -33,6 +33,9 @@ NEIGHBOURS, LEAST_MOVE_M = 2, 0.3
 """A frame is compared with so many before and after it, each at least so far from the one before."""
 LOWEST_M, HIGHEST_M, STEP = 0.4, 5.0, 0.04
 """Heights of a camera over the ground that are tried, and the share by which they rise."""
+ABOUT, RIVAL = 0.3, 0.85
+"""Share by which what points tell of the height may be off; and share of the best agreement from which on another height may be the
+true one, and none is taken."""
 AROUND = 0.15
 """Once some frames have told the height, others are asked about heights that differ by no more than this share."""
 ASKED_FIRST, FEWEST = 9, 3
@@ -103,22 +106,24 @@ def street_axes(cameras: Sequence[Camera], i: int) -> Float64:
 
 
 def heights_over_ground(
-    street: StreetViews, barred: Sequence[Mask], progress: Progress = no_progress
+    street: StreetViews, barred: Sequence[Mask], *, usual: float | None = None, progress: Progress = no_progress
 ) -> tuple[Float64, Float64] | None:
     """Heights (F,) of a track's cameras over the ground ahead of them, metres, and places (P, 3) on the ground; None where the
     photographs agree on no height.
 
     Args:
         barred: (H, W) per frame of any size, pixels that do not show what stands still.
+        usual: about the height, as points tell it; None = not known. Paving repeats itself, and then agrees on other heights, too.
     """
     count = len(street.views)
     first = np.unique(np.linspace(0, count - 1, min(count, ASKED_FIRST)).round().astype(int))
-    ladder = LOWEST_M * (1 + STEP) ** np.arange(np.log(HIGHEST_M / LOWEST_M) / np.log(1 + STEP))
+    lowest, highest = (LOWEST_M, HIGHEST_M) if usual is None else (usual * (1 - ABOUT), usual * (1 + ABOUT))
+    ladder = lowest * (1 + STEP) ** np.arange(1 + np.log(highest / lowest) / np.log(1 + STEP))
     some = [told[0] for i in first if (told := _height(street, i, ladder, barred[i])) is not None]
     if len(some) < min(FEWEST, count):
         return None
-    usual = float(np.median(some))
-    near = usual * np.linspace(1 - AROUND, 1 + AROUND, 1 + 2 * round(2 * AROUND / STEP))
+    middle = float(np.median(some))
+    near = middle * np.linspace(1 - AROUND, 1 + AROUND, 1 + 2 * round(2 * AROUND / STEP))
     heights, places = np.full(count, np.nan), []
     for i in range(count):
         told = _height(street, i, near, barred[i])
@@ -127,7 +132,7 @@ def heights_over_ground(
             places.append(told[1])
         progress(i + 1, count, "looking for the ground")
     known = np.isfinite(heights)
-    if known.sum() < min(FEWEST, count) or np.subtract(*np.percentile(some, (75, 25))) > SAME * usual:
+    if known.sum() < min(FEWEST, count) or np.subtract(*np.percentile(some, (75, 25))) > SAME * middle:
         return None
     index = np.arange(count)
     heights = median_filter(np.interp(index, index[known], heights[known]), SMOOTHED, mode="nearest")
@@ -162,7 +167,8 @@ def _height(street: StreetViews, i: int, ladder: Float64, barred: Mask) -> tuple
         found = agreement(view, others, -axes[2], np.array([height]), HALF_PX)
         score[k], table[k] = np.maximum(found[lane], 0).mean(), found[some]
     best = int(score.argmax())
-    if score[best] < TOLD or best in (0, len(ladder) - 1):
+    rival = np.max(score[np.abs(np.log(ladder / ladder[best])) > AROUND], initial=0.0)
+    if score[best] < TOLD or best in (0, len(ladder) - 1) or rival > RIVAL * score[best]:
         return None
     rung = table.argmax(axis=0)
     sure = (table.max(axis=0) > SURELY) & (rung > 0) & (rung < len(ladder) - 1)

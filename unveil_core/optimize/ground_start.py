@@ -14,6 +14,8 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive, tracks
+from unveil_core.drives.scale_and_up import camera_height
+from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.ground.by_photographs import StreetViews, heights_over_ground, lane_ahead, shows_ground, street_axes
@@ -86,7 +88,10 @@ def start_ground(
         return mask if hidden is None else mask | hidden[i]
 
     views = StreetViews.of([cameras[i] for i in track], subset(images, track), cache)
-    told = heights_over_ground(views, Frames(len(track), lambda k: barred(track[k])), progress)
+    of_points = camera_height(drive, UP)
+    told = heights_over_ground(
+        views, Frames(len(track), lambda k: barred(track[k])), usual=of_points, progress=progress
+    )
     if told is None:
         return None
     of_track = [cameras[i] for i in track]
