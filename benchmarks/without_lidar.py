@@ -1,16 +1,18 @@
 """Sample streets without their LiDAR, with and without the ground that photographs tell.
 
-    python benchmarks/without_lidar.py [--quality standard] [--keep DIR]
+    python benchmarks/without_lidar.py [--quality standard] [--only SCENE_DRIVE_GROUND ...] [--keep DIR]
 
 Of each sample street a drive is made whose points are 3,000 of its own, drawn at random, about as many as structure from motion
 finds, and which has its labels (``labels``) or nothing but masks of what goes, a pixel loose (``masks``). Each is run up to its
 frames as it is (``photographs``), and in a process in which no ground is looked for in photographs (``points``).
-benchmarks/results/without_lidar.json has the figures of the removed region and of cast shadows, and flicker.
+benchmarks/results/without_lidar.json has the figures of the removed region and of cast shadows, and flicker, by
+scene, drive and ground, each with the commit that it was measured in; rows that are not run again stay.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import subprocess
 import sys
@@ -92,6 +94,7 @@ def main() -> None:
     """Run them all and write the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quality", default="standard")
+    parser.add_argument("--only", nargs="+", help="rows to measure, as parked_street_masks_photographs")
     parser.add_argument("--keep", type=Path, help="keep the workspaces here")
     parser.add_argument("--one", nargs=3, metavar=("DRIVE", "WORKSPACE", "WAY"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -99,29 +102,26 @@ def main() -> None:
         drive, workspace, way = arguments.one
         run_one(Path(drive), Path(workspace), arguments.quality, photographs=way == "photographs")
         return
-    rows = []
+    rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.is_file() else {}
     with tempfile.TemporaryDirectory() as scratch:
         root = arguments.keep or Path(scratch)
-        for scene in SCENES:
-            for kind in ("labels", "masks"):
-                drive = make_drive(scene, root / f"{scene}_{kind}", labels=kind == "labels")
-                for way in ("points", "photographs"):
-                    workspace = root / f"{scene}_{kind}_{way}"
-                    command = [sys.executable, __file__, "--quality", arguments.quality]
-                    begun = time.perf_counter()
-                    subprocess.run([*command, "--one", str(drive), str(workspace), way], check=True)
-                    seconds = round(time.perf_counter() - begun, 1)
-                    done = figures(workspace, HERE.parent / "sample_scenes" / scene / "truth")
-                    rows.append({"scene": scene, "drive": kind, "ground": way, "seconds": seconds, **done})
-                    print(json.dumps(rows[-1]), flush=True)
-    document = {
-        "quality": arguments.quality,
-        "points": POINTS,
-        "rows": rows,
-        "machine": machine(),
-        "program": program_commit(),
-    }
-    write_json_atomic(RESULTS, document)
+        for scene, kind, way in itertools.product(SCENES, ("labels", "masks"), ("points", "photographs")):
+            name = f"{scene}_{kind}_{way}"
+            if arguments.only and name not in arguments.only:
+                continue
+            drive, workspace = root / f"{scene}_{kind}", root / name
+            if not drive.exists():
+                make_drive(scene, drive, labels=kind == "labels")
+            command = [sys.executable, __file__, "--quality", arguments.quality]
+            begun = time.perf_counter()
+            subprocess.run([*command, "--one", str(drive), str(workspace), way], check=True)
+            seconds = round(time.perf_counter() - begun, 1)
+            done = figures(workspace, HERE.parent / "sample_scenes" / scene / "truth")
+            rows[name] = {"seconds": seconds, "program": program_commit(HERE.parent), **done}
+            print(json.dumps({name: rows[name]}), flush=True)
+            write_json_atomic(
+                RESULTS, {"quality": arguments.quality, "points": POINTS, "rows": rows, "machine": machine()}
+            )
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,3 +80,20 @@ def test_without_agreement_there_is_none() -> None:
     scene, labels = without_classes()
     noise = [np.random.default_rng(i).integers(0, 255, image.shape).astype(np.uint8) for i, image in enumerate(IMAGES)]
     assert start_ground(drive(), scene, noise, labels, UNMEASURED, budget=8000) is None
+
+
+def test_points_tell_where_asphalt_is_plain() -> None:
+    plain = TexturedStreet(rough=0.0)
+    pictures = [plain.photograph(plain.camera(x))[0] for x in np.arange(0.0, 12.0, 2.0)]
+    generator = np.random.default_rng(0)
+    places = np.stack([generator.uniform(2, 16, 300), generator.uniform(-4, 4, 300), np.zeros(300)], axis=1)
+    places[:, 2] = STREET.height(places)
+    leaves = np.stack([generator.uniform(2, 16, 60), generator.uniform(-4, 4, 60), generator.uniform(1, 4, 60)], axis=1)
+    scene, labels = with_classes()
+    some = replace(drive(), points=PointCloud(np.concatenate([places, leaves])))
+    found = start_ground(some, scene, pictures, labels, UNMEASURED, budget=8000)
+    assert found is not None
+    near = (found.points[:, 0] > 3) & (found.points[:, 0] < 15) & (np.abs(found.points[:, 1]) < 4)
+    error = found.points[near, 2] - STREET.height(found.points[near])
+    assert near.sum() > 500 and abs(np.median(error)) < 0.05
+    assert start_ground(drive(), scene, pictures, labels, UNMEASURED, budget=8000) is None

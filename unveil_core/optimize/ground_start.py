@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
 
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
@@ -35,6 +36,9 @@ ASIDE_M, BEYOND_M = 10.0, 40.0
 """How far aside of the path, and beyond the last camera, ground is looked for, metres."""
 ALONG, SMOOTHED_M = (1.5, 6.0), 2.0
 """Heights of the camera ahead of it between which a frame's plane tells the ground, and over how many metres these are smoothed."""
+BELOW_M = 0.35
+"""Where photographs tell no height, points are of the ground if they depart by no more from what most tell of it, metres: a kerb,
+and a slope between points and camera."""
 ACROSS_M = 0.5
 SHARE = 0.5
 """Of the frames that look at a place from nearby, which must show ground there; and of the surfels, those that start there."""
@@ -69,7 +73,7 @@ def start_ground(
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> GroundStart | None:
-    """The ground of a drive that no LiDAR measured; None where one did, or where photographs agree on no ground.
+    """The ground of a drive that no LiDAR measured; None where one did, or where nothing tells.
 
     Args:
         images: (H, W, 3); labels: (H, W), negative = unknown; measured: (H, W) where points lie close together; of all frames.
@@ -92,6 +96,9 @@ def start_ground(
     told = heights_over_ground(
         views, Frames(len(track), lambda k: barred(track[k])), usual=of_points, progress=progress
     )
+    if told is None and of_points is not None:
+        # Plain asphalt looks alike at any height.
+        told = np.full(len(track), of_points), _points_below(drive.points.positions, cameras, of_points)
     if told is None:
         return None
     of_track = [cameras[i] for i in track]
@@ -111,6 +118,13 @@ def start_ground(
     masks = Frames(len(cameras), lambda i: mask_of_bits(shown[i], (cameras[i].height, cameras[i].width)))
     points, spacing = _seen_places(street, cameras, masks, Frames(len(cameras), barred), round(SHARE * budget))
     return None if not len(points) else GroundStart(street, points, spacing, masks)
+
+
+def _points_below(points: Float64, cameras: Sequence[Camera], height: float) -> Float64:
+    """(P, 3) points that lie about so far below the nearest camera."""
+    centres = np.stack([c.centre for c in cameras])
+    drop = (centres[cKDTree(centres).query(points)[1]] - points) @ UP
+    return points[np.abs(drop - height) < BELOW_M]
 
 
 def _posed(cameras: Sequence[Camera], track: Sequence[int], i: int) -> tuple[Camera, Float64]:
