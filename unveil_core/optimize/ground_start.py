@@ -162,8 +162,10 @@ def _seen_places(
     """Places (G, 3) on the ground that most frames near them show, no more than ``most``, and the spacing between them."""
     length = street.s_cell * (len(street.height) - 1)
     for spacing in 0.1 * 1.25 ** np.arange(20):
-        s = street.s_start + np.arange(0, length, spacing)
-        t = np.arange(-ASIDE_M, ASIDE_M, spacing)
+        # Whole multiples, so that a last bit in the street's ends moves no other place.
+        first, last = np.ceil(street.s_start / spacing), np.floor((street.s_start + length) / spacing)
+        s = spacing * np.arange(first, last + 1)
+        t = spacing * np.arange(-(ASIDE_M // spacing), ASIDE_M // spacing + 1)
         if len(s) * len(t) > 8 * most:
             continue
         grid = np.stack([part.ravel() for part in np.meshgrid(s, t, indexing="ij")], axis=1)
