@@ -34,7 +34,8 @@ GROUPS = {
     "60-63": range(60, 64),
     "64-67": range(64, 68),
     "68-71": range(68, 72),
-    "72 on": range(72, 10**6),
+    "72-75": range(72, 76),
+    "76 on": range(76, 10**6),
 }
 """Seeds that had their first look in one state of the program; those of the first group were worked on from the beginning."""
 POOLED = "28 on"
