@@ -15,6 +15,7 @@ __all__ = [
     "area_px",
     "border_px",
     "disc",
+    "grab_cut",
     "grow",
     "luminance",
     "mask_bits",
@@ -166,3 +167,11 @@ def mask_bits(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
 def mask_of_bits(bits: NDArray[np.uint8], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Inverse of :func:`mask_bits`, of the mask's shape (H, W)."""
     return np.unpackbits(bits, count=int(np.prod(shape))).reshape(shape).astype(bool)
+
+
+def grab_cut(image: NDArray[np.uint8], state: NDArray[np.uint8], rounds: int) -> None:
+    """Decide in ``state`` (H, W), of OpenCV's four states, what of an image (H, W, 3) is the object (Rother et al., *GrabCut*,
+    SIGGRAPH 2004); the same each time, though the colours' first clusters are drawn."""
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.grabCut(np.ascontiguousarray(image), state, None, *models, rounds, cv2.GC_INIT_WITH_MASK)

@@ -100,9 +100,7 @@ def fit_street_heights(
 
     left, right = _limits(street, a, rows, reach)
     if len(objects):
-        row = np.round((objects[:, 0] - s_low) / S_CELL_M).astype(int)
-        over = objects[:, 2] - base[np.clip(row, 0, rows - 1)]
-        left, right = _under(objects[(over > 0) & (over < LOW_M)], s_low, left, right)
+        left, right = _under(objects, s_low, base, left, right)
     if walls is not None and len(walls) > FEWEST_OF_WALLS:
         side = path.to_street(walls)
         over = side[:, 2] - base[np.clip(np.round((side[:, 0] - s_low) / S_CELL_M).astype(int), 0, rows - 1)]
@@ -133,12 +131,15 @@ def _supported(s: Float64, cell: float) -> tuple[float, float]:
     return low + cell * float(full[0]), low + cell * float(full[-1] + 1)
 
 
-def _under(objects: Float64, s_low: float, left: Float64, right: Float64) -> tuple[Float64, Float64]:
-    """Limits of the ground, (A,) each, that hold what stands on it, too, (O, 3) street coordinates of its lower parts."""
-    rows = len(left)
+def _under(objects: Float64, s_low: float, base: Float64, left: Float64, right: Float64) -> tuple[Float64, Float64]:
+    """Limits of the ground, (A,) each, that hold the lower parts of what stands on it, too, (O, 3) street coordinates; base: (A,)
+    heights of the lane."""
     row = np.round((objects[:, 0] - s_low) / S_CELL_M).astype(int)
-    within = (row >= 0) & (row < rows)
+    within = (row >= 0) & (row < len(base))
     objects, row = objects[within], row[within]
+    over = objects[:, 2] - base[row]
+    low_parts = (over > 0) & (over < LOW_M)
+    objects, row = objects[low_parts], row[low_parts]
     left, right = left.copy(), right.copy()
     order = np.argsort(row, kind="stable")
     for k, part in zip(*_groups(row[order], objects[order, 1]), strict=True):

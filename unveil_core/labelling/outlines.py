@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import disc
+from unveil_core.geometry.images import disc, grab_cut
 from unveil_core.labelling.silhouettes import Silhouette
 
 __all__ = ["outlined"]
@@ -80,9 +80,7 @@ def _cut(image: NDArray[np.uint8], state: NDArray[np.uint8]) -> Mask:
         state_small = cv2.resize(state, size, interpolation=cv2.INTER_NEAREST)
     if not ((state_small & 1).any() and (~state_small & 1).any()):
         return (state & 1).astype(bool)
-    cv2.setRNGSeed(0)
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(np.ascontiguousarray(small[..., ::-1]), state_small, None, *models, ITERATIONS, cv2.GC_INIT_WITH_MASK)
+    grab_cut(small[..., ::-1], state_small, ITERATIONS)
     own = (state_small & 1).astype(np.uint8)
     if shrink > 1:
         soft = cv2.resize(own.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)

@@ -19,6 +19,7 @@ from unveil_core.drives.scale_and_up import camera_height
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import mask_bits, mask_of_bits
+from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.by_photographs import StreetViews, heights_over_ground, lane_ahead, shows_ground, street_axes
 from unveil_core.ground.path import StreetPath, fit_path
 from unveil_core.ground.plain_fit import plain_heights
@@ -83,7 +84,9 @@ def start_ground(
     cameras = [f.camera for f in drive.frames]
     cache = cache or FrameCache()
     track = longest_track(drive)
-    share = [float(measured[i][lane].mean()) for i in track if (lane := lane_ahead(*_posed(cameras, track, i))).any()]
+    of_track = [cameras[i] for i in track]
+    lanes = [lane_ahead(camera, street_axes(of_track, k)) for k, camera in enumerate(of_track)]
+    share = [float(measured[i][lane].mean()) for i, lane in zip(track, lanes, strict=True) if lane.any()]
     if len(track) < 2 or not share or np.mean(share) > MEASURED:
         return None
 
@@ -91,7 +94,7 @@ def start_ground(
         mask: Mask = np.isin(labels[i], scene.removable_labels)
         return mask if hidden is None else mask | hidden[i]
 
-    views = StreetViews.of([cameras[i] for i in track], subset(images, track), cache)
+    views = StreetViews.of(of_track, subset(images, track), cache)
     of_points = camera_height(drive, UP)
     told = heights_over_ground(
         views, Frames(len(track), lambda k: barred(track[k])), usual=of_points, progress=progress
@@ -101,35 +104,31 @@ def start_ground(
         told = np.full(len(track), of_points), _points_below(drive.points.positions, cameras, of_points)
     if told is None:
         return None
-    of_track = [cameras[i] for i in track]
     street = _ground(fit_path(of_track), of_track, views.axes, *told)
+    over = np.maximum(street.over(street.path.to_street(centres_of(cameras))), NEAR_M)
     wanted = scene.labels.indices(GROUND_CLASSES)
-    shown: list[NDArray[np.uint8]] = [np.zeros(0, np.uint8)] * len(cameras)
-    for one in [[i for i in range(len(cameras))]] if wanted else tracks(drive):
-        own = None if wanted else StreetViews.of([cameras[i] for i in one], subset(images, one), cache)
-        for k, i in enumerate(one):
-            if own is None:
-                mask: Mask = np.isin(labels[i], wanted)
-            else:
-                height = float(street.over(street.path.to_street(cameras[i].centre[None]))[0])
-                mask = shows_ground(own, k, max(height, NEAR_M), (cameras[i].height, cameras[i].width))
-            shown[i] = mask_bits(mask & ~barred(i))
-            progress(i + 1, len(cameras), "looking for the ground")
-    masks = Frames(len(cameras), lambda i: mask_of_bits(shown[i], (cameras[i].height, cameras[i].width)))
-    points, spacing = _seen_places(street, cameras, masks, Frames(len(cameras), barred), round(SHARE * budget))
-    return None if not len(points) else GroundStart(street, points, spacing, masks)
+    shown: Sequence[Mask]
+    if wanted:
+        shown = Frames(len(cameras), lambda i: np.isin(labels[i], wanted) & ~barred(i))
+    else:
+        bits: dict[int, NDArray[np.uint8]] = {}
+        for one in tracks(drive):
+            own = StreetViews.of([cameras[i] for i in one], subset(images, one), cache)
+            for k, i in enumerate(one):
+                mask = shows_ground(own, k, float(over[i]), (cameras[i].height, cameras[i].width))
+                bits[i] = mask_bits(mask & ~barred(i))
+                progress(len(bits), len(cameras), "looking for the ground")
+        shown = Frames(len(cameras), lambda i: mask_of_bits(bits[i], (cameras[i].height, cameras[i].width)))
+    told_by = Frames(len(cameras), barred)
+    points, spacing = _seen_places(street, cameras, over, shown, told_by, round(SHARE * budget))
+    return None if not len(points) else GroundStart(street, points, spacing, shown)
 
 
 def _points_below(points: Float64, cameras: Sequence[Camera], height: float) -> Float64:
     """(P, 3) points that lie about so far below the nearest camera."""
-    centres = np.stack([c.centre for c in cameras])
+    centres = centres_of(cameras)
     drop = (centres[cKDTree(centres).query(points)[1]] - points) @ UP
     return points[np.abs(drop - height) < BELOW_M]
-
-
-def _posed(cameras: Sequence[Camera], track: Sequence[int], i: int) -> tuple[Camera, Float64]:
-    """A camera of a track and its axes."""
-    return cameras[i], street_axes([cameras[j] for j in track], list(track).index(i))
 
 
 def _ground(
@@ -157,9 +156,18 @@ def _ground(
 
 
 def _seen_places(
-    street: Ground, cameras: Sequence[Camera], shown: Sequence[Mask], barred: Sequence[Mask], most: int
+    street: Ground,
+    cameras: Sequence[Camera],
+    over: Float64,
+    shown: Sequence[Mask],
+    barred: Sequence[Mask],
+    most: int,
 ) -> tuple[Float64, float]:
-    """Places (G, 3) on the ground that most frames near them show, no more than ``most``, and the spacing between them."""
+    """Places (G, 3) on the ground that most frames near them show, no more than ``most``, and the spacing between them.
+
+    Args:
+        over: (F,) heights of the cameras over it.
+    """
     length = street.s_cell * (len(street.height) - 1)
     for spacing in 0.1 * 1.25 ** np.arange(20):
         # Whole multiples, so that a last bit in the street's ends moves no other place.
@@ -171,9 +179,8 @@ def _seen_places(
         grid = np.stack([part.ravel() for part in np.meshgrid(s, t, indexing="ij")], axis=1)
         places = street.path.to_world(np.column_stack([grid, street.height_at(grid[:, 0], grid[:, 1])]))
         for_it, all_of_them = np.zeros(len(places)), np.zeros(len(places))
-        for camera, mask, without in zip(cameras, shown, barred, strict=True):
+        for camera, height, mask, without in zip(cameras, over, shown, barred, strict=True):
             pixel, depth = camera.project(places)
-            height = max(NEAR_M, float(street.over(street.path.to_street(camera.centre[None]))[0]))
             near = np.flatnonzero(camera.in_picture(pixel, depth, nearest=NEAR_M) & (depth < NEAR * height))
             column, row = pixel[near, 0].astype(int), pixel[near, 1].astype(int)
             told = ~without[row, column]

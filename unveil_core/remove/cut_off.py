@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.geometry.camera import Camera
-from unveil_core.geometry.images import area_px
+from unveil_core.geometry.images import area_px, grab_cut
 from unveil_core.ground.street import Ground
 
 __all__ = ["cut_off_pixels"]
@@ -24,8 +24,8 @@ ROUNDS = 3
 
 
 def cut_off_pixels(photograph: NDArray[np.uint8], camera: Camera, depth: Float64, own: Mask, street: Ground) -> Mask:
-    """(H, W) pixels beside a frame's own mask that have the colours of what it masks, not of what is around it (Rother et al.,
-    *GrabCut*, SIGGRAPH 2004), and stand over the ground.
+    """(H, W) pixels beside a frame's own mask that have the colours of what it masks, not of what is around it, by GrabCut,
+    and stand over the ground.
 
     Args:
         photograph: (H, W, 3).
@@ -56,9 +56,7 @@ def _like(picture: NDArray[np.uint8], one: Mask, all_of_them: Mask, reach: int) 
     kind[all_of_them & ~one] = cv2.GC_BGD  # another object is no background, but it is masked anyway
     if not (kind == cv2.GC_BGD).any():
         return np.zeros(one.shape, dtype=bool)
-    cv2.setRNGSeed(0)  # the colours' first clusters are drawn
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(np.ascontiguousarray(picture), kind, None, *models, ROUNDS, cv2.GC_INIT_WITH_MASK)
+    grab_cut(picture, kind, ROUNDS)
     object_ = (kind == cv2.GC_FGD) | (kind == cv2.GC_PR_FGD)
     label = cv2.connectedComponents(object_.astype(np.uint8), connectivity=4)[1]
     return np.asarray(object_ & np.isin(label, np.unique(label[one])), dtype=bool)

@@ -10,7 +10,7 @@ from unveil_core.surfels.sweep_kernels import NOTHING, STRICT
 
 __all__ = ["BAND", "NOTHING", "compare_bands"]
 
-f32, u64 = np.float32, np.uint64
+f32 = np.float32
 BAND = 24
 """Rows that are compared together."""
 LEAST_VARIANCE = 4.0

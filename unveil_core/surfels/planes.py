@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from unveil_core.base.parallel import in_parallel
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
+from unveil_core.surfels.pictures import from_array, reduced_gray, to_other
 from unveil_core.surfels.plane_kernels import BAND, compare_bands
 
 __all__ = ["BlurredView", "agreement", "blurred_view"]
 
 SCALES = (1.5, 2.2, 3.2, 4.5, 6.5)
 """Pixels of one picture to one of the other for which levels are made; each serves up to halfway to the next."""
+STEPS = np.array([((a + b) / 2) ** 2 for a, b in zip((1.0, *SCALES[:-1]), SCALES, strict=True)])
+"""Areas of one picture's pixel in the other from which on each is taken."""
 BLUR = 0.5
 """Standard deviation of the blur, as a share of the scale. A pixel's own is 0.3, and poses are right to a pixel or so. Photographs
 of real cobbles agree on the ground to 0.51 without a blur, 0.64 with 0.3 and 0.70 with 0.5, of a drawn street
@@ -39,43 +42,28 @@ class BlurredView:
 
 def blurred_view(camera: Camera, image: NDArray[np.uint8], side: int) -> BlurredView:
     """A photograph (H, W, 3) with its longer side reduced to ``side`` pixels."""
-    factor = min(1.0, side / max(camera.width, camera.height))
-    size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
-    gray = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    small, gray = reduced_gray(camera, image, side)
     levels = [gray, *(cv2.GaussianBlur(gray, (0, 0), BLUR * scale) for scale in SCALES)]
-    return BlurredView(camera.resized(*size), np.stack(levels))
+    return BlurredView(small, np.stack(levels))
 
 
 def agreement(
     own: BlurredView, others: Sequence[BlurredView], normal: Float64, distances: Float64, half: int
 ) -> Float32:
     """(H, W) the best correlation with any of the others if a pixel lies in any of some parallel planes, -1 where nothing can be
-    compared.
+    compared. A plane carries one picture over to another by a homography (Hartley and Zisserman, *Multiple view geometry*, result
+    13.1).
 
     Args:
         others: of one size. normal: (3,) unit, in the world, away from the camera; distances: (D,) of the planes from it.
         half: of the side of the window that is compared.
     """
-    low = (1.0, *SCALES[:-1])
-    steps = np.array([((a + b) / 2) ** 2 for a, b in zip(low, SCALES, strict=True)])
-    turns = np.stack([[_homography(own.camera, other.camera, normal, d) for other in others] for d in distances])
+    ways = [to_other(own.camera, other.camera) for other in others]
+    # Of a plane the inverse depth is linear in the array position.
+    inverse = own.camera.world_to_camera[:3, :3] @ normal @ from_array(own.camera)
+    turns = np.stack([[turn + np.outer(shift, inverse) / d for turn, shift in ways] for d in distances])
     result = np.empty(own.levels.shape[1:], np.float32)
     pictures = np.stack([other.levels for other in others])
     bands = -(-len(result) // BAND)
-    in_parallel(compare_bands, bands, 1, own.levels, pictures, turns, steps, half, result)
+    in_parallel(compare_bands, bands, 1, own.levels, pictures, turns, STEPS, half, result)
     return result
-
-
-def _homography(own: Camera, other: Camera, normal: Float64, distance: float) -> Float64:
-    """(3, 3) from positions in one picture's array to those in the other's, by a plane (Hartley and Zisserman, *Multiple view
-    geometry*, result 13.1)."""
-    relative = other.world_to_camera @ own.camera_to_world
-    along = own.world_to_camera[:3, :3] @ normal
-    turn = relative[:3, :3] + np.outer(relative[:3, 3], along) / distance
-    return _of_array(other) @ turn @ np.linalg.inv(_of_array(own))
-
-
-def _of_array(camera: Camera) -> Float64:
-    """(3, 3) intrinsics for positions in the array: the centre of the first pixel is 0 there."""
-    x, y = camera.cx - 0.5, camera.cy - 0.5
-    return np.array([[camera.fx, 0, x], [0, camera.fy, y], [0, 0, 1]])

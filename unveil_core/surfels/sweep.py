@@ -18,6 +18,7 @@ from unveil_core.base.parallel import in_parallel
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32
 from unveil_core.geometry.camera import Camera
+from unveil_core.surfels.pictures import reduced_gray, to_other
 from unveil_core.surfels.sweep_kernels import BAND, NOTHING, sweep_bands
 
 __all__ = ["SweepSettings", "sweep_depth", "sweep_points"]
@@ -42,23 +43,6 @@ class SweepSettings:
     agreement: float = 0.05
 
 
-def _to_other(first: Camera, second: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(3, 3) and (3,): array position p of ``first`` at inverse depth i lies in ``second`` at ``turn p + i shift``."""
-    relative = second.world_to_camera @ first.camera_to_world
-
-    def matrix(c: Camera, sign: float) -> NDArray[np.float64]:
-        # Array positions: the centre of the first pixel is 0 there. Written out, with its inverse: the library's takes
-        # longer than the sweep of a frame while its threads wait for one another.
-        x, y = c.cx - 0.5, c.cy - 0.5
-        if sign > 0:
-            return np.array([[c.fx, 0, x], [0, c.fy, y], [0, 0, 1]])
-        return np.array([[1 / c.fx, 0, -x / c.fx], [0, 1 / c.fy, -y / c.fy], [0, 0, 1]])
-
-    there = matrix(second, 1)
-    turn, shift = there @ relative[:3, :3] @ matrix(first, -1), there @ relative[:3, 3]
-    return turn.astype(np.float32), shift.astype(np.float32)
-
-
 def sweep_depth(
     camera: Camera,
     gray: Float32,
@@ -79,7 +63,7 @@ def sweep_depth(
         depth (H, W) and its correlation (H, W), -1 where nothing could be compared.
     """
     pictures = np.ascontiguousarray(np.stack([picture for _, picture in others]), dtype=np.float32)
-    ways = [_to_other(camera, other) for other, _ in others]
+    ways = [[part.astype(np.float32) for part in to_other(camera, other)] for other, _ in others]
     inverse = 1.0 / depths
     rung = np.empty(gray.shape, np.int32)
     score, before, after = (np.empty(gray.shape, np.float32) for _ in range(3))
@@ -166,11 +150,10 @@ class _Small:
 
 
 def _smaller(camera: Camera, image: NDArray[np.uint8], usable: NDArray[np.bool_], settings: SweepSettings) -> _Small:
-    factor = min(1.0, settings.side / max(camera.width, camera.height))
-    size = (max(16, round(camera.width * factor)), max(16, round(camera.height * factor)))
-    gray = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), size, interpolation=cv2.INTER_AREA)
+    small, gray = reduced_gray(camera, image, settings.side)
+    size = (small.width, small.height)
     mask = cv2.resize(usable.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
-    return _Small(camera.resized(*size), gray.astype(np.float32), mask)
+    return _Small(small, gray, mask)
 
 
 def _swept(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
 from unveil_core.base.types import Float32, Float64, Mask
+from unveil_core.inpaint.fill.strips import strip_means
 
 __all__ = ["LEAST_CLEAR_M", "ThickLine", "thick_lines"]
 
@@ -120,12 +121,7 @@ def thick_lines(detail: Float32, known: Mask, *, texels_per_m: float) -> list[Th
 
 def _strips(detail: Float32, known: Mask, per_m: float) -> _Strips:
     width = max(1, round(BIN_M * per_m))
-    rows, count = len(detail), detail.shape[1] // width
-    cut = np.s_[:, : count * width]
-    seen = known[cut].reshape(rows, count, width)
-    many = seen.sum(axis=2)
-    luma = detail.mean(axis=2)[cut].reshape(rows, count, width)
-    value = np.where(seen, luma, 0).sum(axis=2) / np.maximum(many, 1)
+    value, many = strip_means(detail.mean(axis=2), known, width)
     return _Strips(detail, known, per_m, value.astype(np.float32), many >= KNOWN_SHARE * width, width)
 
 

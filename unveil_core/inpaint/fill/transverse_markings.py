@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from unveil_core.base.types import Float32, Mask
+from unveil_core.inpaint.fill.strips import strip_means
 
 __all__ = ["continue_transverse_markings"]
 
@@ -125,11 +126,7 @@ def _section(detail: Float32, known: Mask, strips: _Strips, strip: int, half: in
 
 def _strips(luma: Float32, known: Mask, texels_per_m: float) -> _Strips:
     width = max(1, round(BIN_M * texels_per_m))
-    rows, count = len(luma), luma.shape[1] // width
-    cut = np.s_[:, : count * width]
-    seen = known[cut].reshape(rows, count, width)
-    many = seen.sum(axis=2)
-    value = np.where(seen, luma[cut].reshape(rows, count, width), 0).sum(axis=2) / np.maximum(many, 1)
+    value, many = strip_means(luma, known, width)
     sure = many > KNOWN_SHARE * width
     value = np.where(sure, value, 0).astype(np.float32)
     # A line stands out from what lies before and behind it.
