@@ -59,3 +59,28 @@ def test_the_ground_goes_on_under_what_stands_on_it() -> None:
     assert not under.inside(s, np.full(3, -3.5)).any()
     assert not under.inside(np.array([3.0, 36.0]), np.full(2, 3.5)).any()
     assert np.abs(under.height_at(s, np.full(3, 3.9))).max() < 0.02
+
+
+def test_the_kerb_lies_where_each_stretch_has_it() -> None:
+    generator = np.random.default_rng(3)
+    path = straight_path()
+    s, t = generator.uniform(0, 40, 40000), generator.uniform(-6, 6, 40000)
+    # A sidewalk 12 cm high that is two metres wider from the middle on, as beyond a corner; a car parked on its kerb.
+    height = np.where(t > np.where(s < 20, 4.5, 2.5), 0.12, 0.0)
+    hidden = (np.abs(s - 9) < 2.5) & (np.abs(t - 4) < 1.2)
+    points = np.stack([s, t, height], axis=1)[~hidden]
+    ground = street_fit.fit_street_heights(path, points)
+    fitted = ground.height_at(s, t)
+    clear = np.abs(t - np.where(s < 20, 4.5, 2.5)) > 0.15
+    # Where it changes one profile turns into the other.
+    clear &= np.abs(s - 20) > 0.6 * street_fit.HOP_M
+    assert np.abs(fitted - height)[clear].max() < 0.02
+    assert hidden.any() and np.abs(fitted - height)[clear & hidden].max() < 0.02
+
+
+def test_what_stands_beside_one_stretch_is_no_ground_of_it() -> None:
+    generator = np.random.default_rng(4)
+    s, t = generator.uniform(0, 40, 30000), generator.uniform(-6, 6, 30000)
+    hedge = (s > 28) & (t > 5)
+    ground = street_fit.fit_street_heights(straight_path(), np.stack([s, t, np.where(hedge, 0.6, 0.0)], axis=1))
+    assert np.abs(ground.height_at(s, t)[hedge]).max() < 0.05

@@ -1,4 +1,4 @@
-"""The ground of a street, fitted to points on it: a base along the path, one cross profile, and a smooth remainder."""
+"""The ground of a street, fitted to points on it: a base along the path, a cross profile, and a smooth remainder."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ WIDEST_M = 25.0
 """Farther aside nothing is ground of this street."""
 BASE_M = 2.5
 """Points so near the path tell its height: the lane that the car itself drove on."""
+HOP_M, HALF_M, FEWEST_OF_CELL = 8.0, 12.0, 4
+"""Distance between stretches of which each has a cross profile of its own, and their half length, longer than two parked cars, both
+in metres; and the points that tell of one of its cells. With one profile for all, kerbs were wrong by 5 cm beyond a corner, and
+lines read from 10 m away bent half a metre beside them: a drawn street with a corner gains 0.3 dB and finds 73 % of its lines
+instead of 68 %, another 58 % instead of 53 %. On straight streets it is the same to a millimetre, and so are 8 or 5 m."""
 COARSE = 5
 """Cells across of the remainder, in cells of the cross profile: half a metre."""
 STEADY_M = 0.4
@@ -50,8 +55,9 @@ def fit_street_heights(
 ) -> Ground:
     """Height field and lateral limits from ground points.
 
-    The height is a base along the path, plus one cross profile for the whole street (which continues kerbs under parked
-    cars), plus a smooth remainder where points say so. Of noisy points there is only a parabola across the street.
+    The height is a base along the path, plus a cross profile, plus a smooth remainder where points say so. The profile is one for
+    the whole street, which continues kerbs under parked cars, and changes along it where a stretch shows another: at a corner
+    the kerbs of two streets meet. Of noisy points there is only a parabola across the street.
 
     Args:
         points: (P, 3) world points on the ground; sure: gives (Q, 3) measured ones, asked where the others are noisy.
@@ -82,7 +88,9 @@ def fit_street_heights(
     profile = profile[np.clip(np.arange(columns), low, high)]
     inside = (b >= low) & (b <= high)
     street, a, b = street[inside], a[inside], b[inside]
-    rest = rest[inside] - profile[b]
+    rest = rest[inside]
+    profiles = profile + _changes_along(a, b, rest - profile[b], rows, columns)
+    rest = rest - profiles[a, b]
     # The remainder on coarser cells (1 m x 0.5 m), smoothed with its own support.
     cells = -(-columns // COARSE)
     steady = np.abs(rest) < STEADY_M
@@ -92,7 +100,7 @@ def fit_street_heights(
     smooth = gaussian_filter(total, 1.2) / (gaussian_filter(weight, 1.2) + 0.3)
     centres = (np.arange(columns) - (COARSE - 1) / 2) / COARSE
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
-    height = base[:, None] + profile[None, :] + remainder
+    height = base[:, None] + profiles + remainder
     if height_noise(street) > NOISY_M:
         measured = np.zeros((0, 3)) if sure is None else path.to_street(sure())
         along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
@@ -109,6 +117,30 @@ def fit_street_heights(
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
     right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)
     return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
+
+
+def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, rows: int, columns: int) -> Float64:
+    """(rows, columns) by how much the cross profile of each row differs from that of the whole street.
+
+    Args:
+        a, b: (P,) cells of the points; apart: (P,) their heights over the whole street's profile.
+    """
+    hop, half = HOP_M / S_CELL_M, HALF_M / S_CELL_M
+    stops = np.arange(0.0, rows + hop, hop)
+    changes = np.zeros((len(stops), columns))
+    for k, stop in enumerate(stops):
+        near = (np.abs(a - stop) < half) & (np.abs(apart) < STEADY_M)
+        order = np.argsort(b[near], kind="stable")
+        cells, parts = _groups(b[near][order], apart[near][order])
+        told = [i for i, part in enumerate(parts) if len(part) >= FEWEST_OF_CELL]
+        if told:
+            # Under parked cars the street's own step goes on, moved by what lies beside them.
+            change = np.interp(np.arange(columns), cells[told], [float(np.median(parts[i])) for i in told])
+            changes[k] = median_filter(change, 3, mode="nearest")
+    at = np.arange(rows) / hop
+    i = np.minimum(at.astype(int), len(stops) - 2)
+    u = (at - i)[:, None]
+    return np.asarray(changes[i] * (1 - u) + changes[i + 1] * u)
 
 
 def _up_to_steps(profile: Float64, middle: int) -> tuple[int, int]:

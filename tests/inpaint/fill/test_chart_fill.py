@@ -150,3 +150,34 @@ def test_the_sidewalk_before_a_corner_is_not_continued_into_the_next_street() ->
             np.ix_((s > 16) & (s < 24), (t > 4) & (t < 5))
         ]
         assert abs(float(filled.mean()) - (0.3 if corner else 0.7)) < 0.05
+
+
+def test_no_dark_edge_stays_where_a_car_under_an_even_sky_went() -> None:
+    """Beside its silhouette pixels mix the ground with the car's underside: dark, but not black."""
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.5, 0.005, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    car = np.zeros(chart.source.shape, dtype=bool)
+    car[int(12 * per_m) : int(16 * per_m), int(6 * per_m) : int(8 * per_m)] = True
+    away = cv2.distanceTransform((~car).astype(np.uint8), cv2.DIST_L2, 5) / per_m
+    light = np.where(away < 0.12, 0.33, np.clip(0.6 + 0.4 * away / 0.7, 0, 1)).astype(np.float32)
+    filled = fill_chart(as_read(chart, street * light[..., None], car), car)
+    level = filled.color.mean(axis=2) / street.mean(axis=2)
+    assert level[away < 0.3].min() > 0.85
+    assert filled.replaced[(away > 0) & (away < 0.1)].mean() > 0.95
+
+
+def test_a_worn_line_is_not_laid_down_as_texture() -> None:
+    chart = sunny_chart(None)[0]
+    per_m = 1 / chart.texel
+    street = np.random.default_rng(0).normal(0.5, 0.004, (*chart.source.shape, 1)).repeat(3, axis=2).astype(np.float32)
+    lane, car = slice(int(6 * per_m), int(8 * per_m)), np.zeros(chart.source.shape, dtype=bool)
+    car[int(10 * per_m) : int(26 * per_m), lane] = True
+    car[: int(7 * per_m), lane] = True
+    # Bent, as where the ground's height is not known to centimetres, so that no line is found that could go on.
+    for k, column in enumerate(range(lane.start, lane.stop)):
+        bend = round(0.3 * per_m * np.sin(k / 4))
+        street[int(8 * per_m) + bend : int(8.25 * per_m) + bend, column] += 0.045
+    filled = fill_chart(as_read(chart, street, car), car).color[int(11 * per_m) : int(25 * per_m), lane].mean(axis=2)
+    assert np.abs(cv2.blur(filled, (3, 3)) - 0.5).max() < 0.02
+    assert filled.std() > 0.001

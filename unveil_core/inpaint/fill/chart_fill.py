@@ -30,6 +30,7 @@ from unveil_core.inpaint.light.relight import (
     prevailing_shade,
     relighting_gain,
     shadows_of_removed,
+    still_dark,
     under_an_even_sky,
 )
 from unveil_core.inpaint.light.shade import (
@@ -84,6 +85,9 @@ degrees."""
 MARK = 0.06
 """Difference of luma from the lateral offset's median, over a decimetre, from which on something is a marking or a stain, not
 texture. Chosen on the two sample streets."""
+OUTSTANDING, FAINTEST, ALIKE_M = 6.0, 0.02, 0.25
+"""The same as a multiple of the median difference, four standard deviations; the least that is one; and how far across the street
+that median is taken, metres."""
 BORDER_M = 0.12
 """Width beyond the border of a shadow or an object that is neither, metres: the penumbra, and texels that mix the two."""
 LOCAL_M, MOST_LOCAL, OTHER_TINT = (0.5, 1.0, 2.0), 0.3, 0.2
@@ -141,6 +145,10 @@ def fill_chart(
     if shadow.any():
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
+        dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
+        if dim.any():
+            hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
+            gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
         if light is None:
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
@@ -278,11 +286,25 @@ def _invented(detail: Float32, even: Mask, hole: Mask, markings: tuple[Float32, 
     """
     # Texture is fine and faint; transverse markings, and remains of shadows, are no texture to lay down elsewhere.
     broad = np.abs(luminance(masked_blur(detail, even, 0.1 * per_m)))
-    faint = even & ~grow(broad > MARK, 0.1 * per_m)
+    faint = even & ~grow(broad > _usual(broad, even, per_m), 0.1 * per_m)
     quilted = quilt(detail, faint, hole, patch=max(6, int(PATCH_M * per_m)), search=int(SEARCH_M * per_m))
     quilted = _beside_what_is_known(quilted, np.where(faint[..., None], detail, 0), hole)
     lines, on_line = markings
     return lines + (1 - on_line[..., None]) * (TEXTURE * quilted)
+
+
+def _usual(broad: Float32, even: Mask, per_m: float) -> Float32:
+    """(B,) by how much the texture of each lateral offset may differ from its median, over a decimetre: paving has joints, and a
+    worn line on smooth asphalt is fainter than they are.
+
+    Args:
+        broad: (A, B) absolute differences; even: (A, B) where they can be trusted.
+    """
+    reach, columns = round(ALIKE_M * per_m), broad.shape[1]
+    middle = np.arange(0, columns, max(1, reach))
+    typical = [broad[:, max(0, c - reach) : c + reach + 1][even[:, max(0, c - reach) : c + reach + 1]] for c in middle]
+    spread = [float(np.median(part)) if len(part) else MARK for part in typical]
+    return np.clip(OUTSTANDING * np.interp(np.arange(columns), middle, spread), FAINTEST, MARK).astype(np.float32)
 
 
 def _beside_what_is_known(quilted: Float32, texture: Float32, wanted: Mask) -> Float32:

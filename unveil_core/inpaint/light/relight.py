@@ -18,6 +18,7 @@ __all__ = [
     "relighting_gain",
     "shadows_of_removed",
     "sky_gain",
+    "still_dark",
     "under_an_even_sky",
 ]
 
@@ -49,6 +50,9 @@ AROUND_M, LEAST_AROUND_M2, AS_LIGHT = 0.6, 0.03, 0.85
 """Width of what is seen around a dark patch that it is compared with, metres; the least area of that, square metres; and the share
 of its luma from which on the patch is no shadow of an object. Charts of eight streets without a sun that is known: 67 16.1 to 18.5
 dB, 47 and 49 0.4 and 0.5 more, 0 0.1 less, the others the same; with 0.8 the same to 0.1 but 49 0.3 more, with 0.9 67 1.4 less."""
+MIXED_M, BRIGHT = 0.3, 0.93
+"""Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
+share of its lit level below which it still does when it is relit."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
@@ -189,6 +193,20 @@ def sky_gain(footprint: Mask, per_m: float) -> Float32:
     lost = 0.5 * (1 - distance / np.hypot(distance, OBJECT_M))
     gain: Float32 = np.where(footprint, np.inf, 1 / (1 - lost)).astype(np.float32)
     return gain
+
+
+def still_dark(relit: Float32, target: Float32, inside: Mask, hole: Mask, *, per_m: float) -> Mask:
+    """(A, B) texels beside what nobody saw that are darker than the street when they are relit: they show some of the object's
+    underside, which no light brings out.
+
+    Args:
+        relit, target: (A, B, 3) as relit, and as it should be.
+        inside: (A, B) what was relit; hole: (A, B) what nobody saw.
+    """
+    level = masked_blur(luminance(relit), inside, SMOOTH_M * per_m)
+    dark = inside & grow(hole, MIXED_M * per_m) & (level < BRIGHT * luminance(target))
+    mixed: Mask = grow(dark, SMOOTH_M * per_m) & inside
+    return mixed
 
 
 def levelled_border(shadow: Mask, per_m: float) -> Mask:
