@@ -9,7 +9,7 @@ import numpy as np
 from unveil_core.geometry.camera import Camera
 
 WIDTH, HEIGHT, FOCAL = 240, 160, 170.0
-WALL_M, TOP_M = 5.0, 6.0
+WALL_M, TOP_M, KERB_M = 5.0, 6.0, 2.8
 LOW, HIGH = np.array([11.0, -4.0, 0.0]), np.array([14.0, -2.2, 1.5])
 """A box that stands on the right."""
 GROUND, WALL, BOX, SKY = 0, 1, 2, 3
@@ -17,19 +17,21 @@ GROUND, WALL, BOX, SKY = 0, 1, 2, 3
 
 @dataclass(frozen=True)
 class TexturedStreet:
-    """crown: metres by which the street is lower a metre aside of its middle, growing with the square; slope: metres a metre;
-    rough: contrast of all surfaces, 0 to 1; finest: length of their shortest waves, metres; paved: side of the slabs that the
-    ground repeats, metres, None where it does not."""
+    """crown: metres by which the street is lower a metre aside of its middle, growing with the square; slope: metres a metre; kerb:
+    height of a sidewalk on the left, from ``KERB_M`` on, metres; rough: contrast of all surfaces, 0 to 1; finest: length of
+    their shortest waves, metres; paved: side of the slabs that the ground repeats, metres, None where it does not."""
 
     crown: float = 0.006
     slope: float = 0.0
+    kerb: float = 0.0
     rough: float = 1.0
     finest: float = 0.3
     paved: float | None = None
 
     def height(self, p: np.ndarray) -> np.ndarray:
         """(N,) of the ground under places (N, 3)."""
-        return self.slope * p[:, 0] - self.crown * np.square(p[:, 1])
+        sidewalk = self.kerb * np.clip((p[:, 1] - KERB_M) / 0.1, 0, 1)
+        return self.slope * p[:, 0] - self.crown * np.square(p[:, 1]) + sidewalk
 
     def camera(self, x: float, height: float = 1.5) -> Camera:
         """One that looks along the street, so many metres down it and so high over its middle."""

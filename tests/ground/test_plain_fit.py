@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.ground.test_street import PATH, street_points
 from unveil_core.base.types import Float64
 from unveil_core.ground import street_fit
-from unveil_core.ground.plain_fit import NOISY_M, height_noise, plain_heights
+from unveil_core.ground.plain_fit import NOISY_M, cross_profile, height_noise, plain_heights
 from unveil_core.ground.street_fit import fit_street_heights
 
 
@@ -74,3 +74,16 @@ def test_the_height_stays_beyond_what_counts() -> None:
     s, t = np.arange(0.0, 60.0), np.array([-30.0, -8.0, 0.0, 8.0, 30.0])
     height = plain_heights(surfels, sure, s, t, np.zeros(60))
     assert np.array_equal(height[:, 0], height[:, 1]) and np.array_equal(height[:, 3], height[:, 4])
+
+
+def test_the_cross_profile_has_the_kerbs_of_all_that_agree() -> None:
+    rng = np.random.default_rng(5)
+    t = rng.uniform(-6, 6, 8000)
+    kerbs = np.where(t > 4, 0.14, np.where(t < -3, 0.1, 0.0))
+    over = kerbs + rng.normal(0, 0.02, len(t)) + (rng.uniform(size=len(t)) < 0.2) * rng.uniform(0.1, 2.0, len(t))
+    offsets = np.arange(-8.0, 8.01, 0.2)
+    found = cross_profile(np.column_stack([t, over]), offsets)
+    clear = (np.abs(offsets - 4) > 0.15) & (np.abs(offsets + 3) > 0.15)
+    truth = np.where(offsets > 4, 0.14, np.where(offsets < -3, 0.1, 0.0))
+    assert np.abs(found - truth)[clear].max() < 0.015
+    assert not cross_profile(np.zeros((5, 2)), offsets).any()

@@ -53,6 +53,27 @@ def test_its_height_is_right_to_centimetres(found: GroundStart) -> None:
     assert np.percentile(np.abs(error), 90) < 0.08
 
 
+def test_sidewalks_lie_over_kerbs() -> None:
+    street = TexturedStreet(slope=0.02, kerb=0.15)
+    cameras = [street.camera(x) for x in np.arange(0.0, 24.0, 2.0)]
+    pictures = [street.photograph(c) for c in cameras]
+    frames = tuple(Frame(f"{i:02d}", "camera", c, Path(f"{i}.png")) for i, c in enumerate(cameras))
+    scene, of_kind = with_classes()[0], np.array([0, 1, 3, 2])
+    start = start_ground(
+        Drive(Path("."), frames, NONE),
+        scene,
+        [image for image, _ in pictures],
+        [of_kind[kind] for _, kind in pictures],
+        UNMEASURED * 2,
+        budget=8000,
+    )
+    assert start is not None
+    s = np.arange(4.0, 20.0, 0.5)
+    for t in (3.4, 3.8, 4.2, 0.0, 1.0, 2.0):
+        at = start.street.path.to_world(np.column_stack([s, np.full_like(s, t), np.zeros_like(s)]))
+        assert abs(np.median(start.street.height_at(s, np.full_like(s, t)) - street.height(at))) < 0.03, t
+
+
 def test_it_is_where_it_is_seen(found: GroundStart) -> None:
     x, y = found.points[:, 0], found.points[:, 1]
     assert 500 < len(found.points) <= 4000

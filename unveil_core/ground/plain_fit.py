@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
 from unveil_core.base.types import Float64
 
-__all__ = ["NOISY_M", "height_noise", "plain_heights"]
+__all__ = ["NOISY_M", "cross_profile", "height_noise", "plain_heights"]
 
 NOISY_M = 0.08
 """Median spread of height within a cell from which on points are noisy, metres: of twelve drawn streets with a LiDAR it is 0.02 to
@@ -31,6 +32,9 @@ STIFF = 30.0
 change over some five metres."""
 WIDTH_M = 8.0
 """Farther aside points do not count, and the height stays: beyond sidewalks there are gardens and walls."""
+KERB_M, FEWEST_OF_PROFILE = 0.4, 30
+"""What departs from the plain surface by more is no ground of it, metres; and the points that tell what a lateral offset does. Of
+photographs each point is right to 2 cm, so that their median is to half a one."""
 SURE_SHARE = 0.25
 """Weight of the measured points against all others. They are few, and right to centimetres."""
 
@@ -81,6 +85,26 @@ def plain_heights(street: Float64, sure: Float64, s: Float64, t: Float64, base: 
     across = np.clip(t, -WIDTH_M, WIDTH_M)
     heights: Float64 = found[:-2, None] + found[-2] * across[None] + found[-1] * np.square(across)[None]
     return heights
+
+
+def cross_profile(over: Float64, t: Float64) -> Float64:
+    """(B,) by how much lateral offsets, evenly spaced, lie over the plain surface all along a street: camber, gutters and kerbs.
+
+    Args:
+        over: (P, 2) lateral offset and height over the plain surface of points that lie on the ground.
+    """
+    step = t[1] - t[0]
+    over = over[np.abs(over[:, 1]) < KERB_M]
+    cell = np.round((over[:, 0] - t[0]) / step).astype(np.int64)
+    order = np.argsort(cell, kind="stable")
+    cells, first = np.unique(cell[order], return_index=True)
+    parts = np.split(over[order, 1], first[1:])
+    told = [k for k, part in enumerate(parts) if len(part) >= FEWEST_OF_PROFILE and 0 <= cells[k] < len(t)]
+    if not told:
+        return np.zeros(len(t))
+    middle = np.interp(np.arange(len(t)), cells[told], [float(np.median(parts[k])) for k in told])
+    profile: Float64 = median_filter(middle, 3, mode="nearest")
+    return profile
 
 
 def _rows(points: Float64, s: Float64) -> sparse.csr_array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.by_photographs import StreetViews, heights_over_ground, lane_ahead, shows_ground, street_axes
 from unveil_core.ground.path import StreetPath, fit_path
-from unveil_core.ground.plain_fit import plain_heights
+from unveil_core.ground.plain_fit import cross_profile, plain_heights
 from unveil_core.ground.street import Ground
 from unveil_core.ground.track import longest_track
 from unveil_core.semantics.classes import GROUND_CLASSES
@@ -40,7 +40,8 @@ ALONG, SMOOTHED_M = (1.5, 6.0), 2.0
 BELOW_M = 0.35
 """Where photographs tell no height, points are of the ground if they depart by no more from what most tell of it, metres: a kerb,
 and a slope between points and camera."""
-ACROSS_M = 0.5
+ACROSS_M = 0.2
+"""Cells of the ground across the street, metres: a kerb is a step."""
 SHARE = 0.5
 """Of the frames that look at a place from nearby, which must show ground there; and of the surfels, those that start there."""
 NEAR = 15.0
@@ -150,9 +151,11 @@ def _ground(
     level = gaussian_filter1d(np.interp(rows, street[order, 0], street[order, 2]), SMOOTHED_M, mode="nearest")
     columns = ACROSS_M * np.arange(2 * round(ASIDE_M / ACROSS_M) + 1) - ASIDE_M
     side = np.full(len(rows), ASIDE_M)
-    of_all = np.concatenate([path.to_street(seen), street])
-    height = plain_heights(of_all, np.zeros((0, 3)), rows, columns, level)
-    return Ground(path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, height, side, -side)
+    places = path.to_street(seen)
+    height = plain_heights(np.concatenate([places, street]), np.zeros((0, 3)), rows, columns, level)
+    plain = Ground(path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, height, side, -side)
+    profile = cross_profile(np.column_stack([places[:, 1], plain.over(places)]), columns)
+    return replace(plain, height=height + profile)
 
 
 def _seen_places(
