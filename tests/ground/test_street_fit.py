@@ -84,3 +84,15 @@ def test_what_stands_beside_one_stretch_is_no_ground_of_it() -> None:
     hedge = (s > 28) & (t > 5)
     ground = street_fit.fit_street_heights(straight_path(), np.stack([s, t, np.where(hedge, 0.6, 0.0)], axis=1))
     assert np.abs(ground.height_at(s, t)[hedge]).max() < 0.05
+
+
+def test_wrong_labels_on_a_garden_wall_do_not_raise_the_ground_at_its_foot() -> None:
+    generator = np.random.default_rng(6)
+    s, t = generator.uniform(0, 40, 20000), generator.uniform(-8, 8, 20000)
+    height = np.where(t > 4, 0.12, 0.0) + generator.normal(0, 0.01, len(s))
+    wall = np.stack(
+        [generator.uniform(0, 40, 2000), generator.uniform(5.9, 6.15, 2000), generator.uniform(0.1, 1.5, 2000)], axis=1
+    )
+    ground = street_fit.fit_street_heights(straight_path(), np.concatenate([np.stack([s, t, height], axis=1), wall]))
+    clear = np.abs(t - 4) > 0.15
+    assert np.abs(ground.height_at(s, t) - np.where(t > 4, 0.12, 0.0))[clear].max() < 0.12

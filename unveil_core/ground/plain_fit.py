@@ -32,9 +32,11 @@ STIFF = 30.0
 change over some five metres."""
 WIDTH_M = 8.0
 """Farther aside points do not count, and the height stays: beyond sidewalks there are gardens and walls."""
-KERB_M, FEWEST_OF_PROFILE = 0.4, 30
-"""What departs from the plain surface by more is no ground of it, metres; and the points that tell what a lateral offset does. Of
-photographs each point is right to 2 cm, so that their median is to half a one."""
+KERB_M = 0.4
+"""What departs from the plain surface by more is no ground of it, metres."""
+FEWEST_OF_PROFILE, TOGETHER_M = 30, 0.08
+"""Points that tell what a lateral offset does, and how close together the middle half of them lies, metres: where photographs agree
+each is right to 2 cm, and a kerb in a bend takes 7."""
 SURE_SHARE = 0.25
 """Weight of the measured points against all others. They are few, and right to centimetres."""
 
@@ -99,12 +101,17 @@ def cross_profile(over: Float64, t: Float64) -> Float64:
     order = np.argsort(cell, kind="stable")
     cells, first = np.unique(cell[order], return_index=True)
     parts = np.split(over[order, 1], first[1:])
-    told = [k for k, part in enumerate(parts) if len(part) >= FEWEST_OF_PROFILE and 0 <= cells[k] < len(t)]
+    told = [
+        k
+        for k, part in enumerate(parts)
+        if 0 <= cells[k] < len(t)
+        and len(part) >= FEWEST_OF_PROFILE
+        and np.subtract(*np.percentile(part, [75, 25])) < TOGETHER_M
+    ]
     if not told:
         return np.zeros(len(t))
-    middle = np.interp(np.arange(len(t)), cells[told], [float(np.median(parts[k])) for k in told])
-    profile: Float64 = median_filter(middle, 3, mode="nearest")
-    return profile
+    middle = median_filter([float(np.median(parts[k])) for k in told], 3, mode="nearest")
+    return np.interp(t, t[cells[told]], middle)
 
 
 def _rows(points: Float64, s: Float64) -> sparse.csr_array:

@@ -29,6 +29,8 @@ lines read from 10 m away bent half a metre beside them: a drawn street with a c
 instead of 68 %, another 58 % instead of 53 %. On straight streets it is the same to a millimetre, and so are 8 or 5 m."""
 COARSE = 5
 """Cells across of the remainder, in cells of the cross profile: half a metre."""
+THICK_CELLS, APART_M = 7, 0.25
+"""What stands out of the cross profile over fewer cells than half of so many, by more metres, is no ground: more than a kerb."""
 STEADY_M = 0.4
 """What departs from base and profile by more is no ground."""
 APART_CELLS, FEWEST_APART = 3, 12
@@ -83,7 +85,7 @@ def fit_street_heights(
     base = _running_median(a[middle], street[middle, 2], rows)
     base = gaussian_filter1d(base, 1.5, mode="nearest")
     rest = street[:, 2] - base[a]
-    profile = median_filter(_running_median(b, rest, columns), 3, mode="nearest")
+    profile = _cross_profile(b, rest, columns)
     low, high = _up_to_steps(profile, columns // 2)
     profile = profile[np.clip(np.arange(columns), low, high)]
     inside = (b >= low) & (b <= high)
@@ -117,6 +119,16 @@ def fit_street_heights(
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
     right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)
     return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
+
+
+def _cross_profile(b: NDArray[np.int64], rest: Float64, columns: int) -> Float64:
+    """(columns,) height of each lateral offset over the base; b: (P,) cells of the points, rest: (P,) their heights over it."""
+    # A garden wall along the street has more wrong labels than there is ground at its foot, but is thin.
+    around = median_filter(_running_median(b, rest, columns), THICK_CELLS, mode="nearest")
+    near = np.abs(rest - around[b]) < APART_M
+    if not near.any():
+        return around
+    return median_filter(_running_median(b[near], rest[near], columns), 3, mode="nearest")
 
 
 def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, rows: int, columns: int) -> Float64:
