@@ -43,6 +43,7 @@ def found(request: pytest.FixtureRequest) -> GroundStart:
     scene, labels = request.param()
     start = start_ground(drive(), scene, IMAGES, labels, UNMEASURED, budget=8000)
     assert start is not None
+    assert start.told_by == "photographs" and abs(start.height - 1.5) < 0.05
     return start
 
 
@@ -113,7 +114,7 @@ def test_points_tell_where_asphalt_is_plain() -> None:
     scene, labels = with_classes()
     some = replace(drive(), points=PointCloud(np.concatenate([places, leaves])))
     found = start_ground(some, scene, pictures, labels, UNMEASURED, budget=8000)
-    assert found is not None
+    assert found is not None and found.told_by == "points"
     near = (found.points[:, 0] > 3) & (found.points[:, 0] < 15) & (np.abs(found.points[:, 1]) < 4)
     error = found.points[near, 2] - STREET.height(found.points[near])
     assert near.sum() > 500 and abs(np.median(error)) < 0.05

@@ -66,7 +66,7 @@ def test_swept_points_never_contradict_measured_ones(tmp_path: Path, monkeypatch
         return np.concatenate(points), np.full(sum(map(len, points)), 0.01)
 
     monkeypatch.setattr(module, "sweep_points", wrong_sweep)
-    surfels = start_scene(drive, scene, images, labels, StartSettings(budget=20_000))
+    surfels = start_scene(drive, scene, images, labels, StartSettings(budget=20_000)).surfels
     allowed = np.mean([u.mean() for u in asked])
     assert 0 < allowed < 0.6, "the measured part of the pictures is not swept"
     sky = scene.labels.index("sky")

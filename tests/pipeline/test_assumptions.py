@@ -22,7 +22,7 @@ from unveil_core.inpaint.light.sun import Sun, given_sun
 from unveil_core.optimize.start import start_sky
 from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
 from unveil_core.pipeline.steps.inpaint import _facades_assumed, _sun_assumed, _sun_recorded
-from unveil_core.pipeline.steps.reconstruct import _sky_assumed
+from unveil_core.pipeline.steps.reconstruct import _ground_assumed, _sky_assumed
 from unveil_core.pipeline.steps.remove import MOST_NAMED, _vehicles_assumed
 from unveil_core.remove.selection import select_removed
 from unveil_core.semantics.classes import LabelSet
@@ -187,3 +187,24 @@ def test_without_a_label_of_houses_there_are_no_facades() -> None:
     (told,) = _facades_assumed(completed(0, None), named=False)
     assert not told.holds
     assert told.found == "no label means buildings"
+
+
+@pytest.mark.parametrize(
+    ("start", "instead"),
+    [
+        ({"measured": 0.02, "told_by": "photographs", "height": 1.62}, "where photographs of it agree"),
+        ({"measured": 0.02, "told_by": "points", "height": 1.62}, "at the height that few points tell"),
+        ({"measured": 0.02}, "nothing tells the ground before training"),
+    ],
+)
+def test_it_is_said_who_told_the_ground_without_a_lidar(start: dict[str, object], instead: str) -> None:
+    (told,) = _ground_assumed({"blocks": [{"ground": {"measured": 0.8}}, {"ground": start}]})
+    assert not told.holds and told.instead.endswith(instead)
+    assert told.found.startswith("points lie close together on 2 % of the lane ahead")
+    assert ("1.62 m" in told.found) == ("told_by" in start)
+
+
+def test_a_measured_ground_is_told_so() -> None:
+    (told,) = _ground_assumed({"ground": {"measured": 0.8}})
+    assert told.holds and told.found == "points lie close together on 80 % of the lane ahead"
+    assert _ground_assumed({"ground": {"measured": None}}) == [] == _ground_assumed({})

@@ -28,7 +28,7 @@ from unveil_core.ground.track import longest_track
 from unveil_core.semantics.classes import GROUND_CLASSES
 from unveil_core.semantics.labels import SceneLabels
 
-__all__ = ["GroundStart", "start_ground"]
+__all__ = ["MEASURED", "GroundStart", "measured_lane", "start_ground"]
 
 MEASURED = 0.3
 """Share of the lane ahead that is measured from which on its ground is known: a LiDAR measures nearly all, few points of structure
@@ -53,10 +53,14 @@ class GroundStart:
     """The ground before there is a scene.
 
     Attributes:
+        told_by: ``"photographs"`` that agree on its height, or ``"points"`` that lie on it.
+        height: of the cameras over it, the median, metres.
         street: its height; points: (G, 3) where it is seen, spacing: between them, metres.
         shown: (H, W) per frame, pixels that show it.
     """
 
+    told_by: str
+    height: float
     street: Ground
     points: Float64
     spacing: float
@@ -75,7 +79,7 @@ def start_ground(
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> GroundStart | None:
-    """The ground of a drive that no LiDAR measured; None where one did, or where nothing tells.
+    """The ground of a drive that no LiDAR measured; None where one did, see :func:`measured_lane`, or where nothing tells.
 
     Args:
         images: (H, W, 3); labels: (H, W), negative = unknown; measured: (H, W) where points lie close together; of all frames.
@@ -86,9 +90,8 @@ def start_ground(
     cache = cache or FrameCache()
     track = longest_track(drive)
     of_track = [cameras[i] for i in track]
-    lanes = [lane_ahead(camera, street_axes(of_track, k)) for k, camera in enumerate(of_track)]
-    share = [float(measured[i][lane].mean()) for i, lane in zip(track, lanes, strict=True) if lane.any()]
-    if len(track) < 2 or not share or np.mean(share) > MEASURED:
+    share = measured_lane(drive, measured)
+    if share is None or share > MEASURED:
         return None
 
     def barred(i: int) -> Mask:
@@ -100,6 +103,7 @@ def start_ground(
     told = heights_over_ground(
         views, Frames(len(track), lambda k: barred(track[k])), usual=of_points, progress=progress
     )
+    told_by = "photographs" if told is not None else "points"
     if told is None and of_points is not None:
         # Plain asphalt looks alike at any height.
         told = np.full(len(track), of_points), _points_below(drive.points.positions, cameras, of_points)
@@ -120,9 +124,20 @@ def start_ground(
                 bits[i] = mask_bits(mask & ~barred(i))
                 progress(len(bits), len(cameras), "looking for the ground")
         shown = Frames(len(cameras), lambda i: mask_of_bits(bits[i], (cameras[i].height, cameras[i].width)))
-    told_by = Frames(len(cameras), barred)
-    points, spacing = _seen_places(street, cameras, over, shown, told_by, round(SHARE * budget))
-    return None if not len(points) else GroundStart(street, points, spacing, shown)
+    without = Frames(len(cameras), barred)
+    points, spacing = _seen_places(street, cameras, over, shown, without, round(SHARE * budget))
+    if not len(points):
+        return None
+    return GroundStart(told_by, float(np.median(over)), street, points, spacing, shown)
+
+
+def measured_lane(drive: Drive, measured: Sequence[Mask]) -> float | None:
+    """Share of the lane ahead of the longest track's cameras that is ``measured`` (H, W) per frame; None where none is seen."""
+    track = longest_track(drive)
+    cameras = [drive.frames[i].camera for i in track]
+    lanes = [lane_ahead(camera, street_axes(cameras, k)) for k, camera in enumerate(cameras)]
+    share = [float(measured[i][lane].mean()) for i, lane in zip(track, lanes, strict=True) if lane.any()]
+    return float(np.mean(share)) if len(track) > 1 and share else None
 
 
 def _points_below(points: Float64, cameras: Sequence[Camera], height: float) -> Float64:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.kernels.device import current_device
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.base.resume.checkpoint import Checkpoint, Kept
+from unveil_core.base.resume.checkpoint import Checkpoint, Kept, facts_array, facts_of
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import Exposures
@@ -165,9 +165,12 @@ def reconstruct(
         if settings.random_start:
             return random_scene(drive, scene, labels, settings.start.budget, seed=seed).arrays()
         given = settings.start
-        return start_scene(drive, scene, images, labels, given, hidden=hidden, cache=cache, progress=progress).arrays()
+        made = start_scene(drive, scene, images, labels, given, hidden=hidden, cache=cache, progress=progress)
+        return {**made.surfels.arrays(), "ground": facts_array(made.ground)}
 
-    surfels = Surfels.from_arrays(kept.once("start", start))
+    begun = kept.once("start", start)
+    ground = facts_of(begun["ground"]) if "ground" in begun else {}
+    surfels = Surfels.from_arrays(begun)
     if settings.ellipsoids:
         surfels = as_ellipsoids(surfels, FLATNESS)
     rows = _sky_rows(settings)
@@ -206,7 +209,9 @@ def reconstruct(
     course = _Course(state, fine, coarse, settings, kept.checkpoint("training"), progress)
     surfels, sky = course.run()
     return Reconstruction(
-        surfels.to("cpu"), sky.to("cpu"), {"given": sorted(settings.given), "sky": sky_choice, **course.choices}
+        surfels.to("cpu"),
+        sky.to("cpu"),
+        {"given": sorted(settings.given), "sky": sky_choice, "ground": ground, **course.choices},
     )
 
 

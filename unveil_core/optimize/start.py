@@ -26,7 +26,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.cloud import estimate_normals, thin_points
 from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.optimize.adaptation.choices import decibels
-from unveil_core.optimize.ground_start import start_ground
+from unveil_core.optimize.ground_start import measured_lane, start_ground
 from unveil_core.optimize.uncovered import cover_uncovered
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.semantics.labels import SceneLabels
@@ -115,6 +115,20 @@ def _measured(seen: PointsInView, camera: Camera) -> NDArray[np.bool_]:
     return dense
 
 
+@dataclass(frozen=True, eq=False)
+class SceneStart:
+    """What training begins with.
+
+    Attributes:
+        surfels: of the scene.
+        ground: JSON-able, the share of the lane ahead that is ``measured``, None where none is seen; where another tells the
+            ground: what ``told_by``, and the ``height`` of the cameras over it, metres.
+    """
+
+    surfels: Surfels
+    ground: dict[str, Any]
+
+
 def start_scene(
     drive: Drive,
     scene: SceneLabels,
@@ -125,7 +139,7 @@ def start_scene(
     hidden: Sequence[NDArray[np.bool_]] | None = None,
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
-) -> Surfels:
+) -> SceneStart:
     """Surfels from the drive's points and from swept ones, labelled by the views.
 
     Args:
@@ -208,7 +222,10 @@ def start_scene(
     start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
-    return cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP, ground)
+    told: dict[str, Any] = {"measured": measured_lane(drive, measured)}
+    if ground is not None:
+        told |= {"told_by": ground.told_by, "height": ground.height}
+    return SceneStart(cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP, ground), told)
 
 
 def random_scene(

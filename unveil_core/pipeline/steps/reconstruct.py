@@ -13,6 +13,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.optimize.adaptation.choices import CHOICES
 from unveil_core.optimize.exposure import fit_exposures
+from unveil_core.optimize.ground_start import MEASURED
 from unveil_core.optimize.in_blocks import BlockwiseReconstruction
 from unveil_core.optimize.reconstruct import PRESETS, ReconstructSettings
 from unveil_core.pipeline.settings import RunSettings
@@ -54,7 +55,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
     write_surfels(done.surfels, context.output("surfels/full.ply"), to_world=work.drive.to_world, comments=comments)
     save_sky(done.sky, context.output("surfels/sky.npz"))
     work.parts.tidy()
-    return {"choices": done.choices, **assumed([_sky_assumed(done.choices)])}
+    return {"choices": done.choices, **assumed([_sky_assumed(done.choices), *_ground_assumed(done.choices)])}
 
 
 def _sky_assumed(choices: dict[str, Any]) -> Assumption:
@@ -63,6 +64,24 @@ def _sky_assumed(choices: dict[str, Any]) -> Assumption:
     shown, frames = (sum(t[name] for t in told) for name in ("shown", "frames"))
     found = f"in {shown} of {frames} frames" if shown else f"in none of {frames} frames"
     return Assumption("the sky is above", shown > 0, found, "an even grey is behind the scene before it is trained")
+
+
+def _ground_assumed(choices: dict[str, Any]) -> list[Assumption]:
+    """That a LiDAR measured the ground, by what each block began with, or all; nothing where no lane was seen."""
+    told = [
+        c["ground"] for c in (choices, *choices.get("blocks", [])) if c.get("ground", {}).get("measured") is not None
+    ]
+    if not told:
+        return []
+    least = min(told, key=lambda one: float(one["measured"]))
+    found = f"points lie close together on {100 * least['measured']:.0f} % of the lane ahead"
+    if least.get("told_by"):
+        found += f"; the camera is {least['height']:.2f} m over it by the {least['told_by']}"
+    instead = {
+        "photographs": "the ground begins where photographs of it agree",
+        "points": "the ground begins at the height that few points tell",
+    }.get(least.get("told_by", ""), "nothing tells the ground before training")
+    return [Assumption("a LiDAR measured the ground", least["measured"] > MEASURED, found, instead)]
 
 
 def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReconstruction:
