@@ -107,3 +107,23 @@ def test_bays_of_which_only_tips_are_seen_are_as_deep_as_those_across(ends: bool
     hidden = line & ~known
     assert (share > 0.5)[hidden].mean() > 0.75
     assert not share[:, :30].any(), "no deeper"
+
+
+def test_beyond_a_corner_a_row_of_bays_begins_anew() -> None:
+    """Bays as long, but elsewhere; on each street three lines of six are seen, by which alone nobody would tell."""
+    detail, line = parking_lane(rows=2000)
+    detail[:, 160:], line[:, 160:] = 0, False
+    corner = slice(900, 1040)
+    detail[corner], line[corner] = 0, False
+    detail[1040:], line[1040:] = np.roll(detail[1040:], 75, axis=0), np.roll(line[1040:], 75, axis=0)
+    known, rows = np.ones_like(line), np.flatnonzero(line[:, 60] & ~np.roll(line[:, 60], 1))
+    before, after = rows[rows < 900], rows[rows > 1040]
+    for row in (*before[[1, 2, 4]], *after[[1, 3, 4]]):
+        known[row - 30 : row + 33, 35:95] = False
+    given = np.where(known[..., None], detail, 0)
+    streets = (slice(0, 900), slice(1040, 2000))
+    _, share = continue_transverse_markings(given, known, ~known, texels_per_m=PER_M, streets=streets)
+    assert (share > 0.5)[line & ~known].mean() > 0.75
+    assert ((share > 0.5) & ~line).sum() < 0.7 * (line & ~known).sum()
+    _, as_one = continue_transverse_markings(given, known, ~known, texels_per_m=PER_M)
+    assert not (as_one > 0.5)[1040:].any()

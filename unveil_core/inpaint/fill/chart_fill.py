@@ -6,6 +6,7 @@ the same offset elsewhere along the street, patch by patch; transverse markings 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -162,7 +163,8 @@ def fill_chart(
     marked = np.where(bare[..., None], color / illumination - median, 0).astype(np.float32)
     labels = _labels(chart, seen, hole)
     road = inside & (labels == _under_path(labels, inside, t))
-    markings = _markings(marked, bare, hole, labels, road, median, per_m=per_m)
+    streets = parts_between_corners(chart.ground.path, s)
+    markings = _markings(marked, bare, hole, labels, road, median, streets, per_m=per_m)
     invented = _invented(sunny - median, even, hole, markings, per_m=per_m)
     fill = (median + invented) * illumination
     color[hole] = np.clip(fill[hole], 0, 1)
@@ -257,17 +259,26 @@ def _in_the_sun(sunny: Float32, even: Mask, inside: Mask, profile: Profile, *, p
 
 
 def _markings(
-    marked: Float32, bare: Mask, hole: Mask, labels: NDArray[np.int16], road: Mask, median: Float32, *, per_m: float
+    marked: Float32,
+    bare: Mask,
+    hole: Mask,
+    labels: NDArray[np.int16],
+    road: Mask,
+    median: Float32,
+    streets: Sequence[slice],
+    *,
+    per_m: float,
 ) -> tuple[Float32, Float32]:
     """Detail (A, B, 3) of the markings in the hole (A, B), and how much of it they are (A, B), 0 to 1.
 
     Args:
         marked: (A, B, 3) difference from the medians; bare: (A, B) where that can be trusted.
         labels: (A, B) of the ground; road: (A, B) the carriageway; median: (A, B, 3) of the lateral offsets.
+        streets: rows before, between and after corners.
     """
     line = lines_along(median, per_m)
     paint = np.where(line[..., None], median - beside_lines(median, line, per_m), 0).astype(np.float32)
-    lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m)
+    lines, on_line = continue_transverse_markings(marked, bare, hole, texels_per_m=per_m, streets=streets)
     for other, on_other in (
         continue_stop_lines(marked, bare, hole, road, line, texels_per_m=per_m),
         continue_crossings(marked, bare, hole, labels, line, paint, texels_per_m=per_m),

@@ -6,7 +6,9 @@ regular distance (parking bays), the row is completed. A stop line, of which the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -47,8 +49,13 @@ MISSED_LINE_PENALTY = 2.0
 """Taken from the score for each line that it predicts in ground that was seen to have none. Chosen on the two sample streets."""
 ENDED = 2
 """Lines of a row that must be seen to end for all to end there: one may be worn, or its place misread."""
+SURE_SURPLUS = 2
+"""Lines on a row beyond those that any lie on, from which on as many hidden ones are supposed as are seen."""
 FARTHEST = 2.5
 """How far beyond the observed lines a row is completed, in periods. Chosen on the two sample streets."""
+
+_Phases = tuple[float | None, ...]
+"""For each street the place of one line, None where it has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +72,14 @@ class _Strips:
 
 
 def continue_transverse_markings(
-    detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float
+    detail: Float32, known: Mask, wanted: Mask, *, texels_per_m: float, streets: Sequence[slice] = (slice(None),)
 ) -> tuple[Float32, Float32]:
     """Continue lines across the street into what nobody saw.
 
     Args:
         detail: (A, B, 3) of a rectified chart, the difference from the lateral offset's median.
         known: (A, B) where it was seen; wanted: (A, B) where it is asked for.
+        streets: rows before, between and after corners: each street begins its bays anew.
     Returns:
         detail (A, B, 3) of the continued lines, and how much of it is line (A, B), 0 to 1, within ``wanted``.
     """
@@ -81,7 +89,8 @@ def continue_transverse_markings(
         return result, share
     goes_on = _goes_on(strips, round(ACROSS_M / BIN_M))
     marked = _followed(strips, goes_on)
-    marked |= _repeated(strips, marked, goes_on, texels_per_m)
+    streets = [slice(*street.indices(len(detail))) for street in streets]
+    marked |= _repeated(strips, marked, goes_on, streets, texels_per_m)
     added = marked & ~strips.known
     half = round(LONGEST_M / 2 * texels_per_m)
     sections = {k: _section(detail, known, strips, int(k), half) for k in np.flatnonzero(strips.marked.any(axis=0))}
@@ -164,14 +173,18 @@ def _followed(strips: _Strips, goes_on: NDArray[np.float64]) -> Mask:
     return marked
 
 
-def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texels_per_m: float) -> Mask:
+def _repeated(
+    strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], streets: Sequence[slice], texels_per_m: float
+) -> Mask:
     """Marks (A, S) that stand where lines at regular distances would stand and nobody saw."""
     result = np.zeros_like(marked)
     kinds = [_kind(strips, marked, members) for members in _groups(strips, goes_on)]
     unseen = [~strips.known[:, k.members].all(axis=1) for k in kinds]
-    periods = [_period(k.at, gap, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
-    rows_of = [_shared(kind, gap, found, periods) for kind, gap, found in zip(kinds, unseen, periods, strict=True)]
-    for kind, (period, phase) in zip(kinds, rows_of, strict=True):
+    periods = [_period(k.at, gap, streets, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
+    rows_of = [
+        _shared(kind, gap, streets, found, periods) for kind, gap, found in zip(kinds, unseen, periods, strict=True)
+    ]
+    for kind, (period, phases) in zip(kinds, rows_of, strict=True):
         if period <= 0:
             continue
         alike = [
@@ -179,13 +192,18 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
         ]
         members = _as_wide(kind, max(alike, key=lambda k: len(k.members)), strips)
         usual = strips.marked[:, members].any(axis=0)
-        places = np.arange(phase % period, len(marked), period)
-        for at in places:
-            near = np.abs(kind.at - at)
+        places = [
+            (at, kind.at[_within(kind.at, street)])
+            for street, phase in zip(streets, phases, strict=True)
+            if phase is not None
+            for at in np.arange(street.start + (phase - street.start) % period, street.stop, period)
+        ]
+        for at, events in places:
+            near = np.abs(events - at)
             if near.min() > FARTHEST * period:
                 continue
             hit = bool((near < 0.15 * period).any())
-            middle = kind.at[near.argmin()] if hit else at
+            middle = events[near.argmin()] if hit else at
             first = round(middle - (kind.thickness - 1) / 2)
             rows = slice(max(0, first), first + kind.thickness)
             # Where part of the row was seen and shows no line, there is none.
@@ -196,17 +214,17 @@ def _repeated(strips: _Strips, marked: Mask, goes_on: NDArray[np.float64], texel
 
 
 def _shared(
-    kind: _Kind, gap: Mask, found: tuple[float, float], periods: list[tuple[float, float]]
-) -> tuple[float, float]:
-    """Period and phase of a kind of line, and of a finer row of another kind if it fits that: both sides of a street are divided
+    kind: _Kind, gap: Mask, streets: Sequence[slice], found: tuple[float, _Phases], periods: list[tuple[float, _Phases]]
+) -> tuple[float, _Phases]:
+    """Period and phases of a kind of line, and of a finer row of another kind if it fits that: both sides of a street are divided
     alike; one that hides more of its lines may seem divided more coarsely."""
-    period, phase = found
+    period, phases = found
     for other, _ in periods:
         finer = other > 0 and (period == 0 or _times(period, other) >= 2)
-        fit = _fit(kind.at, gap, other) if finer else None
+        fit = _fit(kind.at, gap, streets, other) if finer else None
         if fit is not None and len(kind.at) >= 2:
-            period, phase = fit[:2]
-    return period, phase
+            period, phases = fit[:2]
+    return period, phases
 
 
 def _as_wide(kind: _Kind, widest: _Kind, strips: _Strips) -> NDArray[np.int64]:
@@ -288,26 +306,62 @@ def _events(marked: Mask) -> tuple[NDArray[np.float64], int]:
     return middles, max(1, round(float(crowd.sum()) / max(count, 1)))
 
 
-def _period(events: NDArray[np.float64], unseen: Mask, texels_per_m: float) -> tuple[float, float]:
-    """Distance at which events (E,), in rows, repeat, and the place of one of them; 0, 0 where they do not.
+def _period(
+    events: NDArray[np.float64], unseen: Mask, streets: Sequence[slice], texels_per_m: float
+) -> tuple[float, _Phases]:
+    """Distance at which events (E,), in rows, repeat, and the place of one of them for each street; 0 where they do not.
 
     Args:
         unseen: (A,) rows of which something was not seen.
     """
+    none: _Phases = tuple(None for _ in streets)
     if len(events) < LEAST_EVENTS:
-        return 0.0, 0.0
-    best, found = 0.0, (0.0, 0.0)
+        return 0.0, none
+    best, found = 0.0, (0.0, none)
     for period in np.arange(PERIODS_M[0] * texels_per_m, PERIODS_M[1] * texels_per_m, 0.5):
-        fit = _fit(events, unseen, float(period))
+        fit = _fit(events, unseen, streets, float(period))
         if fit is not None and fit[2] > best:
             best, found = fit[2], fit[:2]
     return found
 
 
-def _fit(events: NDArray[np.float64], unseen: Mask, period: float) -> tuple[float, float, float] | None:
-    """How well events (E,) repeat at a period: the period, the place of one of them, and a score; None where they do not."""
+def _fit(
+    events: NDArray[np.float64], unseen: Mask, streets: Sequence[slice], period: float
+) -> tuple[float, _Phases, float] | None:
+    """How well events (E,) repeat at a period: the period, the place of one of them for each street, and a score; None where they
+    do not."""
+    rows = [_row(own, unseen, period) if len(own := events[_within(events, street)]) else None for street in streets]
+    # One line alone lies on any row.
+    told = [row for row in rows if row is not None and row.events > 1]
+    lines, hits, hidden, missed = (
+        sum(getattr(row, name) for row in told) for name in ("events", "hits", "hidden", "missed")
+    )
+    # Each street has a place to choose, and all together a distance: the rest is no chance.
+    surplus = hits - len(told) - 1
+    regular = hits >= min(LEAST_EVENTS, lines) and hits >= 0.7 * lines and missed <= hits / 4
+    regular &= hits > hidden or (hits == hidden and surplus >= SURE_SURPLUS)
+    if not told or not regular:
+        return None
+    phases = tuple(None if row is None else row.phase for row in rows)
+    return period, phases, sum(row.score for row in told)
+
+
+class _Row(NamedTuple):
+    """Lines of one street on a row: the place of one, and a score; how many there are, are on it, and would be on it but are in
+    unseen ground or missed in seen."""
+
+    phase: float
+    score: float
+    events: int
+    hits: int
+    hidden: int
+    missed: int
+
+
+def _row(events: NDArray[np.float64], unseen: Mask, period: float) -> _Row:
+    """The row of a period that suits the events (E,) best."""
     slack = 0.02 * period + 2
-    best: tuple[float, float, float] | None = None
+    rows = []
     for phase in events:
         turn = (events - phase) / period
         off = np.abs(turn - np.round(turn)) * period
@@ -324,8 +378,10 @@ def _fit(events: NDArray[np.float64], unseen: Mask, period: float) -> tuple[floa
             - (len(events) - hits)
             - 0.1 * float(off[off < slack].mean())
         )
-        regular = hits >= min(LEAST_EVENTS, len(events)) and hits >= 0.7 * len(events) and missed <= hits / 4
-        regular &= hits > hidden
-        if regular and (best is None or score > best[2]):
-            best = (period, float(phase), score)
-    return best
+        rows.append(_Row(float(phase), score, len(events), hits, hidden, missed))
+    return max(rows, key=lambda row: row.score)
+
+
+def _within(events: NDArray[np.float64], street: slice) -> Mask:
+    """(E,) which events lie on a street's rows."""
+    return np.asarray((events >= street.start) & (events < street.stop))
