@@ -146,11 +146,11 @@ def fill_chart(
     if shadow.any():
         relit = shadow & seen & ~hole
         gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
-        if light is None:
-            # No border of a cast shadow is told from the edge that the object darkens.
-            dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
+        dim = still_dark(chart.color * gain, target, relit, hole, per_m=per_m)
+        if dim.any():
             hole, hopeless, relit = hole | dim, hopeless | dim, relit & ~dim
             gain = relighting_gain(chart.color, target, seen, shadow, wide, relit, shade.paint, per_m=per_m)
+        if light is None:
             gain = under_an_even_sky(gain, shadow, footprint, per_m)
         gain[hole] = 1.0
         lifted = (gain.max(axis=2) > 1.0) & seen & ~hole

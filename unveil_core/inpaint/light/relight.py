@@ -52,7 +52,8 @@ of its luma from which on the patch is no shadow of an object. Charts of eight s
 dB, 47 and 49 0.4 and 0.5 more, 0 0.1 less, the others the same; with 0.8 the same to 0.1 but 49 0.3 more, with 0.9 67 1.4 less."""
 MIXED_M, BRIGHT = 0.3, 0.93
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
-share of its lit level below which it still does when it is relit."""
+share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
+street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
