@@ -140,10 +140,13 @@ def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, r
     hop, half = HOP_M / S_CELL_M, HALF_M / S_CELL_M
     stops = np.arange(0.0, rows + hop, hop)
     changes = np.zeros((len(stops), columns))
-    for k, stop in enumerate(stops):
-        near = (np.abs(a - stop) < half) & (np.abs(apart) < STEADY_M)
-        order = np.argsort(b[near], kind="stable")
-        cells, parts = _groups(b[near][order], apart[near][order])
+    steady = np.flatnonzero(np.abs(apart) < STEADY_M)
+    along = steady[np.argsort(a[steady], kind="stable")]
+    first, last = np.searchsorted(a[along], stops - half, "right"), np.searchsorted(a[along], stops + half, "left")
+    for k in range(len(stops)):
+        near = along[first[k] : last[k]]
+        order = near[np.argsort(b[near], kind="stable")]
+        cells, parts = _groups(b[order], apart[order])
         told = [i for i, part in enumerate(parts) if len(part) >= FEWEST_OF_CELL]
         if told:
             # Under parked cars the street's own step goes on, moved by what lies beside them.
