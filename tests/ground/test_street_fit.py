@@ -96,3 +96,15 @@ def test_wrong_labels_on_a_garden_wall_do_not_raise_the_ground_at_its_foot() -> 
     ground = street_fit.fit_street_heights(straight_path(), np.concatenate([np.stack([s, t, height], axis=1), wall]))
     clear = np.abs(t - 4) > 0.15
     assert np.abs(ground.height_at(s, t) - np.where(t > 4, 0.12, 0.0))[clear].max() < 0.12
+
+
+def test_the_profile_has_kerbs_but_no_teeth() -> None:
+    generator = np.random.default_rng(8)
+    s, t = generator.uniform(0, 40, 8000), generator.uniform(-6, 6, 8000)
+    height = np.where(t > 4, 0.12, 0.0) + generator.normal(0, 0.04, len(s))
+    ground = street_fit.fit_street_heights(straight_path(), np.stack([s, t, height], axis=1))
+    across = np.arange(-5.5, 3.5, 0.1)
+    rise = np.diff(ground.height_at(np.full_like(across, 20.0), across))
+    assert np.abs(rise).max() < 0.008
+    foot, top = ground.height_at(np.array([20.0, 20.0]), np.array([3.8, 4.2]))
+    assert top - foot > 0.09

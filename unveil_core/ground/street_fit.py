@@ -31,6 +31,9 @@ COARSE = 5
 """Cells across of the remainder, in cells of the cross profile: half a metre."""
 THICK_CELLS, APART_M = 7, 0.25
 """What stands out of the cross profile over fewer cells than half of so many, by more metres, is no ground: more than a kerb."""
+SMOOTH_CELLS, LEAST_STEP_M = 2, 0.05
+"""Standard deviation of a cross profile's smoothing, in cells, and what it must rise within three of these, metres, for a step to
+be left as it is: a lowered kerb's 3 cm is smoothed. On five drawn streets heights spread by 0.1 to 0.2 cm less than without."""
 STEADY_M = 0.4
 """What departs from base and profile by more is no ground."""
 APART_CELLS, FEWEST_APART = 3, 12
@@ -128,7 +131,16 @@ def _cross_profile(b: NDArray[np.int64], rest: Float64, columns: int) -> Float64
     near = np.abs(rest - around[b]) < APART_M
     if not near.any():
         return around
-    return median_filter(_running_median(b[near], rest[near], columns), 3, mode="nearest")
+    return _but_for_steps(median_filter(_running_median(b[near], rest[near], columns), 3, mode="nearest"))
+
+
+def _but_for_steps(profile: Float64) -> Float64:
+    """A cross profile (columns,), smooth but for its steps: medians of cells are right to a centimetre or two, and by these lines
+    across the street, read from 10 m away, had teeth."""
+    reach = 2 * round(3 * SMOOTH_CELLS / 2) + 1
+    step = maximum_filter1d(profile, reach) - minimum_filter1d(profile, reach)
+    smooth: Float64 = np.where(step < LEAST_STEP_M, gaussian_filter1d(profile, SMOOTH_CELLS, mode="nearest"), profile)
+    return smooth
 
 
 def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, rows: int, columns: int) -> Float64:
@@ -151,7 +163,7 @@ def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, r
         if told:
             # Under parked cars the street's own step goes on, moved by what lies beside them.
             change = np.interp(np.arange(columns), cells[told], [float(np.median(parts[i])) for i in told])
-            changes[k] = median_filter(change, 3, mode="nearest")
+            changes[k] = _but_for_steps(median_filter(change, 3, mode="nearest"))
     at = np.arange(rows) / hop
     i = np.minimum(at.astype(int), len(stops) - 2)
     u = (at - i)[:, None]
