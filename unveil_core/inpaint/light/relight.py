@@ -204,8 +204,8 @@ def still_dark(relit: Float32, target: Float32, inside: Mask, hole: Mask, *, per
         relit, target: (A, B, 3) as relit, and as it should be.
         inside: (A, B) what was relit; hole: (A, B) what nobody saw.
     """
-    level = masked_blur(luminance(relit), inside, SMOOTH_M * per_m)
-    dark = inside & grow(hole, MIXED_M * per_m) & (level < BRIGHT * luminance(target))
+    level, wanted = (masked_blur(luminance(picture), inside, SMOOTH_M * per_m) for picture in (relit, target))
+    dark = inside & grow(hole, MIXED_M * per_m) & (level < BRIGHT * wanted)
     mixed: Mask = grow(dark, SMOOTH_M * per_m) & inside
     return mixed
 
