@@ -10,7 +10,7 @@ import pytest
 
 from tests.textured_street import BOX, GROUND, HEIGHT, WALL_M, WIDTH, TexturedStreet
 from unveil_core.drives.drive import Drive, Frame, PointCloud
-from unveil_core.optimize.ground_start import GroundStart, start_ground
+from unveil_core.optimize.ground_start import GroundStart, measured_lane, start_ground
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.semantics.labels import SceneLabels
 
@@ -41,7 +41,7 @@ def with_classes() -> tuple[SceneLabels, list[np.ndarray]]:
 @pytest.fixture(scope="module", params=[without_classes, with_classes])
 def found(request: pytest.FixtureRequest) -> GroundStart:
     scene, labels = request.param()
-    start = start_ground(drive(), scene, IMAGES, labels, UNMEASURED, budget=8000)
+    start = start_ground(drive(), scene, IMAGES, labels, measured_lane(drive(), UNMEASURED), budget=8000)
     assert start is not None
     assert start.told_by == "photographs" and abs(start.height - 1.5) < 0.05
     return start
@@ -65,7 +65,7 @@ def test_sidewalks_lie_over_kerbs() -> None:
         scene,
         [image for image, _ in pictures],
         [of_kind[kind] for _, kind in pictures],
-        UNMEASURED * 2,
+        0.0,
         budget=8000,
     )
     assert start is not None
@@ -95,13 +95,16 @@ def test_it_leaves_out_what_could_be_removed(found: GroundStart) -> None:
 
 def test_who_measured_it_is_not_asked() -> None:
     scene, labels = with_classes()
-    assert start_ground(drive(), scene, IMAGES, labels, [~m for m in UNMEASURED], budget=8000) is None
+    assert (
+        start_ground(drive(), scene, IMAGES, labels, measured_lane(drive(), [~m for m in UNMEASURED]), budget=8000)
+        is None
+    )
 
 
 def test_without_agreement_there_is_none() -> None:
     scene, labels = without_classes()
     noise = [np.random.default_rng(i).integers(0, 255, image.shape).astype(np.uint8) for i, image in enumerate(IMAGES)]
-    assert start_ground(drive(), scene, noise, labels, UNMEASURED, budget=8000) is None
+    assert start_ground(drive(), scene, noise, labels, measured_lane(drive(), UNMEASURED), budget=8000) is None
 
 
 def test_points_tell_where_asphalt_is_plain() -> None:
@@ -113,9 +116,9 @@ def test_points_tell_where_asphalt_is_plain() -> None:
     leaves = np.stack([generator.uniform(2, 16, 60), generator.uniform(-4, 4, 60), generator.uniform(1, 4, 60)], axis=1)
     scene, labels = with_classes()
     some = replace(drive(), points=PointCloud(np.concatenate([places, leaves])))
-    found = start_ground(some, scene, pictures, labels, UNMEASURED, budget=8000)
+    found = start_ground(some, scene, pictures, labels, measured_lane(drive(), UNMEASURED), budget=8000)
     assert found is not None and found.told_by == "points"
     near = (found.points[:, 0] > 3) & (found.points[:, 0] < 15) & (np.abs(found.points[:, 1]) < 4)
     error = found.points[near, 2] - STREET.height(found.points[near])
     assert near.sum() > 500 and abs(np.median(error)) < 0.05
-    assert start_ground(drive(), scene, pictures, labels, UNMEASURED, budget=8000) is None
+    assert start_ground(drive(), scene, pictures, labels, measured_lane(drive(), UNMEASURED), budget=8000) is None

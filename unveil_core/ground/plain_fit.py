@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.cell_medians import cell_medians
 
 __all__ = ["NOISY_M", "cross_profile", "height_noise", "plain_heights"]
 
@@ -95,23 +96,10 @@ def cross_profile(over: Float64, t: Float64) -> Float64:
     Args:
         over: (P, 2) lateral offset and height over the plain surface of points that lie on the ground.
     """
-    step = t[1] - t[0]
-    over = over[np.abs(over[:, 1]) < KERB_M]
-    cell = np.round((over[:, 0] - t[0]) / step).astype(np.int64)
-    order = np.argsort(cell, kind="stable")
-    cells, first = np.unique(cell[order], return_index=True)
-    parts = np.split(over[order, 1], first[1:])
-    told = [
-        k
-        for k, part in enumerate(parts)
-        if 0 <= cells[k] < len(t)
-        and len(part) >= FEWEST_OF_PROFILE
-        and np.subtract(*np.percentile(part, [75, 25])) < TOGETHER_M
-    ]
-    if not told:
-        return np.zeros(len(t))
-    middle = median_filter([float(np.median(parts[k])) for k in told], 3, mode="nearest")
-    return np.interp(t, t[cells[told]], middle)
+    cell = np.round((over[:, 0] - t[0]) / (t[1] - t[0])).astype(np.int64)
+    counts = (np.abs(over[:, 1]) < KERB_M) & (cell >= 0) & (cell < len(t))
+    cells, heights = cell_medians(cell[counts], over[counts, 1], fewest=FEWEST_OF_PROFILE, together=TOGETHER_M)
+    return np.interp(t, t[cells], median_filter(heights, 3, mode="nearest")) if len(cells) else np.zeros(len(t))
 
 
 def _rows(points: Float64, s: Float64) -> sparse.csr_array:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.cell_medians import cell_medians, groups
 from unveil_core.ground.one_place import limited_to_own
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.plain_fit import NOISY_M, height_noise, plain_heights
@@ -157,13 +158,9 @@ def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, r
     first, last = np.searchsorted(a[along], stops - half, "right"), np.searchsorted(a[along], stops + half, "left")
     for k in range(len(stops)):
         near = along[first[k] : last[k]]
-        order = near[np.argsort(b[near], kind="stable")]
-        cells, parts = _groups(b[order], apart[order])
-        told = [i for i, part in enumerate(parts) if len(part) >= FEWEST_OF_CELL]
-        if told:
-            # Under parked cars the street's own step goes on, moved by what lies beside them.
-            change = np.interp(np.arange(columns), cells[told], [float(np.median(parts[i])) for i in told])
-            changes[k] = _but_for_steps(median_filter(change, 3, mode="nearest"))
+        # Under parked cars the street's own step goes on, moved by what lies beside them.
+        change = _running_median(b[near], apart[near], columns, FEWEST_OF_CELL)
+        changes[k] = _but_for_steps(median_filter(change, 3, mode="nearest"))
     at = np.arange(rows) / hop
     i = np.minimum(at.astype(int), len(stops) - 2)
     u = (at - i)[:, None]
@@ -201,7 +198,7 @@ def _under(objects: Float64, s_low: float, base: Float64, left: Float64, right: 
     objects, row = objects[low_parts], row[low_parts]
     left, right = left.copy(), right.copy()
     order = np.argsort(row, kind="stable")
-    for k, part in zip(*_groups(row[order], objects[order, 1]), strict=True):
+    for k, part in zip(*groups(row[order], objects[order, 1]), strict=True):
         if len(part) >= FEWEST_APART:
             low, high = np.percentile(part, [2, 98])
             first, last = max(0, k - UNDER_CELLS), k + UNDER_CELLS + 1
@@ -214,7 +211,7 @@ def _limits(street: Float64, a: NDArray[np.int64], rows: int, reach: float) -> t
     """Largest and smallest lateral offset with ground, per row; as wide behind parked rows as before and after them."""
     left, right = np.full(rows, np.nan), np.full(rows, np.nan)
     order = np.argsort(a, kind="stable")
-    for row, part in zip(*_groups(a[order], street[order, 1]), strict=True):
+    for row, part in zip(*groups(a[order], street[order, 1]), strict=True):
         if len(part) >= 12:
             right[row], left[row] = np.percentile(part, [1, 99])
     known = np.isfinite(left)
@@ -249,18 +246,7 @@ def _wall_limit(side: Float64, s_low: float, fallback: Float64) -> Float64:
     return median_filter(np.maximum(limit, fallback), 5, mode="nearest")
 
 
-def _groups(keys: NDArray[np.int64], values: Float64) -> tuple[NDArray[np.int64], list[Float64]]:
-    """Split sorted keys into runs."""
-    if not len(keys):
-        return keys, []
-    unique, first = np.unique(keys, return_index=True)
-    return unique, np.split(values, first[1:])
-
-
-def _running_median(index: NDArray[np.int64], values: Float64, count: int) -> Float64:
-    """Median per bin (count,), gaps interpolated."""
-    order = np.argsort(index, kind="stable")
-    bins, parts = _groups(index[order], values[order])
-    if not len(bins):
-        return np.zeros(count)
-    return np.interp(np.arange(count), bins, [float(np.median(p)) for p in parts])
+def _running_median(index: NDArray[np.int64], values: Float64, count: int, fewest: int = 1) -> Float64:
+    """Median per bin (count,), those of fewer values and gaps interpolated; 0 where no bin has enough."""
+    bins, medians = cell_medians(index, values, fewest=fewest)
+    return np.interp(np.arange(count), bins, medians) if len(bins) else np.zeros(count)

@@ -72,17 +72,18 @@ def start_ground(
     scene: SceneLabels,
     images: Sequence[NDArray[np.uint8]],
     labels: Sequence[NDArray[np.int64]],
-    measured: Sequence[Mask],
+    measured: float | None,
     *,
     budget: int,
     hidden: Sequence[Mask] | None = None,
     cache: FrameCache | None = None,
     progress: Progress = no_progress,
 ) -> GroundStart | None:
-    """The ground of a drive that no LiDAR measured; None where one did, see :func:`measured_lane`, or where nothing tells.
+    """The ground of a drive that no LiDAR measured; None where one did, or where nothing tells.
 
     Args:
-        images: (H, W, 3); labels: (H, W), negative = unknown; measured: (H, W) where points lie close together; of all frames.
+        images: (H, W, 3); labels: (H, W), negative = unknown; of all frames.
+        measured: share of the lane that is, see :func:`measured_lane`.
         budget: surfels to start with.
         hidden: (H, W) per frame, pixels that show what does not stand; None = no such pixels.
     """
@@ -90,8 +91,7 @@ def start_ground(
     cache = cache or FrameCache()
     track = longest_track(drive)
     of_track = [cameras[i] for i in track]
-    share = measured_lane(drive, measured)
-    if share is None or share > MEASURED:
+    if measured is None or measured > MEASURED:
         return None
 
     def barred(i: int) -> Mask:
@@ -132,7 +132,8 @@ def start_ground(
 
 
 def measured_lane(drive: Drive, measured: Sequence[Mask]) -> float | None:
-    """Share of the lane ahead of the longest track's cameras that is ``measured`` (H, W) per frame; None where none is seen."""
+    """Share of the lane ahead of the longest track's cameras on which points lie close together, ``measured`` (H, W) per frame;
+    None where no lane is seen."""
     track = longest_track(drive)
     cameras = [drive.frames[i].camera for i in track]
     lanes = [lane_ahead(camera, street_axes(cameras, k)) for k, camera in enumerate(cameras)]

@@ -168,8 +168,17 @@ def start_scene(
     sizes = [np.minimum(spacing, np.median(spacing) * 4)]
     measured, detail = _survey(positions[0], sizes[0], cameras, images, NEAR_M)
     of_drive = len(positions[0])
+    told: dict[str, Any] = {"measured": measured_lane(drive, measured)}
     ground = start_ground(
-        drive, scene, images, labels, measured, budget=settings.budget, hidden=hidden, cache=cache, progress=progress
+        drive,
+        scene,
+        images,
+        labels,
+        told["measured"],
+        budget=settings.budget,
+        hidden=hidden,
+        cache=cache,
+        progress=progress,
     )
     if ground is not None:
         positions[0] = np.concatenate([positions[0], ground.points])
@@ -222,7 +231,6 @@ def start_scene(
     start = surfels_from_points(
         points[good], color[good], label[good], normal[good], spacing[:, None] * factors, quats=quats, opacity=0.7
     )
-    told: dict[str, Any] = {"measured": measured_lane(drive, measured)}
     if ground is not None:
         told |= {"told_by": ground.told_by, "height": ground.height}
     return SceneStart(cover_uncovered(start, cameras, images, labels, len(scene.labels), sky, UP, ground), told)

@@ -60,7 +60,7 @@ def reconstruct_with(context: StageContext, settings: ReconstructSettings) -> Fa
 
 def _sky_assumed(choices: dict[str, Any]) -> Assumption:
     """That there is a sky, by where each block's sky began, or that of all."""
-    told = [c["sky"] for c in (choices, *choices.get("blocks", [])) if c.get("sky")]
+    told = _of_all(choices, "sky")
     shown, frames = (sum(t[name] for t in told) for name in ("shown", "frames"))
     found = f"in {shown} of {frames} frames" if shown else f"in none of {frames} frames"
     return Assumption("the sky is above", shown > 0, found, "an even grey is behind the scene before it is trained")
@@ -68,9 +68,7 @@ def _sky_assumed(choices: dict[str, Any]) -> Assumption:
 
 def _ground_assumed(choices: dict[str, Any]) -> list[Assumption]:
     """That a LiDAR measured the ground, by what each block began with, or all; nothing where no lane was seen."""
-    told = [
-        c["ground"] for c in (choices, *choices.get("blocks", [])) if c.get("ground", {}).get("measured") is not None
-    ]
+    told = [one for one in _of_all(choices, "ground") if one["measured"] is not None]
     if not told:
         return []
     least = min(told, key=lambda one: float(one["measured"]))
@@ -82,6 +80,11 @@ def _ground_assumed(choices: dict[str, Any]) -> list[Assumption]:
         "points": "the ground begins at the height that few points tell",
     }.get(least.get("told_by", ""), "nothing tells the ground before training")
     return [Assumption("a LiDAR measured the ground", least["measured"] > MEASURED, found, instead)]
+
+
+def _of_all(choices: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    """One of the choices as each block made it, or all together."""
+    return [c[name] for c in (choices, *choices.get("blocks", [])) if c.get(name)]
 
 
 def _work(context: StageContext, settings: ReconstructSettings) -> BlockwiseReconstruction:
