@@ -36,7 +36,7 @@ TRUNK_M = 0.6
 """Distance from its middle within which low surfels are a trunk's, metres."""
 SEEN_PX, VIEWS = 24, 6
 """Pixels at 384 in width that a crown covers in a frame to be fitted there; and how many frames, those that show most of it."""
-FARTHEST_M = 60.0
+FARTHEST_M = 25.0
 """Farther off a frame tells nothing of where a crown stands, metres: its depth is off by more than trees are apart."""
 CUT_PX, CUT = 3, 0.5
 """A crown's lower rim is cut where something removed begins within so many pixels under it; a crown that is cut along this share of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
@@ -13,6 +14,9 @@ __all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "share_facing"
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
 how many there must be. Chosen on the two sample streets."""
+LEVEL_M, OF_LEVEL, LEVELS = 0.5, 3, 3
+"""Height of a level of the wall, metres, how many surfels tell where it is, and how many levels must: a wall is tall, while what
+wrong labels leave of a car or a bin, in the street, lies at one height."""
 LOW_M, HIGH_M = 0.3, 8.0
 """Heights over the ground between which a wall's surfels give the facade's offset, metres: over kerbs and shrubs, under roofs."""
 STEP_M, GAP_M = 0.5, 6.0
@@ -40,16 +44,15 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     Args:
         walls: surfels of houses; left: which side of the street.
     """
-    street, facing, low = _places(walls, ground)
-    facing &= low & ((street[:, 1] > 0) == left)
-    along, aside = street[facing, 0], street[facing, 1]
-    order = np.argsort(along)
-    along, aside = along[order], aside[order]
+    street, height, facing = _places(walls, ground)
+    facing &= (height > LOW_M) & (height < HIGH_M) & ((street[:, 1] > 0) == left)
+    order = np.argsort(street[facing, 0], kind="stable")
+    along, aside = street[facing][order, :2].T
+    level = np.floor(height[facing][order] / LEVEL_M).astype(np.int64)
     at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
     offset = np.full(len(at), np.nan)
     for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
-        if high - low >= LEAST:
-            offset[k] = np.median(aside[low:high])
+        offset[k] = _tall_wall(aside[low:high], level[low:high])
     offset = _without_spikes(offset, round(LONG_M / 2 / BIN_M))
     known = np.flatnonzero(np.isfinite(offset))
     for a, b in zip(known, known[1:], strict=False):
@@ -63,6 +66,19 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     below, above = (np.clip(part(place).astype(int), 0, len(at) - 1) for part in (np.floor, np.ceil))
     smooth = np.interp(s, at, np.nan_to_num(offset))
     return np.where(stands[below] & stands[above], smooth, np.nan)
+
+
+def _tall_wall(aside: Float64, level: NDArray[np.int64]) -> float:
+    """Offset of the tall wall that most of a stretch's surfels (P,) lie on, at ``aside`` and of ``level``; NaN where none is."""
+    while len(aside) >= LEAST:
+        middle = float(np.median(aside))
+        own = np.abs(aside - middle) < STEP_M
+        if (np.bincount(level[own]) >= OF_LEVEL).sum() >= LEVELS:
+            return middle
+        if not own.any():  # the median lies between two walls
+            break
+        aside, level = aside[~own], level[~own]
+    return np.nan
 
 
 def fanned_out(ground: Ground, s: Float64, offset: Float64) -> Mask:
@@ -83,17 +99,16 @@ def share_facing(walls: Surfels, ground: Ground) -> float | None:
     Args:
         walls: surfels of houses.
     """
-    street, facing, low = _places(walls, ground)
-    beside = low & (np.abs(street[:, 1]) < BESIDE_M)
+    street, height, facing = _places(walls, ground)
+    beside = (height > LOW_M) & (height < HIGH_M) & (np.abs(street[:, 1]) < BESIDE_M)
     return float(facing[beside].mean()) if beside.sum() >= LEAST else None
 
 
-def _places(walls: Surfels, ground: Ground) -> tuple[Float64, Mask, Mask]:
-    """Street coordinates (N, 3) of the surfels of walls, and which of them face the street and lie where a facade's would."""
+def _places(walls: Surfels, ground: Ground) -> tuple[Float64, Float64, Mask]:
+    """Street coordinates (N, 3) of the surfels of walls, their heights over the ground (N,), and which of them face the street."""
     street = ground.path.to_street(walls.means.detach().double().numpy())
-    height = ground.over(street)
     facing = ground.path.faced_by(street[:, 0], walls.normals().detach().double().numpy())
-    return street, facing, (height > LOW_M) & (height < HIGH_M)
+    return street, ground.over(street), facing
 
 
 def _without_spikes(offset: Float64, half: int) -> Float64:
