@@ -93,6 +93,25 @@ def test_a_piece_that_is_drawn_out_towards_the_cameras_is_no_step_of_the_facade(
     assert np.abs(offset - FACADE_T).max() < 0.2
 
 
+def test_what_lies_low_in_the_street_is_no_facade() -> None:
+    """Wrong labels of a car's roof: many, in front of the wall, all at one height."""
+    ground, _ = street(np.inf)
+    wall = houses(np.inf)
+    place = wall.means[:, 0], wall.means[:, 2]
+    behind = wall.select((place[0] > 8) & (place[0] < 12) & (place[1] > 2.0) & (place[1] < 4.0))
+    roof = wall.select((place[0] > 8) & (place[0] < 12) & (place[1] > 1.2) & (place[1] < 1.6))
+    roof = concatenate(
+        [replace(roof, means=roof.means - torch.tensor([0.0, 3.5 + d, 0.0])) for d in np.arange(0, 0.1, 0.01)]
+    )
+    beside = wall.select((place[0] < 8) | (place[0] > 12))
+    assert len(roof) > len(behind)
+    s = np.arange(1, 25, 0.1)
+    offset = facade_offsets(concatenate([beside, behind, roof]), ground, s, left=True)
+    assert np.abs(offset - FACADE_T).max() < 0.1
+    alone = facade_offsets(roof, ground, s, left=True)
+    assert np.isnan(alone).all()
+
+
 def test_in_a_corner_the_outer_side_is_fanned_out() -> None:
     corner, straight = street(7.0)[0], street(np.inf)[0]
     s = np.arange(4.0, 9.0, 0.5)

@@ -75,6 +75,34 @@ def test_a_door_is_not_put_under_a_window() -> None:
     assert red.sum() == 0
 
 
+def test_a_house_whose_foot_nobody_saw_gets_its_neighbours_plinth() -> None:
+    """Of the first house nothing is seen below its windows; the second one, of grey plaster, stands on a plinth of darker grey,
+    which is no plaster and does not become yellow."""
+    truth = facade(door=100.0)
+    truth[np.isclose(truth, PLASTER[1], atol=1e-6).all(axis=2)] = 0.45
+    foot = np.isclose(truth, PLINTH, atol=1e-6).all(axis=2)
+    truth[foot] = 0.38
+    hidden = gap(truth.shape, (0.0, 12.0, 0.9))
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    inside = gap(truth.shape, (5.0, 11.0, 0.9))
+    assert filled[inside].all()
+    assert np.median(np.abs(color - 0.38)[inside & foot]) < 0.02
+    assert np.median(np.abs(color - PLASTER[0])[inside & ~foot]) < 0.02
+
+
+def test_a_window_half_hidden_gets_its_other_half_though_no_other_is_seen_to_the_ground() -> None:
+    """All but a door is hidden below; that the door alone is seen down to the ground does not put it under windows."""
+    truth = facade(change=100.0, door=10.9)
+    truth[np.isclose(truth, DOOR, atol=1e-6).all(axis=2)] = dark = np.array([0.21, 0.2, 0.16])
+    deep, shallow = gap(truth.shape, (3.0, 5.0, 1.8)), gap(truth.shape, (0.0, 10.9, 0.7), (11.9, 24.0, 0.7))
+    hidden = deep | shallow
+    color, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    door = np.isclose(color, dark, atol=0.02).all(axis=2) & deep
+    assert door.sum() < 0.02 * deep.sum()
+    pane = deep & np.isclose(truth, PANE, atol=1e-6).all(axis=2)
+    assert np.median(np.abs(color - PANE)[pane]) < 0.03
+
+
 def test_where_nothing_is_known_nothing_is_invented() -> None:
     truth = facade()
     everything = np.ones(truth.shape[:2], dtype=bool)

@@ -120,9 +120,9 @@ def test_a_tree_that_no_frame_sees_from_nearby_is_not_completed(monkeypatch: pyt
     whole, half = tree(20.0, -4.0), tree(17.0, 5.0, seed=1)
     plants = concatenate([whole, tree(17.0, 5.0, over_lorry=True, seed=1)])
     seen = views(whole, half, back=20.0)
-    assert completed(plants, seen) is not None
-    monkeypatch.setattr(half_trees, "FARTHEST_M", 25.0)
     assert completed(plants, seen) is None
+    monkeypatch.setattr(half_trees, "FARTHEST_M", 60.0)
+    assert completed(plants, seen) is not None
 
 
 def test_nothing_is_made_up_where_nothing_hides_or_no_tree_tells() -> None:
