@@ -103,6 +103,21 @@ def test_a_window_half_hidden_gets_its_other_half_though_no_other_is_seen_to_the
     assert np.median(np.abs(color - PANE)[pane]) < 0.03
 
 
+def test_no_lit_window_is_made_up() -> None:
+    """At dusk one house has lit windows on its ground floor, and nothing of that is seen of the other."""
+    truth = facade(door=100.0) * 0.4
+    s, h = np.meshgrid(*(np.arange(n) / PER_M for n in truth.shape[:2]), indexing="ij")
+    lit = np.isclose(truth, 0.4 * PANE, atol=1e-6).all(axis=2) & (s > 12) & (h < 3)
+    truth[lit] = 1.0
+    hidden = gap(truth.shape, (0.0, 11.9, 2.7))
+    color, filled, *_ = fill_facade(np.where(hidden[..., None], 0, truth), ~hidden, hidden, texels_per_m=PER_M)
+    assert filled[hidden].all()
+    assert (color[hidden].min(axis=1) > 0.5).mean() < 0.02
+    beside = gap(truth.shape, (18.0, 19.0, 1.6))
+    color, *_ = fill_facade(np.where(beside[..., None], 0, truth), ~beside, beside, texels_per_m=PER_M)
+    assert np.median(color[beside & lit]) > 0.8, "of a lit window that is half seen the rest is lit"
+
+
 def test_where_nothing_is_known_nothing_is_invented() -> None:
     truth = facade()
     everything = np.ones(truth.shape[:2], dtype=bool)

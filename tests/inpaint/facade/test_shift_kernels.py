@@ -18,12 +18,13 @@ def test_rows_are_compared_as_written(rows: int, columns: int, seed: int) -> Non
     color = generator.random((rows, columns, 3), dtype=np.float32)
     wall = generator.random((rows, 3), dtype=np.float32)
     known = generator.random((rows, columns)) < 0.6
+    held = known & (generator.random((rows, columns)) < 0.8)
     worth = generator.choice(np.array([0, 0.3, 1], np.float32), (rows, columns))
     context = (known * generator.integers(0, 7, (rows, columns))).astype(np.float32)
     shifts = np.array([d for d in range(-rows, rows + 1) if d != 0])
     at = np.flatnonzero(generator.random(rows) < 0.7)
     found = np.full((4, len(at), len(shifts)), np.nan, dtype=np.float32)
-    in_parallel(compare_rows, len(at), 2, at, shifts, color, wall, context, known, worth, DIFFERENT, *found)
+    in_parallel(compare_rows, len(at), 2, at, shifts, color, wall, context, known, held, worth, DIFFERENT, *found)
     expected = np.zeros(found.shape)
     for r, i in enumerate(at):
         for k, j in enumerate(i + shifts):
@@ -34,7 +35,7 @@ def test_rows_are_compared_as_written(rows: int, columns: int, seed: int) -> Non
             adapted = np.square(raw - other).sum(axis=1)
             least = np.minimum(np.minimum(np.square(raw).sum(axis=1), adapted), DIFFERENT)
             weight = context[i] * known[j]
-            missing = (worth[i] * ~known[j]).sum()
+            missing = (worth[i] * ~held[j]).sum()
             gap = min(np.square(other).sum(), DIFFERENT)
             expected[:, r, k] = (least * weight).sum(), weight.sum(), missing, gap
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)

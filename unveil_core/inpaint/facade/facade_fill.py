@@ -58,6 +58,8 @@ USUAL_WORTH = 0.3
 """What a copy's texel is worth where it is known what the house usually shows at that height, as a share of any other's."""
 SAME_RATIO = 0.05
 """Difference of a ratio from 1 up to which it is none."""
+LIT = 2.0
+"""Brightness in the plaster's from which on in all colours a texel is a lit window, or the sky mirrored in one."""
 ASKED, CLEAR = 0.3, 0.6
 """Share of a coarse texel from which on it is wanted, and from which on it counts as seen."""
 SKY = np.float32(-2.0)
@@ -266,8 +268,10 @@ def _shifts(
     # Beside the gap, too, for some rows are compared together.
     at = np.flatnonzero(cv2.dilate(gap.astype(np.uint8), np.ones((along, 1), np.uint8))[:, 0])
     total, count, lacks, wall_gap = np.zeros((4, len(at), len(shifts) + 1), dtype=np.float32)
+    # Where a lit window is not seen, none is made up: beside the street at dusk it is as bright as the sky.
+    held = known & ~(color.min(axis=2) > LIT)
     worth = np.where(wanted, np.where(told, USUAL_WORTH, 1), 0).astype(np.float32)
-    given = (at, shifts, color, wall, context, known, worth, DIFFERENT, total, count, lacks, wall_gap)
+    given = (at, shifts, color, wall, context, known, held, worth, DIFFERENT, total, count, lacks, wall_gap)
     in_parallel(compare_rows, len(at), 8, *given)
     # The last choice is to copy nothing.
     both = context[at] * told[at]

@@ -10,13 +10,15 @@ __all__ = ["compare_rows"]
 
 
 @njit(**EXACT)
-def compare_rows(start, stop, at, shifts, color, wall, context, known, worth, different, total, count, lacks, wall_gap):
+def compare_rows(
+    start, stop, at, shifts, color, wall, context, known, held, worth, different, total, count, lacks, wall_gap
+):
     """What each of some rows has in common with each shifted one.
 
     Args:
         at: (R,) the rows, of which ``start`` up to ``stop`` are compared; shifts: (D,).
         color: (A, B, 3); wall: (A, 3) the plaster's colour.
-        context: (A, B) weights of what a row is compared by; known: (A, B) texels; worth: (A, B) of the wanted ones, 0 of others.
+        context: (A, B) weights of what a row is compared by; known: (A, B) texels; held: (A, B) those of them that are to be copied; worth: (A, B) of the wanted ones, 0 of others.
         different: squared difference at which differences are clipped.
         total, count: (R, D) filled with the weighted clipped differences and their weights, 0 where there is no such row.
         lacks: (R, D) filled with what the wanted texels are worth that the other row does not have.
@@ -34,7 +36,7 @@ def compare_rows(start, stop, at, shifts, color, wall, context, known, worth, di
                 red, green, blue = wall[i, 0] - wall[j, 0], wall[i, 1] - wall[j, 1], wall[i, 2] - wall[j, 2]
                 gap = min(red * red + green * green + blue * blue, different)
             for c in range(columns):
-                if not (inside and known[j, c]):
+                if not (inside and held[j, c]):
                     missing += worth[i, c]
                 share = context[i, c]
                 if share == 0 or not inside or not known[j, c]:
