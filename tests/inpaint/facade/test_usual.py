@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unveil_core.inpaint.facade.usual import PLINTH_M, unlike_plaster, usual_colors
+from unveil_core.inpaint.facade.usual import PLINTH_M, usual_colors
 
 PER_M = 10.0
 WALLS = np.array([[0.5, 0.45, 0.3], [0.3, 0.35, 0.45]], dtype=np.float32)
@@ -63,9 +63,3 @@ def test_what_is_told_lies_among_what_was_seen(rows: int, columns: int, seed: in
         own = color[known[:, height], height]
         found = usual[told[:, height], height]
         assert (found >= own.min(axis=0)).all() and (found <= own.max(axis=0)).all()
-
-
-def test_what_differs_from_the_plaster_in_one_channel_is_unlike_it() -> None:
-    wall = np.array([[0.5, 0.4, 0.2]], dtype=np.float32)
-    assert not unlike_plaster(wall * np.float32(1.05), wall).any()
-    assert unlike_plaster(wall * np.array([1, 1, 1.3], dtype=np.float32), wall).all()

@@ -18,7 +18,8 @@ def compare_rows(
     Args:
         at: (R,) the rows, of which ``start`` up to ``stop`` are compared; shifts: (D,).
         color: (A, B, 3); wall: (A, 3) the plaster's colour.
-        context: (A, B) weights of what a row is compared by; known: (A, B) texels; held: (A, B) those of them that are to be copied; worth: (A, B) of the wanted ones, 0 of others.
+        context: (A, B) weights of what a row is compared by; known: (A, B) texels; held: (A, B) those of them
+            that may be copied; worth: (A, B) of the wanted texels, 0 of others.
         different: squared difference at which differences are clipped.
         total, count: (R, D) filled with the weighted clipped differences and their weights, 0 where there is no such row.
         lacks: (R, D) filled with what the wanted texels are worth that the other row does not have.

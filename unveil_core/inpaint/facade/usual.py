@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from unveil_core.base.types import Float32, Mask
+from unveil_core.inpaint.facade.plaster import DARKEST, unlike_plaster
 
-__all__ = ["PLINTH_M", "unlike_plaster", "usual_colors"]
+__all__ = ["PLINTH_M", "usual_colors"]
 
 AROUND_M, HOP_M = 8.0, 0.5
 """Distance along the street within which a house tells what it shows at a height, a house's width, and between the places that
@@ -18,12 +19,8 @@ LEAST_M = 0.6
 """Length that must be seen of a height, metres: less may be a door, or what stands before the wall."""
 SAME_PLASTER = 0.15
 """Difference of the plasters' colours, as a share of their brightness, up to which two places are taken for one house."""
-DARKEST = 0.05
-"""Brightness below which differences are measured against this, levels from 0 to 1."""
 PLINTH_M = 0.8
 """Height up to which a house may have a plinth, metres."""
-UNLIKE = 0.1
-"""Difference of a colour from the plaster's, as a share, from which on it is something else."""
 
 
 def usual_colors(color: Float32, known: Mask, wall: Float32, texels_per_m: float) -> tuple[Float32, Mask]:
@@ -55,9 +52,3 @@ def usual_colors(color: Float32, known: Mask, wall: Float32, texels_per_m: float
             if unlike_plaster(np.median(own, axis=0), np.median(of_wall, axis=0)):
                 usual[here, height], told[here, height] = np.median(own, axis=0), True
     return usual, told
-
-
-def unlike_plaster(color: Float32, wall: Float32) -> Mask:
-    """(…,) whether colours (…, 3) are not those of the plaster (…, 3)."""
-    unlike: Mask = np.abs(color / np.maximum(wall, 1e-3) - 1).max(axis=-1) > UNLIKE
-    return unlike
