@@ -37,7 +37,8 @@ TRUNK_M = 0.6
 SEEN_PX, VIEWS = 24, 6
 """Pixels at 384 in width that a crown covers in a frame to be fitted there; and how many frames, those that show most of it."""
 FARTHEST_M = 25.0
-"""Farther off a frame tells nothing of where a crown stands, metres: its depth is off by more than trees are apart."""
+"""Farther off a frame tells nothing of where a crown stands, metres: its depth is off by more than trees are apart. Two drawn
+streets lost 2.9 and 1.1 dB by trees at 31 to 55 m, stood too low before a bright sky; one gains 2.0 by a tree at 11 to 17 m."""
 CUT_PX, CUT = 3, 0.5
 """A crown's lower rim is cut where something removed begins within so many pixels under it; a crown that is cut along this share of
 its rim in most frames goes on behind it."""
