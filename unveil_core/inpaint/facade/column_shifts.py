@@ -42,9 +42,11 @@ each step of distance. With half of the first and a third of the second, stripes
 comb, and most of what a lorry hides to the eaves was left open. Of changes from 0.6 to 2 tried on 29 facades of 18 streets,
 0.6 and 0.8 come 0.3 dB nearer to the truth than 1.2, and 2 stays 0.4 dB farther off."""
 USUAL_WORTH = 0.3
-"""What a copy's texel is worth where it is known what the house usually shows at that height, as a share of any other's."""
+"""What a copy's texel is worth where it is known what the house usually shows at that height, as a share of any other's.
+Taken, not tuned: well under a half, for the foot of a house is mostly plain; not 0, for a copy has sills and grain."""
 LIT = 2.0
-"""Brightness in the plaster's from which on in all colours a texel is a lit window, or the sky mirrored in one."""
+"""Brightness in the plaster's from which on in all colours a texel is a lit window, or the sky mirrored in one. By day less
+than 0.5 % of a facade is as bright; a drawn street at dusk gains 3.1 dB, and streets by day stay the same to the last digit."""
 ASKED, CLEAR = 0.3, 0.6
 """Share of a coarse texel from which on it is wanted, and from which on it counts as seen."""
 SKY = np.float32(-2.0)
