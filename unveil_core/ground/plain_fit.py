@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
 from unveil_core.base.types import Float64
-from unveil_core.geometry.cell_medians import cell_medians
+from unveil_core.geometry.cell_medians import cell_medians, groups
 
 __all__ = ["NOISY_M", "cross_profile", "height_noise", "plain_heights"]
 
@@ -52,15 +52,12 @@ def height_noise(street: Float64) -> float:
     if not len(near):
         return 0.0
     # A steep street spreads over a cell, too.
-    metre, place = np.unique(np.floor(near[:, 0]), return_inverse=True)
-    order = np.argsort(place, kind="stable")
-    rows = np.split(near[order, 2], np.flatnonzero(np.diff(place[order])) + 1)
-    level = np.interp(near[:, 0], metre + 0.5, [float(np.median(r)) for r in rows])
+    metre, heights = cell_medians(np.floor(near[:, 0]).astype(np.int64), near[:, 2])
+    level = np.interp(near[:, 0], metre + 0.5, heights)
     near = np.column_stack([near[:, :2], near[:, 2] - level])
     cell = np.floor(near[:, 0]).astype(np.int64) * 1000 + np.floor(near[:, 1] / CELL_M).astype(np.int64)
     order = np.argsort(cell, kind="stable")
-    first = np.unique(cell[order], return_index=True)[1]
-    parts = [p for p in np.split(near[order, 2], first[1:]) if len(p) >= FEWEST]
+    parts = [p for p in groups(cell[order], near[order, 2])[1] if len(p) >= FEWEST]
     return float(np.median([np.subtract(*np.percentile(p, [75, 25])) for p in parts])) if parts else 0.0
 
 

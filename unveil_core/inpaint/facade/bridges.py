@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from unveil_core.base.types import Float32, Mask
+from unveil_core.inpaint.facade.plaster import DARKEST
 
 __all__ = ["bridge_gaps"]
 
@@ -21,8 +22,6 @@ BESIDE_M = 0.2
 ALIKE = 0.25
 """Largest difference of the two sides, as a share of their mean brightness: over metres light changes. With 0.15 the plinth behind
 a bicycle is not bridged."""
-DARKEST = 0.05
-"""Brightness below which differences are measured against this, levels from 0 to 1."""
 
 
 def bridge_gaps(color: Float32, known: Mask, wanted: Mask, texels_per_m: float) -> tuple[Float32, Mask]:

@@ -74,17 +74,19 @@ def fill_facade(
 
 def _copied(color: Float32, known: Mask, wanted: Mask, sky: Mask, texels_per_m: float) -> FacadeFill:
     """Fill a facade with other parts of itself, see :func:`fill_facade`."""
+    result, filled, opened = color.copy(), np.zeros_like(wanted), np.zeros_like(wanted)
+    taken, ratios = np.zeros(len(color), np.int64), np.ones((len(color), 3), np.float32)
+    rows = np.flatnonzero(wanted.any(axis=1))
+    if not len(rows):
+        return FacadeFill(result, filled, opened, filled, taken, ratios)
     strip = np.ones((2 * round(STRIP_M / 2 * texels_per_m) + 1, 1), np.uint8)
     known = cv2.morphologyEx(known.astype(np.uint8), cv2.MORPH_OPEN, strip).astype(bool)
     wall = plaster_colors(color, known, texels_per_m)
     usual, told = usual_colors(color, known, wall, texels_per_m)
     shift, possible = best_shifts((color, known), (usual, told), wanted, sky, texels_per_m=texels_per_m)
-    result, filled, opened = color.copy(), np.zeros_like(wanted), np.zeros_like(wanted)
-    rows = np.flatnonzero(wanted.any(axis=1))
     source = rows + shift[rows]
     usable = possible[rows] & (source >= 0) & (source < len(color))
     rows, source = rows[usable], source[usable]
-    taken, ratios = np.zeros(len(color), np.int64), np.ones((len(color), 3), np.float32)
     if not len(rows):
         return FacadeFill(result, filled, opened, filled, taken, ratios)
     taken[rows] = source - rows

@@ -45,7 +45,7 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
         walls: surfels of houses; left: which side of the street.
     """
     street, height, facing = _places(walls, ground)
-    facing &= (height > LOW_M) & (height < HIGH_M) & ((street[:, 1] > 0) == left)
+    facing &= (street[:, 1] > 0) == left
     order = np.argsort(street[facing, 0], kind="stable")
     along, aside = street[facing][order, :2].T
     level = np.floor(height[facing][order] / LEVEL_M).astype(np.int64)
@@ -99,16 +99,19 @@ def share_facing(walls: Surfels, ground: Ground) -> float | None:
     Args:
         walls: surfels of houses.
     """
-    street, height, facing = _places(walls, ground)
-    beside = (height > LOW_M) & (height < HIGH_M) & (np.abs(street[:, 1]) < BESIDE_M)
+    street, _, facing = _places(walls, ground)
+    beside = np.abs(street[:, 1]) < BESIDE_M
     return float(facing[beside].mean()) if beside.sum() >= LEAST else None
 
 
 def _places(walls: Surfels, ground: Ground) -> tuple[Float64, Float64, Mask]:
-    """Street coordinates (N, 3) of the surfels of walls, their heights over the ground (N,), and which of them face the street."""
+    """Of the N surfels of walls that lie where a facade's would: street coordinates (N, 3), heights over the ground (N,), and which
+    face the street."""
     street = ground.path.to_street(walls.means.detach().double().numpy())
-    facing = ground.path.faced_by(street[:, 0], walls.normals().detach().double().numpy())
-    return street, ground.over(street), facing
+    height = ground.over(street)
+    low = (height > LOW_M) & (height < HIGH_M)
+    street, height, normals = street[low], height[low], walls.normals().detach().double().numpy()[low]
+    return street, height, ground.path.faced_by(street[:, 0], normals)
 
 
 def _without_spikes(offset: Float64, half: int) -> Float64:

@@ -46,9 +46,10 @@ def usual_colors(color: Float32, known: Mask, wall: Float32, texels_per_m: float
             usual[here, height] = np.median(part[seen[:, height] & same, height], axis=0)
         told[here] = enough
         # Or else a plinth like its neighbours'.
-        there = ~enough & (seen.sum(axis=0) * step >= LEAST_M * texels_per_m)
-        for height in np.flatnonzero(there[: round(PLINTH_M * texels_per_m)]):
-            own, of_wall = part[seen[:, height], height], wall[near][seen[:, height]]
-            if unlike_plaster(np.median(own, axis=0), np.median(of_wall, axis=0)):
-                usual[here, height], told[here, height] = np.median(own, axis=0), True
+        of_neighbours = ~enough & (seen.sum(axis=0) * step >= LEAST_M * texels_per_m)
+        for height in np.flatnonzero(of_neighbours[: round(PLINTH_M * texels_per_m)]):
+            there = seen[:, height]
+            shown, plaster = np.median(part[there, height], axis=0), np.median(wall[near][there], axis=0)
+            if unlike_plaster(shown, plaster):
+                usual[here, height], told[here, height] = shown, True
     return usual, told
