@@ -20,6 +20,9 @@ __all__ = ["Box", "cluster_points", "fit_box", "vote_instances", "without_strays
 
 MANY_VOTES = 1_000_000
 """Votes that are summed up at once: 24 MB of them."""
+BESIDE_M = 1.0
+"""How far from an object a point may lie that no view shows within it and still be of it, metres: what is farther is a reflection,
+or a wall with a wrong label, and would make a box of a person that takes half a house."""
 COMPANY, SPARSE, LEAST_SURFELS = 8, 2.0, 40
 """A surfel is a stray if its eighth neighbour is farther away than so many times the distance usual in its object, and the object
 has enough for that to be told. With 3 strays behind a car's windows stay; with 2 all cars of three streets keep their size."""
@@ -75,6 +78,7 @@ class Box:
 def vote_instances(
     positions: NDArray[np.float64],
     spacing: NDArray[np.float64],
+    labels: NDArray[np.integer],
     cameras: Sequence[Camera],
     instance_image: Callable[[int], NDArray[np.integer] | None],
     *,
@@ -82,8 +86,10 @@ def vote_instances(
 ) -> NDArray[np.int64]:
     """The instance id (P,) that most views near it show at each point, 0 = none.
 
+    A point that no view shows within an instance has that of the nearest point of its class that has one, if that is near.
+
     Args:
-        positions, spacing: removable points and their neighbourhood, metres.
+        positions, spacing: removable points and their neighbourhood, metres; labels: (P,) their classes.
         instance_image: gives (H, W) ids of view v (0 = none), or None where it has none; asked once each.
     """
     votes, placed = _SparseVotes(), PointsNear(positions, spacing)
@@ -95,11 +101,13 @@ def vote_instances(
             named = number > 0
             votes.add(seen.index[named], number[named], view_weights(image, seen)[named])
     voted = votes.winners(len(positions))
-    if (voted > 0).any() and (voted == 0).any():
-        # A point that no view shows within an instance belongs to the nearest one that has one.
-        known = voted > 0
-        nearest = cKDTree(positions[known]).query(positions[~known])[1]
-        voted[~known] = voted[known][nearest]
+    for label in np.unique(labels[voted == 0]):
+        own = labels == label
+        known, unknown = np.flatnonzero(own & (voted > 0)), np.flatnonzero(own & (voted == 0))
+        if len(known):
+            gap, nearest = cKDTree(positions[known]).query(positions[unknown], distance_upper_bound=BESIDE_M)
+            beside = np.isfinite(gap)
+            voted[unknown[beside]] = voted[known[nearest[beside]]]
     return voted
 
 

@@ -132,7 +132,12 @@ def find_objects(
     by_image = any(f.instance_path is not None for f in drive.frames)
     if by_image:
         found_ids = vote_instances(
-            positions[some][removable], spacing[removable], cameras, lambda v: images[v], near=NEAR_M
+            positions[some][removable],
+            spacing[removable],
+            labels[removable],
+            cameras,
+            lambda v: images[v],
+            near=NEAR_M,
         )
         sightings = sightings_in_images(images)
     else:

@@ -48,6 +48,7 @@ def run(context: StageContext) -> None:
         of_surfel[removable] = vote_instances(
             positions[removable],
             spacing[removable],
+            labels[removable],
             [f.camera for f in frames],
             lambda v: moving.ids_of_static(frames[v], frame_instances(frames[v])),
             near=NEAR_M,
