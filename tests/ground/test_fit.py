@@ -77,6 +77,25 @@ def test_a_bank_beside_the_road_is_ground() -> None:
     assert abs(float(ground.height_at(np.array([8.0]), np.array([6.0]))[0]) - 1.75) < 0.15
 
 
+def test_measured_points_tell_the_height_that_surfels_tell_too_low() -> None:
+    """Surfels in the depth of the ground show through those above: medians of them lie below it, points of a LiDAR on it."""
+    cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(20.0)]
+    generator = np.random.default_rng(0)
+    x, y = generator.uniform(0.0, 40.0, 6000), generator.uniform(-6, 6, 6000)
+    height = np.where(y > 3.03, 0.12, 0.0)
+    seen = np.c_[x, y, height - np.abs(generator.normal(0, 0.05, 6000))]
+    measured = np.c_[x, y, height + generator.normal(0, 0.01, 6000)][::3]
+    of_car = np.c_[generator.uniform(0, 40, 100), generator.uniform(1, 3, 100), generator.uniform(0.6, 1.4, 100)]
+    points = PointCloud(np.r_[measured, of_car], None, True)
+    path = fit_path(cameras)
+    ground, bare = (fit_street(road(seen), LABELS, cameras, path, p) for p in (points, None))
+    assert ground is not None and bare is not None
+    s, t = (p.ravel() for p in np.meshgrid(np.arange(2.0, 38.0), (-4.0, -1.0, 1.5, 2.9, 3.2, 5.0)))
+    true = np.where(t > 3.03, 0.12, 0.0)
+    assert np.abs(ground.height_at(s, t) - true).max() < 0.02
+    assert np.median(true - bare.height_at(s, t)) > 0.02
+
+
 def test_labelled_points_tell_the_sidewalk_that_no_camera_sees() -> None:
     """Behind parked cars no surfel lies; a LiDAR measures the sidewalk there, and the wall that ends it."""
     cameras = [look(np.array([x, 0.0, 1.6]), 0.0) for x in np.arange(20.0)]

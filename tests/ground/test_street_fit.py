@@ -78,6 +78,17 @@ def test_the_kerb_lies_where_each_stretch_has_it() -> None:
     assert hidden.any() and np.abs(fitted - height)[clear & hidden].max() < 0.02
 
 
+def test_a_few_wrong_labels_under_parked_cars_are_no_ground() -> None:
+    """Where a row of cars hides the ground all along, what is named for it there are pieces of the cars."""
+    generator = np.random.default_rng(5)
+    s, t = generator.uniform(0, 40, 20000), generator.uniform(-6, 6, 20000)
+    shown = (t < 2) | (t > 4)
+    pieces = np.stack([generator.uniform(0, 40, 30), generator.uniform(2.2, 3.8, 30), np.full(30, -0.17)], axis=1)
+    points = np.stack([s, t, np.zeros(len(s))], axis=1)[shown]
+    ground = street_fit.fit_street_heights(straight_path(), np.concatenate([points, pieces]))
+    assert np.abs(ground.height_at(s, t)).max() < 0.03
+
+
 def test_what_stands_beside_one_stretch_is_no_ground_of_it() -> None:
     generator = np.random.default_rng(4)
     s, t = generator.uniform(0, 40, 30000), generator.uniform(-6, 6, 30000)
