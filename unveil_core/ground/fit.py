@@ -26,13 +26,14 @@ __all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "side_places", "str
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
 MOST_MEASURED = 200_000
-"""Labelled points of a drive that the ground is fitted to at most: a point for each cell of a street of a kilometre."""
+"""Measured points of a drive that the ground is fitted to at most: a point for each cell of a street of a kilometre."""
 FEWEST = 50
 """So many surfels make a street's ground."""
-OF_MEASURED = 16
+OF_MEASURED, MOST_REPEATED = 16, 2_000_000
 """So many surfels a measured point stands for where heights are told by medians. Surfels lie 1 to 4 cm too low, on sidewalks most,
 for those in the depth of the ground show through those above. By them a third to a half of the ground behind removed objects was
-more than 2 pixels off where it belongs, by points of a LiDAR a tenth to a fifth; with 4 it is little more, with 1 half as good."""
+more than 2 pixels off where it belongs, by points of a LiDAR a tenth to a fifth; with 4 it is little more, with 1 half as good.
+On a long drive they stand for fewer, so that all together are no more than the second number: 50 MB."""
 LEVEL = 0.8
 """Cosine of the slope up to which a surfel is level."""
 UNDERFOOT_M, DROP_M, ABOUT_M, ASIDE_M = 3.0, (0.5, 3.0), 0.35, 8.0
@@ -76,8 +77,12 @@ def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
     keep = np.isin(points.classes, [CITYSCAPES.index(name) for name in classes])
     if points.moving is not None:
         keep &= ~points.moving
-    found = points.positions[keep]
-    return found[:: max(1, -(-len(found) // MOST_MEASURED))]
+    return _thinned(points.positions[keep])
+
+
+def _thinned(points: Float64) -> Float64:
+    """(R, 3) evenly chosen ones of the points (Q, 3), at most :data:`MOST_MEASURED`."""
+    return points[:: max(1, -(-len(points) // MOST_MEASURED))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +148,9 @@ def _evidence(
     if points is not None and wanted:
         sure = partial(ground_points, points.positions, means, np.isin(of_surfel, wanted))
         if height_noise(path.to_street(ground)) <= NOISY_M:
-            ground = np.concatenate([ground, np.repeat(sure(), OF_MEASURED, axis=0)])
+            measured = _thinned(sure())
+            times = int(np.clip(MOST_REPEATED // max(1, len(measured)), 1, OF_MEASURED))
+            ground = np.concatenate([ground, np.repeat(measured, times, axis=0)])
     if points is not None and points.classes is not None:
         ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
         more = measured_points(points, SIDE_CLASSES)
