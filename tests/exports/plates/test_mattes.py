@@ -87,6 +87,21 @@ def test_without_certainty_in_the_workspace_there_is_no_sequence(street: Street,
     assert {p.name for p in (tmp_path / "mattes/front").iterdir()} == {*CARS, "removed", "provenance"}
 
 
+def test_a_piece_of_shadow_beside_an_object_is_of_that_object(street: Street, tmp_path: Path) -> None:
+    """The sun shines on the ground under a car: the shadow beyond hangs together with nothing of the car."""
+    root = tmp_path / "workspace"
+    shutil.copytree(street.root, root)
+    rows, columns = np.nonzero(load_mask(root / "masks/removed/front/0001.png"))
+    last, low = int(columns.max()), int(rows[columns == columns.max()].max())
+    apart = last + 7
+    assert apart < WIDTH - 2
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[low - 1 : low + 1, apart - 1 : apart + 1] = 255
+    write_image_atomic(root / "masks/shadows/front/0001.png", mask)
+    assert main(["export", str(root), "--to", "mattes", "-o", str(tmp_path)]) == 0
+    assert json.loads((tmp_path / "mattes/export.json").read_text())["other"] == []
+
+
 def test_a_part_without_an_object_is_of_none(street: Street, tmp_path: Path) -> None:
     root = tmp_path / "workspace"
     shutil.copytree(street.root, root)

@@ -42,6 +42,9 @@ OTHER, REMOVED, PROVENANCE, CERTAINTY = "other", "removed", "provenance", "certa
 """Names that no object has: those end with a number."""
 NO_OBJECT = -1
 """Stands for :data:`OTHER` among the numbers of objects; 0 is nothing."""
+BESIDE = 0.15
+"""How far from an object, as a share of the width, a part of the mask may lie that shows none and still be its shadow: between a
+car's wheels and under its mirrors the sun shines on the ground, and cuts pieces off."""
 SOFT_PX = 1
 """Half the width of a soft edge, pixels of working size: an object's antialiased border."""
 
@@ -109,7 +112,8 @@ def _leave_out(folder: Path, cameras: set[str]) -> None:
 
 
 def _owners(goes: Mask, numbers: Labels, moving: Moving, frame: Frame) -> Labels:
-    """(H, W) on account of which object a pixel goes: the nearest one that its part of the mask shows, else none in particular.
+    """(H, W) on account of which object a pixel goes: the nearest one, if its part of the mask shows or touches the surroundings of
+    one, else none in particular.
 
     Args:
         goes: (H, W) what was changed; numbers: (H, W) id of the object that a pixel shows, 0 none.
@@ -118,10 +122,10 @@ def _owners(goes: Mask, numbers: Labels, moving: Moving, frame: Frame) -> Labels
     found = np.full(goes.shape, NO_OBJECT, dtype=np.int64)
     if not seeds.any():
         return found
-    rows, columns = distance_transform_edt(seeds == 0, return_distances=False, return_indices=True)
+    gap, (rows, columns) = distance_transform_edt(seeds == 0, return_indices=True)
     _, parts = cv2.connectedComponents(grow(goes, 2).astype(np.uint8), connectivity=8)
-    shown = np.isin(parts, np.unique(parts[(seeds != 0) & (parts > 0)]))
-    found[shown] = seeds[rows[shown], columns[shown]]
+    owned = np.isin(parts, np.unique(parts[(gap < BESIDE * goes.shape[1]) & (parts > 0)]))
+    found[owned] = seeds[rows[owned], columns[owned]]
     return found
 
 
