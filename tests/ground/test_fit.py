@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.ground.test_street import look
 from unveil_core.drives.drive import PointCloud
-from unveil_core.ground.fit import fit_street
+from unveil_core.ground.fit import fit_street, measured_ground
 from unveil_core.ground.path import fit_path
 from unveil_core.semantics.classes import LabelSet
 from unveil_core.surfels.initialize import surfels_from_points
@@ -88,7 +88,8 @@ def test_measured_points_tell_the_height_that_surfels_tell_too_low() -> None:
     of_car = np.c_[generator.uniform(0, 40, 100), generator.uniform(1, 3, 100), generator.uniform(0.6, 1.4, 100)]
     points = PointCloud(np.r_[measured, of_car], None, True)
     path = fit_path(cameras)
-    ground, bare = (fit_street(road(seen), LABELS, cameras, path, p) for p in (points, None))
+    measured_there = measured_ground(points, road(seen), LABELS)
+    ground, bare = (fit_street(road(seen), LABELS, cameras, path, p) for p in (measured_there, None))
     assert ground is not None and bare is not None
     s, t = (p.ravel() for p in np.meshgrid(np.arange(2.0, 38.0), (-4.0, -1.0, 1.5, 2.9, 3.2, 5.0)))
     true = np.where(t > 3.03, 0.12, 0.0)
@@ -109,7 +110,8 @@ def test_labelled_points_tell_the_sidewalk_that_no_camera_sees() -> None:
     positions = np.r_[sidewalk, wall, passing]
     classes = np.repeat([1, 2, 1], [4000, 4000, 500]).astype(np.uint8)  # sidewalk, building, and what moved
     moving = np.arange(len(positions)) >= 8000
-    ground = fit_street(road(seen), LABELS, cameras, path, PointCloud(positions, None, True, classes, moving))
+    measured = measured_ground(PointCloud(positions, None, True, classes, moving), road(seen), LABELS)
+    ground = fit_street(road(seen), LABELS, cameras, path, measured)
     bare = fit_street(road(seen), LABELS, cameras, path)
     assert ground is not None and bare is not None
     s = np.arange(2.0, 28.0)

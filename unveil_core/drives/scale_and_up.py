@@ -20,6 +20,7 @@ from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP, upright
+from unveil_core.geometry.cloud import every_nth
 from unveil_core.geometry.similarity import Similarity
 
 __all__ = [
@@ -242,8 +243,7 @@ def _up_of_cameras(drive: Drive) -> Float64:
 
 def _from_cameras(drive: Drive) -> Float64:
     """(P, 3) from the nearest camera to points of the drive, not more than enough of them."""
-    points = drive.points.positions
-    points = points[:: max(1, -(-len(points) // MOST_POINTS))]
+    points = every_nth(drive.points.positions, MOST_POINTS)
     centres = np.stack([f.camera.centre for f in drive.frames])
     offsets: Float64 = points - centres[cKDTree(centres).query(points)[1]]
     return offsets

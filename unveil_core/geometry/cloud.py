@@ -10,7 +10,7 @@ from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.kernels.hashing import slot_of
 from unveil_core.base.parallel import thread_count
 
-__all__ = ["estimate_normals", "quats_from_normals", "thin_points", "thinned_to"]
+__all__ = ["estimate_normals", "every_nth", "quats_from_normals", "thin_points", "thinned_to"]
 
 
 def thin_points(positions: NDArray[np.float64], cell: NDArray[np.float64] | float) -> NDArray[np.int64]:
@@ -45,6 +45,11 @@ def _firsts(keys, table):  # type: ignore[no-untyped-def]
                 break
             slot = (slot + 1) & (table.size - 1)
     return first
+
+
+def every_nth(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """(Q, 3) at most so many of the points (P, 3), evenly from their order: of a LiDAR's sweeps, evenly from all."""
+    return points[:: max(1, -(-len(points) // most))]
 
 
 def thinned_to(positions: NDArray[np.float64], most: int) -> NDArray[np.int64]:

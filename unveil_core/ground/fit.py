@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.cityscapes import CITYSCAPES
-from unveil_core.drives.drive import Drive, PointCloud
+from unveil_core.drives.drive import PointCloud
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.cloud import every_nth
 from unveil_core.ground.height_field import HeightField
 from unveil_core.ground.path import StreetPath
 from unveil_core.ground.plain_fit import NOISY_M, height_noise
@@ -21,7 +21,15 @@ from unveil_core.ground.terrain import fit_terrain, ground_points
 from unveil_core.semantics.classes import GROUND_CLASSES, REMOVABLE, SIDE_CLASSES, LabelSet
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["DriveGround", "fit_drive_terrain", "fit_street", "side_places", "street_noise"]
+__all__ = [
+    "DriveGround",
+    "MeasuredGround",
+    "fit_drive_terrain",
+    "fit_street",
+    "measured_ground",
+    "side_places",
+    "street_noise",
+]
 
 OPAQUE_LOGIT = -1.0
 """Surfels that stop less light than this (27 %) tell nothing of where a surface is."""
@@ -77,27 +85,45 @@ def measured_points(points: PointCloud, classes: Sequence[str]) -> Float64:
     keep = np.isin(points.classes, [CITYSCAPES.index(name) for name in classes])
     if points.moving is not None:
         keep &= ~points.moving
-    return _thinned(points.positions[keep])
+    return every_nth(points.positions[keep], MOST_MEASURED)
 
 
-def _thinned(points: Float64) -> Float64:
-    """(R, 3) evenly chosen ones of the points (Q, 3), at most :data:`MOST_MEASURED`."""
-    return points[:: max(1, -(-len(points) // MOST_MEASURED))]
+@dataclass(frozen=True, eq=False)
+class MeasuredGround:
+    """What a drive's points tell of the ground, whatever path it is fitted along.
+
+    Attributes:
+        points: of the drive.
+        among: (Q, 3) of them those that lie among surfels of the ground; none in a scene without classes.
+    """
+
+    points: PointCloud
+    among: Float64
+
+
+def measured_ground(points: PointCloud, surfels: Surfels, labels: LabelSet) -> MeasuredGround:
+    """What points tell of the ground, by the labels of the full scene."""
+    on_ground = np.isin(surfels.labels.numpy(), labels.indices(GROUND_CLASSES))
+    return MeasuredGround(points, ground_points(points.positions, surfels.means.double().numpy(), on_ground))
 
 
 @dataclass(frozen=True, eq=False)
 class _Evidence:
     """What tells where a street's ground lies: (P, 3) places on it, (W, 3) of what bounds it, (O, 3) of what stands on it and could
-    be removed, what gives (Q, 3) measured ones."""
+    be removed, (Q, 3) measured ones."""
 
     ground: Float64
     walls: Float64 | None
     standing: Float64 | None
-    sure: Callable[[], Float64] | None
+    sure: Float64
 
 
 def fit_street(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None = None
+    surfels: Surfels,
+    labels: LabelSet,
+    cameras: Sequence[Camera],
+    path: StreetPath,
+    measured: MeasuredGround | None = None,
 ) -> Ground | None:
     """The street's ground from the surfels that lie on it: by label, or, in a scene without classes, the level ones underfoot.
 
@@ -105,27 +131,31 @@ def fit_street(
         surfels: the full scene: labels leave out what could be removed, whatever is chosen.
         cameras: of the path's track.
         path: the street's.
-        points: the drive's, of which those count that its dataset labels, and those that lie among surfels of the ground;
-            None = none.
+        measured: what the drive's points tell: of these count those that its dataset labels, and those that lie among surfels
+            of the ground; None = none.
     Returns:
         the ground, or None where too few surfels lie on any.
     """
-    found = _evidence(surfels, labels, cameras, path, points)
+    found = _evidence(surfels, labels, cameras, path, measured)
     if found is None:
         return None
-    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=found.sure)
+    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=lambda: found.sure)
 
 
 def street_noise(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None = None
+    surfels: Surfels,
+    labels: LabelSet,
+    cameras: Sequence[Camera],
+    path: StreetPath,
+    measured: MeasuredGround | None = None,
 ) -> float:
     """Spread of the height of what :func:`fit_street` is fitted to, metres: more than ``NOISY_M`` and the fit is a plain one."""
-    found = _evidence(surfels, labels, cameras, path, points)
+    found = _evidence(surfels, labels, cameras, path, measured)
     return 0.0 if found is None else height_noise(path.to_street(found.ground))
 
 
 def _evidence(
-    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, points: PointCloud | None
+    surfels: Surfels, labels: LabelSet, cameras: Sequence[Camera], path: StreetPath, measured: MeasuredGround | None
 ) -> _Evidence | None:
     """See :func:`fit_street`; None where too few surfels lie on any ground."""
     means = surfels.means.double().numpy()
@@ -144,16 +174,14 @@ def _evidence(
         return None
     sides = labels.indices(SIDE_CLASSES)
     walls = _facing(path, surfels, np.isin(of_surfel, sides) & opaque) if sides else None
-    ground, sure = means[chosen], None
-    if points is not None and wanted:
-        sure = partial(ground_points, points.positions, means, np.isin(of_surfel, wanted))
-        if height_noise(path.to_street(ground)) <= NOISY_M:
-            measured = _thinned(sure())
-            times = int(np.clip(MOST_REPEATED // max(1, len(measured)), 1, OF_MEASURED))
-            ground = np.concatenate([ground, np.repeat(measured, times, axis=0)])
-    if points is not None and points.classes is not None:
-        ground = np.concatenate([ground, measured_points(points, GROUND_CLASSES)])
-        more = measured_points(points, SIDE_CLASSES)
+    ground, sure = means[chosen], np.zeros((0, 3)) if measured is None else measured.among
+    if len(sure) and height_noise(path.to_street(ground)) <= NOISY_M:
+        some = every_nth(sure, MOST_MEASURED)
+        times = int(np.clip(MOST_REPEATED // len(some), 1, OF_MEASURED))
+        ground = np.concatenate([ground, np.repeat(some, times, axis=0)])
+    if measured is not None and measured.points.classes is not None:
+        ground = np.concatenate([ground, measured_points(measured.points, GROUND_CLASSES)])
+        more = measured_points(measured.points, SIDE_CLASSES)
         walls = more if walls is None else np.concatenate([walls, more])
     return _Evidence(ground, walls, standing, sure)
 
@@ -209,18 +237,14 @@ def _below_way(path: StreetPath, means: Float64, cameras: Sequence[Camera]) -> t
     return street, level - street[:, 2], beyond
 
 
-def fit_drive_terrain(
-    drive: Drive, surfels: Surfels, labels: LabelSet, axes: Float64, street: Ground | None
-) -> HeightField | None:
-    """The ground by the drive's points, where the full scene's labels say which of them lie on it.
+def fit_drive_terrain(measured: MeasuredGround, axes: Float64, street: Ground | None) -> HeightField | None:
+    """The ground by a drive's points.
 
     Args:
         axes: (3, 3) rows east, north, up.
         street: carries kerbs through where no point lies.
     """
-    on_ground = np.isin(surfels.labels.numpy(), labels.indices(GROUND_CLASSES))
-    points = ground_points(drive.points.positions, surfels.means.double().numpy(), on_ground)
-    points = np.concatenate([points, measured_points(drive.points, GROUND_CLASSES)])
+    points = np.concatenate([measured.among, measured_points(measured.points, GROUND_CLASSES)])
 
     def guess(places: Float64) -> Float64:
         assert street is not None

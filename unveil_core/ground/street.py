@@ -54,7 +54,7 @@ class Ground:
         return (h[i, j] * (1 - u) + h[i + 1, j] * u) * (1 - v) + (h[i, j + 1] * (1 - u) + h[i + 1, j + 1] * u) * v
 
     def slope_at(self, s: Float64, t: Float64) -> tuple[Float64, Float64]:
-        """How the ground rises along the street and to its left, each (N,), over a metre or two."""
+        """How the ground rises along the street and to its left, each (N,), over two metres along it and half a metre across."""
         a, b = self.s_cell, 5 * self.t_cell
         along = (self.height_at(s + a, t) - self.height_at(s - a, t)) / (2 * a)
         return along, (self.height_at(s, t + b) - self.height_at(s, t - b)) / (2 * b)

@@ -140,14 +140,13 @@ def _cross_profile(b: NDArray[np.int64], rest: Float64, columns: int) -> Float64
     near = np.abs(rest - around[b]) < APART_M
     if not near.any():
         return around
-    return _but_for_steps(
-        median_filter(_running_median(b[near], rest[near], columns, fewest), THIN_CELLS, mode="nearest")
-    )
+    return _but_for_steps(_running_median(b[near], rest[near], columns, fewest))
 
 
 def _but_for_steps(profile: Float64) -> Float64:
     """A cross profile (columns,), smooth but for its steps: medians of cells are right to a centimetre or two, and by these lines
-    across the street, read from 10 m away, had teeth."""
+    across the street, read from 10 m away, had teeth. What is thin goes first."""
+    profile = median_filter(profile, THIN_CELLS, mode="nearest")
     reach = 2 * round(3 * SMOOTH_CELLS / 2) + 1
     step = maximum_filter1d(profile, reach) - minimum_filter1d(profile, reach)
     smooth: Float64 = np.where(step < LEAST_STEP_M, gaussian_filter1d(profile, SMOOTH_CELLS, mode="nearest"), profile)
@@ -170,7 +169,7 @@ def _changes_along(a: NDArray[np.int64], b: NDArray[np.int64], apart: Float64, r
         near = along[first[k] : last[k]]
         # Under parked cars the street's own step goes on, moved by what lies beside them.
         change = _running_median(b[near], apart[near], columns, FEWEST_OF_CELL)
-        changes[k] = _but_for_steps(median_filter(change, THIN_CELLS, mode="nearest"))
+        changes[k] = _but_for_steps(change)
     at = np.arange(rows) / hop
     i = np.minimum(at.astype(int), len(stops) - 2)
     u = (at - i)[:, None]

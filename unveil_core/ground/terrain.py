@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from unveil_core.base.types import Float64
+from unveil_core.geometry.cloud import every_nth
 from unveil_core.ground.height_field import HeightField
 
 __all__ = ["fit_terrain", "ground_points"]
@@ -39,7 +40,7 @@ def ground_points(points: Float64, means: Float64, on_ground: NDArray[np.bool_])
     Args:
         means: (N, 3) of the scene's surfels, those that go included; on_ground: (N,) whether they bear a label of the ground.
     """
-    points = points[:: max(1, -(-len(points) // MOST_POINTS))]
+    points = every_nth(points, MOST_POINTS)
     if len(means) < 3 or not len(points):
         return np.zeros((0, 3))
     gap, nearest = cKDTree(means).query(points, k=3, workers=-1)

@@ -16,7 +16,7 @@ from unveil_core.geometry.clusters import connected_points
 from unveil_core.semantics.visibility import PointsNear
 from unveil_core.semantics.votes import view_weights
 
-__all__ = ["Box", "cluster_points", "fit_box", "vote_instances", "without_strays"]
+__all__ = ["Box", "cluster_points", "fit_box", "nearest_ids", "vote_instances", "without_strays"]
 
 MANY_VOTES = 1_000_000
 """Votes that are summed up at once: 24 MB of them."""
@@ -103,12 +103,25 @@ def vote_instances(
     voted = votes.winners(len(positions))
     for label in np.unique(labels[voted == 0]):
         own = labels == label
-        known, unknown = np.flatnonzero(own & (voted > 0)), np.flatnonzero(own & (voted == 0))
-        if len(known):
-            gap, nearest = cKDTree(positions[known]).query(positions[unknown], distance_upper_bound=BESIDE_M)
-            beside = np.isfinite(gap)
-            voted[unknown[beside]] = voted[known[nearest[beside]]]
+        unknown = own & (voted == 0)
+        voted[unknown] = nearest_ids(positions[own], voted[own], positions[unknown], reach=BESIDE_M)
     return voted
+
+
+def nearest_ids(
+    positions: NDArray[np.float64], ids: NDArray[np.int64], asked: NDArray[np.float64], *, reach: float
+) -> NDArray[np.int64]:
+    """The id (Q,) of the nearest place that has one to each place ``asked`` (Q, 3), 0 where none is near.
+
+    Args:
+        positions: (P, 3); ids: (P,) theirs, 0 = none; reach: metres.
+    """
+    named = ids > 0
+    if not named.any() or not len(asked):
+        return np.zeros(len(asked), dtype=np.int64)
+    gap, nearest = cKDTree(positions[named]).query(asked, distance_upper_bound=reach)
+    near = np.isfinite(gap)
+    return np.where(near, ids[named][np.where(near, nearest, 0)], 0)
 
 
 class _SparseVotes:

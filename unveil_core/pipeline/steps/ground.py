@@ -16,7 +16,14 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.scale_and_up import ESTIMATED_SCALES, ESTIMATED_UPS
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.ground.files import write_ground
-from unveil_core.ground.fit import DriveGround, fit_drive_terrain, fit_street, side_places, street_noise
+from unveil_core.ground.fit import (
+    DriveGround,
+    fit_drive_terrain,
+    fit_street,
+    measured_ground,
+    side_places,
+    street_noise,
+)
 from unveil_core.ground.one_place import LEAST_OWN, goes_round, share_of_own
 from unveil_core.ground.path import fit_path, way_of
 from unveil_core.ground.plain_fit import NOISY_M
@@ -83,7 +90,8 @@ def run(context: StageContext) -> Facts:
     path = fit_path(of_track)
     own, orbits = share_of_own(path), goes_round(path)
     one_street = own >= LEAST_OWN and not orbits
-    street = fit_street(surfels, scene.labels, of_track, path, drive.points) if one_street else None
+    measured = measured_ground(drive.points, surfels, scene.labels)
+    street = fit_street(surfels, scene.labels, of_track, path, measured) if one_street else None
     rectified: Rectified | None = None
     context.progress(1, 4, "fitting the ground")
     if street is not None:
@@ -98,12 +106,12 @@ def run(context: StageContext) -> Facts:
         frames_of = (cameras, images, labels, usable)
         kinds, walls = scene.labels.indices(GROUND_CLASSES), side_places(street, surfels, scene.labels)
         ahead = path_ahead(street, of_track, *frames_of, kinds=kinds, walls=walls)
-        street = fit_street(surfels, scene.labels, of_track, ahead, drive.points) or street
+        street = fit_street(surfels, scene.labels, of_track, ahead, measured) or street
         rectified = rectified_path(street, *frames_of, context.kept, context.progress)
-        street = fit_street(surfels, scene.labels, of_track, rectified.path, drive.points) or street
+        street = fit_street(surfels, scene.labels, of_track, rectified.path, measured) or street
         path = street.path
     context.progress(3, 4, "fitting the ground")
-    ground = DriveGround(path, street, fit_drive_terrain(drive, surfels, scene.labels, path.axes, street))
+    ground = DriveGround(path, street, fit_drive_terrain(measured, path.axes, street))
     write_ground(ground, context.output("ground/ground.npz"))
     centres = np.stack([c.centre for c in of_track])
     way = way_of(centres)
@@ -134,7 +142,7 @@ def run(context: StageContext) -> Facts:
         Assumption("the way is one street", one_street, shape, PLAIN),
     ]
     if one_street:
-        noise = street_noise(surfels, scene.labels, of_track, path, drive.points)
+        noise = street_noise(surfels, scene.labels, of_track, path, measured)
         found += _street_assumed(scene.labels, street, rectified, noise)
     return assumed(found)
 

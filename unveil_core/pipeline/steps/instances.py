@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from unveil_core.base.files import write_json_atomic
 from unveil_core.base.frame_cache import Frames
@@ -19,7 +18,7 @@ from unveil_core.drives.marked import marked_objects, matte
 from unveil_core.geometry.axes import UP, up_frame
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.semantics.classes import GROUND_CLASSES
-from unveil_core.semantics.instances import fit_box, vote_instances, without_strays
+from unveil_core.semantics.instances import fit_box, nearest_ids, vote_instances, without_strays
 from unveil_core.semantics.labels import SceneLabels, frame_instances
 from unveil_core.semantics.members import Members
 from unveil_core.semantics.objects import ABOVE_GROUND_M, CLUSTER_M, marked_box, vote_mattes
@@ -55,7 +54,7 @@ def run(context: StageContext) -> None:
         )
     else:
         of_points = load_array(workspace.root / "objects/point_objects.npy").astype(np.int64)
-        of_surfel[removable] = _of_nearest_point(positions[removable], drive, of_points, CLUSTER_M)
+        of_surfel[removable] = nearest_ids(drive.points.positions, of_points, positions[removable], reach=CLUSTER_M)
     _give_to_marked(of_surfel, context, drive, scene, positions, spacing, labels)
 
     axes = up_frame(UP)
@@ -88,18 +87,6 @@ def run(context: StageContext) -> None:
     context.output("instances").mkdir(parents=True, exist_ok=True)
     save_array(of_surfel, context.output("surfels/instances.npy"))
     write_json_atomic(context.output("instances.json"), entries)
-
-
-def _of_nearest_point(
-    positions: NDArray[np.float64], drive: Drive, of_points: NDArray[np.int64], reach: float
-) -> NDArray[np.int64]:
-    """The object (N,) of the nearest of the drive's points that has one, 0 where none is near."""
-    named = of_points > 0
-    if not named.any() or not len(positions):
-        return np.zeros(len(positions), dtype=np.int64)
-    distance, nearest = cKDTree(drive.points.positions[named]).query(positions, distance_upper_bound=reach)
-    near = np.isfinite(distance)
-    return np.where(near, of_points[named][np.where(near, nearest, 0)], 0)
 
 
 def _give_to_marked(
