@@ -89,8 +89,9 @@ CASES = {
         "what nobody saw of a removed object may have cast a shadow",
         {f"{INPAINT}.light.scene_light:in_shadow_of_hull": lambda points, *_, **__: np.zeros(len(points), dtype=bool)},
     ),
-    "half_trees": Case("a tree that was half seen is completed", {f"{INPAINT}.by_stretch:complete_trees": nothing}),
-    "poles": Case("poles, signs and trunks go on down to the ground", {f"{INPAINT}.by_stretch:feet_of_poles": nothing}),
+    "half_trees": Case("a tree that was half seen is completed", {f"{INPAINT}.upright:complete_trees": nothing}),
+    "barriers": Case("hedges, garden walls and fences go on behind cars", {f"{INPAINT}.upright:read_barriers": nothing}),
+    "poles": Case("poles, signs and trunks go on down to the ground", {f"{INPAINT}.upright:feet_of_poles": nothing}),
     "transverse_markings": Case(
         "lines across the street are continued, and rows of them completed",
         {
@@ -129,7 +130,7 @@ CASES = {
     "facades": Case(
         "facades are completed by other parts of themselves, and the sky over them",
         {
-            f"{INPAINT}.by_stretch:invented_facades": lambda chart, **_: InventedFacades(
+            f"{INPAINT}.upright:invented_facades": lambda chart, **_: InventedFacades(
                 None, None, None, np.zeros_like(chart.known)
             )
         },

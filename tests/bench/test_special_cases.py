@@ -112,4 +112,4 @@ def test_what_the_page_says_is_in_the_file() -> None:
     shown = re.findall(r"(\d+) (\d+\.\d)(?: dB)?", re.sub(r"\([^)]*\)", "", " ".join(lines.split())))
     assert shown == [(seed, f"{of[ALL_ON]['psnr']:.1f}") for seed, of in runs.items()]
     missing = [case for case in CASES if case not in rows]
-    assert all(f"`{case}`" in section for case in missing) and "Six parts" in section and len(missing) == 6
+    assert all(f"`{case}`" in section for case in missing) and "Seven parts" in section and len(missing) == 7

@@ -15,10 +15,10 @@ from unveil_core.base.files import read_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.reach import centres_of
-from unveil_core.inpaint.by_stretch import Completed
 from unveil_core.inpaint.chart.rectify import LEAST_AGREEMENT, Rectified
 from unveil_core.inpaint.facade.offsets import share_facing
 from unveil_core.inpaint.light.sun import Sun, given_sun
+from unveil_core.inpaint.upright import Completed
 from unveil_core.optimize.start import start_sky
 from unveil_core.pipeline.steps.ground import _metres_assumed, _street_assumed
 from unveil_core.pipeline.steps.inpaint import _facades_assumed, _sun_assumed, _sun_recorded

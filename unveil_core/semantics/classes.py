@@ -12,6 +12,7 @@ from unveil_core.base.errors import SelectionError
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 
 __all__ = [
+    "BARRIER_CLASSES",
     "CITYSCAPES",
     "COLORS",
     "GROUND_CLASSES",
@@ -45,6 +46,8 @@ GROUND_CLASSES = ("road", "sidewalk", "terrain")
 """The ground: what objects stand on."""
 SIDE_CLASSES = ("building", "wall", "fence")
 """Surfaces that bound the ground beside the street."""
+BARRIER_CLASSES = ("vegetation", "wall", "fence")
+"""What gardens are bounded by: hedges, walls and fences."""
 SOLID_CLASSES = ("building", "wall")
 """Surfaces that reach down to the ground and are opaque, though cars may hide their foot."""
 UPRIGHT_CLASSES = ("pole", "traffic sign", "traffic light", "vegetation")

@@ -135,9 +135,7 @@ def read_facade(
         left: which side of the street; along: arc lengths between which it is read.
         texel_m: texel size, metres; reach_m: how far a view looks, metres.
     """
-    end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
-    s = np.arange(ground.s_start, end, texel_m)
-    s = s[(s >= along[0]) & (s < along[1])]
+    s = rows_between(ground, along, texel_m)
     if len(s) < 2:
         return None
     offset = facade_offsets(walls, ground, s, left=left)
@@ -148,16 +146,23 @@ def read_facade(
     # At first as if facades stood everywhere, to see where something hides them.
     known = np.flatnonzero(np.isfinite(offset))
     everywhere = np.interp(np.arange(len(s)), known, offset[known])
-    coarse = _read(_empty(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
+    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
     hidden = np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)]
     offset = carried_on(offset, hidden, texel_m)
     offset[fanned_out(ground, s, offset)] = np.nan
     lacks = coarse.unseen[np.isfinite(offset[::factor])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
-    return _read(_empty(ground, s, offset, top), views, reach_m)
+    return read_views(empty_chart(ground, s, offset, top), views, reach_m)
 
 
-def _empty(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeChart:
+def rows_between(ground: Ground, along: tuple[float, float], texel_m: float) -> Float64:
+    """(A,) arc lengths of a chart's rows, ``texel_m`` apart, between the ends of the street and those of ``along``."""
+    end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
+    s = np.arange(ground.s_start, end, texel_m)
+    return s[(s >= along[0]) & (s < along[1])]
+
+
+def empty_chart(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeChart:
     """A chart of which nothing is known, for arc lengths ``s`` (A,)."""
     texel = float(s[1] - s[0])
     shape = (len(s), int(top / texel))
@@ -165,7 +170,7 @@ def _empty(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeCha
     return FacadeChart(ground, texel, 1.0 / texel, float(s[0]), offset, color, no, no, no, no)
 
 
-def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> FacadeChart:
+def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, roof_m: float = ROOF_M) -> FacadeChart:
     """The chart with what the views show of it."""
     rows, columns = (p.ravel() for p in np.indices(chart.known.shape))
     stands = np.isfinite(chart.offset)[rows]
@@ -186,14 +191,14 @@ def _read(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float) -> Fa
         # At the border of what is removed pixels are mixed.
         clear = ~grow(view.removed, border_px(view.camera.width, 1))[y, x]
         behind, agree = view.depth[y, x] - z, AGREE_M + AGREE * z
-        seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + ROOF_M)
+        seen = view.on_wall[y, x] & clear & (behind > -agree) & (behind < agree + roof_m)
         # Seen from along the street a facade is foreshortened.
         distance = np.maximum(np.linalg.norm(world[part] - view.camera.centre, axis=1), 1e-9)
         straight = np.abs(chart.offset[rows[part]]) / distance
         w = (straight / z) ** 3
         through = clear & view.sky[y, x]
         sky[part[through]] += w[through]
-        past = clear & ~view.sky[y, x] & (behind > agree + ROOF_M)
+        past = clear & ~view.sky[y, x] & (behind > agree + roof_m)
         beyond[part[past]] += w[past]
         w = np.where(behind < agree, w, ROOF_WEIGHT * w)
         part, pixel, w = part[seen], pixel[seen], w[seen]
@@ -226,7 +231,7 @@ def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> Inven
     wanted = chart.unseen & stands[:, None]
     fill = fill_facade(chart.color, chart.known, wanted, chart.open, texels_per_m=chart.per_m)
     walls, opened = (
-        _surfels(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
+        surfels_on(chart, fill.color, part, label=label, sh_degree=sh_degree) for part in (fill.filled, fill.opened)
     )
     return InventedFacades(walls, opened, _copies(chart, fill), fill.filled)
 
@@ -259,7 +264,7 @@ def _copies(chart: FacadeChart, fill: FacadeFill) -> FacadeCopies | None:
     return FacadeCopies(fill.copied & stands[:, None], rows, place).part(stands)
 
 
-def _surfels(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:
+def surfels_on(chart: FacadeChart, color: Float32, part: Mask, *, label: int, sh_degree: int) -> Surfels | None:
     """Surfels for a part (A, B) of the facade, in the colours (A, B, 3); None for no part."""
     rows, columns = np.nonzero(part)
     if not len(rows):

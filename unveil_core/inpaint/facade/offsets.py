@@ -53,6 +53,10 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     offset = np.full(len(at), np.nan)
     for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
         offset[k] = _tall_wall(aside[low:high], level[low:high])
+    return joined_offsets(offset, at, s)
+
+
+def joined_offsets(offset: Float64, at: Float64, s: Float64) -> Float64:
     offset = _without_spikes(offset, round(LONG_M / 2 / BIN_M))
     known = np.flatnonzero(np.isfinite(offset))
     for a, b in zip(known, known[1:], strict=False):
@@ -125,7 +129,7 @@ def _without_spikes(offset: Float64, half: int) -> Float64:
     return result
 
 
-def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
+def carried_on(offset: Float64, hidden: Mask, texel: float, carried_m: float = CARRIED_M) -> Float64:
     """Offsets (A,) ``texel`` metres apart, those of ``hidden`` (A,) stretches like that of the facade that runs into them.
 
     A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most :data:`CARRIED_M`
@@ -133,7 +137,7 @@ def carried_on(offset: Float64, hidden: Mask, texel: float) -> Float64:
     """
     result = offset.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden & ~np.isfinite(offset), [0]]).astype(np.int8)))
-    touch, farthest = max(1, round(TOUCH_M / texel)), CARRIED_M / texel
+    touch, farthest = max(1, round(TOUCH_M / texel)), carried_m / texel
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         rows = np.arange(first, last)
         distance = np.full((2, last - first), np.inf)

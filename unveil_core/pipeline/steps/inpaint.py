@@ -22,7 +22,7 @@ from unveil_core.drives.imported import read_imported
 from unveil_core.drives.selecting import named_frames
 from unveil_core.ground.blocks import Block, Blocks, cut_into_blocks
 from unveil_core.ground.files import read_ground
-from unveil_core.inpaint.by_stretch import Completed, StreetFill, sky_behind
+from unveil_core.inpaint.by_stretch import StreetFill
 from unveil_core.inpaint.chart.files import save_chart
 from unveil_core.inpaint.chart.layer import GroundLayer
 from unveil_core.inpaint.facade.copies import save_copies
@@ -39,6 +39,7 @@ from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import Removal, Views, drive_views
 from unveil_core.inpaint.stretches import Stretch, cut_street
+from unveil_core.inpaint.upright import Completed, complete_upright, sky_behind
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_cameras
@@ -105,7 +106,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         displaced, relit, ground = _renew_ground(context, given, fill)
     stays = np.flatnonzero(~(gone | displaced))
     remaining = given.shortened.of(surfels).select(torch.from_numpy(stays))
-    completed = None if fill is None else fill.complete(remaining)
+    completed = None if fill is None else complete_upright(fill, remaining)
     if completed is not None:
         displaced[stays[completed.displaced]] = True
         remaining = remaining.select(torch.from_numpy(~completed.displaced))

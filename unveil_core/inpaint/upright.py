@@ -1,0 +1,239 @@
+"""What stands beside the street and was seen in part, completed stretch by stretch: facades, hedges, garden walls and fences, poles
+and trees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.types import Mask
+from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.geometry.camera import Camera
+from unveil_core.inpaint.by_stretch import StreetFill
+from unveil_core.inpaint.facade.barriers import complete_barriers, read_barriers
+from unveil_core.inpaint.facade.copies import FacadeCopies
+from unveil_core.inpaint.facade.facade_chart import FacadeView, invented_facades, read_facade, replaced_by
+from unveil_core.inpaint.facade.half_trees import complete_trees
+from unveil_core.inpaint.facade.offsets import share_facing
+from unveil_core.inpaint.facade.poles import feet_of_poles
+from unveil_core.inpaint.stretches import Stretch
+from unveil_core.raster.picture import render_numpy
+from unveil_core.semantics.classes import BARRIER_CLASSES, UPRIGHT_CLASSES
+from unveil_core.surfels.surfels import Surfels, concatenate
+
+__all__ = ["Completed", "complete_upright", "sky_behind"]
+
+COMPLETED = ("walls", "feet", "trees", "curtains")
+COPIES = ("copies of the right side", "copies of the left side")
+COVERED = 0.5
+"""Alpha from which on a pixel shows what was rendered: half of the light comes from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What completes things that were seen in part.
+
+    Attributes:
+        walls: surfels of houses and barriers where something of them is missing; feet: of poles; trees: of trees; None where
+            nothing is.
+        curtains: surfels in facades' planes over which the sky goes on, None where none does.
+        sides: of the street along which houses stand, 0 to 2, whether anything of them is missing or not; mended: of them those
+            where something is.
+        facing: share of the houses' surfels that face the street, 0 to 1; None where there are no houses.
+        displaced: (N,) which of the remaining surfels the walls replace.
+        copies: where the missing parts of houses were copied from.
+    """
+
+    walls: Surfels | None
+    feet: Surfels | None
+    trees: Surfels | None
+    curtains: Surfels | None
+    sides: int
+    mended: int
+    facing: float | None
+    displaced: Mask
+    copies: Sequence[FacadeCopies] = ()
+
+    def surfels(self) -> list[Surfels]:
+        """Those that become part of the scene."""
+        return [part for part in (self.walls, self.feet, self.trees) if part is not None]
+
+
+def complete_upright(fill: StreetFill, remaining: Surfels) -> Completed:
+    """Facades, barriers, poles, trees and the sky over facades, of all stretches.
+
+    Args:
+        fill: the street; remaining: the scene without what is removed.
+    """
+    s = fill.s_of(remaining)
+    found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
+    sides, mended = np.zeros(2, dtype=bool), np.zeros(2, dtype=bool)
+    displaced = np.zeros(len(remaining), dtype=bool)
+    copies = []
+    for stretch in fill.stretches:
+
+        def make(stretch: Stretch = stretch) -> dict[str, NDArray[Any]]:
+            near = np.flatnonzero(stretch.near(s))
+            return _Beside(fill, stretch, remaining.select(torch.from_numpy(near)), near).completed()
+
+        arrays = fill.kept.within(stretch.name).once("completed", make)
+        fill.told(stretch, "completing facades")
+        sides |= arrays["sides"]
+        mended |= arrays["mended"]
+        displaced[arrays["displaced"]] = True
+        named = {name: _named(arrays, name) for name in (*COMPLETED, *COPIES)}
+        for name, parts in found.items():
+            parts += [Surfels.from_arrays(named[name])] if named[name] else []
+        copies += [FacadeCopies(**named[name]) for name in COPIES if named[name]]
+    walls, feet, trees, curtains = (concatenate(parts) if parts else None for parts in found.values())
+    house = fill.scene.labels.index("building")
+    facing = None if house is None else share_facing(remaining.select(remaining.labels == house), fill.ground)
+    return Completed(walls, feet, trees, curtains, int(sides.sum()), int(mended.sum()), facing, displaced, copies)
+
+
+class _Beside:
+    """What stands beside one stretch.
+
+    Args:
+        fill: the street; stretch: of it.
+        local: the surfels near the stretch; near: (N,) their indices.
+    """
+
+    def __init__(self, fill: StreetFill, stretch: Stretch, local: Surfels, near: NDArray[np.int64]) -> None:
+        self.fill, self.stretch, self.local, self.near = fill, stretch, local, near
+        self.found: dict[str, list[Surfels]] = {name: [] for name in COMPLETED}
+        self.displaced = [np.zeros(0, dtype=np.int64)]
+        self.copies: dict[str, NDArray[Any]] = {}
+
+    def completed(self) -> dict[str, NDArray[Any]]:
+        """What the stretch owns of that: the arrays of :data:`COMPLETED` and :data:`COPIES` by name; (2,) whether houses stand on
+        its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
+        told = [self._houses(name, left=left) for name, left in zip(COPIES, (False, True), strict=True)]
+        for left in (False, True):
+            self._barriers(left=left)
+        self._add("feet", self._feet())
+        self._add("trees", self._trees())
+        arrays = {
+            f"{name}.{key}": array
+            for name, parts in self.found.items()
+            if parts
+            for key, array in concatenate(parts).arrays().items()
+        }
+        sides, mended = np.array(told).T
+        displaced = np.concatenate(self.displaced)
+        return {"sides": sides, "mended": mended, "displaced": displaced, **arrays, **self.copies}
+
+    def _add(self, name: str, surfels: Surfels | None) -> None:
+        """Add what the stretch owns of some surfels to what was found."""
+        if surfels is None:
+            return
+        own = self.stretch.owns(self.fill.s_of(surfels))
+        if own.any():
+            self.found[name].append(surfels.select(torch.from_numpy(own)))
+
+    def _of(self, labels: Sequence[int]) -> tuple[Surfels, NDArray[np.int64]]:
+        """The surfels of some labels, and which they are of those near the stretch."""
+        those = np.flatnonzero(np.isin(self.local.labels.numpy(), labels))
+        return self.local.select(torch.from_numpy(those)), those
+
+    def _displace(self, those: NDArray[np.int64], surfels: Surfels, replaced: Mask) -> None:
+        """Note what the stretch owns of ``surfels``, indices ``those``, as far as it is ``replaced``."""
+        owned = self.stretch.owns(self.fill.s_of(surfels))
+        self.displaced.append(self.near[those[owned & replaced]])
+
+    def _houses(self, name: str, *, left: bool) -> tuple[bool, bool]:
+        """Complete the facades of one side; returns whether houses stand there, and whether anything of them was missing.
+
+        Args:
+            name: of the copies.
+        """
+        house = self.fill.scene.labels.index("building")
+        if house is None:
+            return False, False
+        walls, those = self._of((house,))
+        seen, along = self._views((house,)), self.stretch.s_around
+        chart = read_facade(self.fill.ground, walls, seen, left=left, along=along)
+        if chart is None:
+            return False, False
+        invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
+        self._displace(those, walls, replaced_by(chart, invented.filled, walls))
+        self._add("walls", invented.walls)
+        self._add("curtains", invented.open)
+        if invented.copies is not None:
+            own = invented.copies.part(self.stretch.owns(invented.copies.s))
+            self.copies |= {} if own is None else {f"{name}.{key}": array for key, array in vars(own).items()}
+        return True, invented.walls is not None
+
+    def _barriers(self, *, left: bool) -> None:
+        """Complete the hedges, garden walls and fences of one side."""
+        labels = self.fill.scene.labels.indices(BARRIER_CLASSES)
+        surfels, those = self._of(labels)
+        barriers = read_barriers(self.fill.ground, surfels, self._views(labels), left=left, along=self.stretch.s_around)
+        if barriers is None:
+            return
+        invented, filled = complete_barriers(barriers, sh_degree=surfels.sh_degree)
+        self._displace(those, surfels, replaced_by(barriers.chart, filled, surfels))
+        self._add("walls", invented)
+
+    def _views(self, labels: Sequence[int]) -> Sequence[FacadeView]:
+        """What the frames that see the stretch show of upright surfaces of some ``labels``."""
+        fill, frames = self.fill, self.stretch.frames
+        sky, views = fill.scene.labels.indices(("sky",)), fill.views
+
+        def view(k: int) -> FacadeView:
+            i = frames[k]
+            label = views.labels[i]
+            on_wall, shows_sky = np.isin(label, labels), np.isin(label, sky)
+            return FacadeView(fill.cameras[i], views.images[i], on_wall, shows_sky, views.depths[i], views.removed[i])
+
+        return Frames(len(frames), view)
+
+    def _feet(self) -> Surfels | None:
+        """The hidden feet of poles."""
+        fill, names = self.fill, self.fill.scene.labels.indices
+        return feet_of_poles(
+            self._of(names(UPRIGHT_CLASSES))[0],
+            fill.ground,
+            fill.cameras_of(self.stretch),
+            fill.of_frames(self.stretch, fill.views.depths),
+            fill.of_frames(self.stretch, fill.views.removed),
+            plates=names(("traffic sign", "traffic light")),
+            poles=names(("pole",)),
+        )
+
+    def _trees(self) -> Surfels | None:
+        """The hidden parts of trees."""
+        fill = self.fill
+        plant = fill.scene.labels.index("vegetation")
+        if plant is None:
+            return None
+        sky, labels = fill.scene.labels.indices(("sky",)), fill.of_frames(self.stretch, fill.views.labels)
+        return complete_trees(
+            self._of((plant,))[0],
+            fill.ground,
+            fill.cameras_of(self.stretch),
+            fill.of_frames(self.stretch, fill.views.depths),
+            fill.of_frames(self.stretch, fill.views.removed),
+            on_plant=Frames(len(labels), lambda k: labels[k] == plant),
+            sky=Frames(len(labels), lambda k: np.isin(labels[k], sky)),
+        )
+
+
+def _named(arrays: Mapping[str, NDArray[Any]], name: str) -> dict[str, NDArray[Any]]:
+    """The arrays of one name."""
+    return {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}
+
+
+def sky_behind(curtains: Surfels | None, cameras: Sequence[Camera], cache: FrameCache) -> Sequence[Mask] | None:
+    """(H, W) per camera, where it looks through ``curtains``; None where there are none."""
+    if curtains is None:
+        return None
+    return cache.frames(
+        len(cameras), lambda i: render_numpy(curtains, cameras[i], near=NEAR_M, far=FAR_M)["alpha"] > COVERED
+    )
