@@ -97,6 +97,18 @@ def test_the_sun_is_found_by_its_shadows(sun: tuple[float, float]) -> None:
     assert angle(light.sun.towards, sun_towards(*sun)) < 3.0
 
 
+def test_places_tell_of_the_sun_by_the_border_of_the_shade() -> None:
+    """Each metre off the border less, and alike on either side; where there is no border all tell the same."""
+    s, t = (p.ravel() for p in np.meshgrid(np.arange(0, 20, 0.2), np.arange(0, 4, 0.2), indexing="ij"))
+    places, is_dark = np.column_stack([s, t, np.zeros(len(s))]), s < 10
+    worth = sun_by_shadows._worth(places, is_dark)
+    order = np.argsort(np.abs(s - 9.9), kind="stable")
+    assert (np.diff(worth[order]) < 1e-9).all()
+    assert worth[order[0]] > 0.6 and worth[order[-1]] < 0.06
+    assert np.allclose(worth[is_dark].sum(), worth[~is_dark].sum())
+    assert np.ptp(sun_by_shadows._worth(places, np.ones(len(s), dtype=bool))) == 0
+
+
 def test_a_street_in_the_shade_of_its_houses_all_along_tells_where_the_sun_stands() -> None:
     """Half of the road and one sidewalk have no ray of sun anywhere: their offsets are all dark, and the same all along."""
     towards = sun_towards(*SUNS[0])

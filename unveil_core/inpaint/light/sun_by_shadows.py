@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import grow, luminance, masked_blur
@@ -39,6 +40,12 @@ else was found 0.27 and 0.30."""
 REFINEMENTS = ((6.0, 2.0), (1.5, 0.75))
 """Passes of the refinement: reach around the best direction so far, and step, degrees. The first search is right to a few
 degrees."""
+REFINED = 2
+"""How many of the candidates are refined: on one of twelve drawn streets the second comes nearer, 5 degrees off instead of 10."""
+BORDER_SCALE_M, LEAST_WORTH = 0.5, 0.05
+"""Distance to the border of the shade over which what a place tells falls to a third, metres, and what it tells at least. On
+twelve drawn streets the sun is found to 1.5 degrees on the mean, and the worst to 5; with all places alike to 2.5, and the worst to
+14. Half and twice the distance find it as well on most, and the worst to 10 and 6."""
 MARGINS_M = (0.0, 0.1, 0.2)
 """By how much drawn shadows are taken to reach too far on all sides, metres; for each direction that counts which agrees best.
 Surfels reach beyond the surfaces they stand for, and half of the penumbra is read as lit. Taken for the sun's doing, this turned
@@ -135,8 +142,9 @@ def sun_by_shadows(evidence: Evidence, casters: Casters) -> Sun | None:
     if not suns:
         return None
     some = slice(None, None, -(-len(places) // MOST_PLACES))
-    probes = _with_margins(places[some], evidence.chart.ground.path.axes)
-    return _refined_sun(probes, is_dark[some], Discs.of(everything), suns)
+    places, is_dark = places[some], is_dark[some]
+    probes = _with_margins(places, evidence.chart.ground.path.axes)
+    return _refined_sun(probes, is_dark, _worth(places, is_dark), Discs.of(everything), suns)
 
 
 def _with_margins(places: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -165,40 +173,59 @@ def _coarse_suns(chart: StreetChart, observed: NDArray[np.bool_], casters: Surfe
     return find_suns(measures, known, s, t, chart.ground, means)
 
 
+def _worth(places: NDArray[np.float64], is_dark: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """(P,) what each of the ``places`` (P, 3) tells of the sun, ``is_dark`` (P,) or not: the more, the nearer the other is. Deep in
+    the shade of a house it is dark wherever the sun stands, within 20 degrees."""
+    apart = np.empty(len(places))
+    for kind in (is_dark, ~is_dark):
+        apart[kind] = cKDTree(places[~kind]).query(places[kind])[0] if not kind.all() else np.inf
+    return np.exp(-apart / BORDER_SCALE_M) + LEAST_WORTH
+
+
 def _refined_sun(
-    probes: NDArray[np.float64], is_dark: NDArray[np.bool_], casters: Discs, suns: Sequence[Sun]
+    probes: NDArray[np.float64],
+    is_dark: NDArray[np.bool_],
+    worth: NDArray[np.float64],
+    casters: Discs,
+    suns: Sequence[Sun],
 ) -> Sun | None:
-    """The sun to a degree or two: of the directions around the candidates the one whose shadows agree best with what is dark; None
-    where those of none do.
+    """The sun to a degree or two: of the directions around the best candidates the one whose shadows agree best with what is dark;
+    None where those of none do.
 
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
 
     Args:
         probes: (1 + M * K, P, 3) places on the ground and points around them, see :func:`_with_margins`.
-        is_dark: (P,) whether it is dark there.
+        is_dark: (P,) whether it is dark there; worth: (P,) what that tells, see :func:`_worth`.
         suns: the likeliest first, one at least.
     """
 
-    def agreement(azimuth: float, elevation: float) -> float:
+    def agreement(azimuth: float, elevation: float, weights: NDArray[np.float64] = worth) -> float:
         shaded = in_shadow_of(probes.reshape(-1, 3), casters, sun_towards(azimuth, elevation)).reshape(probes.shape[:2])
         # In shadow by a margin is what is so by all smaller ones, too.
         within = np.logical_and.accumulate(shaded)[::AROUND]
-        return max(_correlation(shadow, is_dark) for shadow in within)
+        return max(_correlation(shadow, is_dark, weights) for shadow in within)
 
-    first = max(suns, key=lambda sun: sun.score + agreement(sun.azimuth, sun.elevation))
-    best = (agreement(first.azimuth, first.elevation), first.azimuth, first.elevation)
-    for reach, degrees in REFINEMENTS:
-        _, a0, e0 = best
-        around = np.arange(-reach, reach + 0.01, degrees)
-        tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
-        best = max(best, max((agreement(a, e), a, e) for a, e in tried))
-    agreed, azimuth, elevation = best
-    if agreed < LEAST_AGREEMENT:
+    starts = [(agreement(sun.azimuth, sun.elevation), sun) for sun in suns]
+    starts.sort(key=lambda start: -start[0] - start[1].score)
+    found = []
+    for agreed, sun in starts[:REFINED]:
+        best = (agreed, sun.azimuth, sun.elevation)
+        for reach, degrees in REFINEMENTS:
+            _, a0, e0 = best
+            around = np.arange(-reach, reach + 0.01, degrees)
+            tried = [(a0 + da, float(np.clip(e0 + de, *ELEVATION_LIMITS))) for da in around for de in around]
+            best = max(best, max((agreement(a, e), a, e) for a, e in tried))
+        found.append((*best, sun.score))
+    _, azimuth, elevation, score = max(found)
+    if agreement(azimuth, elevation, np.ones(len(is_dark))) < LEAST_AGREEMENT:
         return None
-    return Sun(sun_towards(azimuth, elevation), first.score, azimuth % 360, elevation)
+    return Sun(sun_towards(azimuth, elevation), score, azimuth % 360, elevation)
 
 
-def _correlation(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
-    """Of two masks (P,); -1 where one is the same everywhere."""
-    spread = float(a.std() * b.std())
-    return float(((a - a.mean()) * (b - b.mean())).mean()) / spread if spread > 0 else -1.0
+def _correlation(a: NDArray[np.bool_], b: NDArray[np.bool_], weights: NDArray[np.float64]) -> float:
+    """Of two masks (P,), weighted by (P,); -1 where one is the same everywhere."""
+    share = weights / weights.sum()
+    one, other = (values - float(share @ values) for values in (a, b))
+    spread = float(np.sqrt((share @ one**2) * (share @ other**2)))
+    return float(share @ (one * other)) / spread if spread > 1e-9 else -1.0
