@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.inpaint.facade.test_continued import FAR, street
+from tests.inpaint.facade.test_continued import FAR, against_plane, street
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.inpaint.facade.barriers import Barriers, complete_barriers, read_barriers
@@ -38,13 +38,7 @@ def surfels_of(pieces: Pieces, hidden: Float64, top: float = TOP) -> Surfels:
 
 def view(camera: Camera, pieces: Pieces, car: Float64) -> FacadeView:
     """What a camera sees of a barrier past a car's box (2, 3): rays against the barrier's plane."""
-    rays = camera.rays().reshape(-1, 3)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = (BARRIER_T - camera.centre[1]) / rays[:, 1]
-        first, second = (car[0] - camera.centre) / rays, (car[1] - camera.centre) / rays
-    near, far = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
-    hidden = (near <= far) & (near > 0)
-    at = camera.centre + z[:, None] * rays
+    rays, z, at, near, hidden = against_plane(camera, BARRIER_T, car)
     image, wall = np.full((len(rays), 3), 130, np.uint8), np.zeros(len(rays), dtype=bool)
     for start, end, label in pieces:
         here = (z > 0) & (at[:, 2] > 0) & (at[:, 2] < TOP) & (at[:, 0] > start) & (at[:, 0] < end)

@@ -51,15 +51,20 @@ def stripes(along: np.ndarray, height: np.ndarray) -> np.ndarray:
     return np.repeat(grey[:, None], 3, axis=1)
 
 
-def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Image, wall, sky, depth and what the car hides, of a straight street: rays against the facade's plane and the car's box."""
+def against_plane(camera: Camera, t: float, car: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of each ray (N, 3) of a camera on a straight street its depth at the plane at ``t``, its place there (N, 3), its depth at the
+    car's box, and whether it meets that."""
     rays = camera.rays().reshape(-1, 3)
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = (FACADE_T - camera.centre[1]) / rays[:, 1]
+        z = (t - camera.centre[1]) / rays[:, 1]
         first, second = (car[0] - camera.centre) / rays, (car[1] - camera.centre) / rays
     near, far = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
-    hidden = (near <= far) & (near > 0)
-    at = camera.centre + z[:, None] * rays
+    return rays, z, camera.centre + z[:, None] * rays, near, (near <= far) & (near > 0)
+
+
+def view(camera: Camera, car: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Image, wall, sky, depth and what the car hides, of a straight street: rays against the facade's plane and the car's box."""
+    rays, z, at, near, hidden = against_plane(camera, FACADE_T, car)
     wall = (z > 0) & (at[:, 2] > 0) & (at[:, 2] < 7) & (at[:, 0] > 0) & (at[:, 0] < 26)
     image = np.where(wall[:, None], stripes(at[:, 0], at[:, 2]), 130.0)
     image[hidden] = (200, 0, 0)
