@@ -103,6 +103,17 @@ def test_what_one_row_takes_for_a_bar_is_none() -> None:
     assert not there.any()
 
 
+@pytest.mark.parametrize("seen_m, ends", [(0.05, True), (0.02, False)])
+def test_a_narrow_strip_of_asphalt_where_a_bar_should_be_ends_the_crossing(seen_m: float, ends: bool) -> None:
+    """3.5 m along the street, a tenth of a bar wide; narrower it may be that of the bar's border."""
+    detail, bar = crossing(5.0, 3)
+    known = np.ones_like(bar)
+    known[:, round((8.0 + seen_m) * PER_M) :] = False
+    known[:, : round(4.9 * PER_M)] = False
+    _, there = continued(detail, known)
+    assert there[:, round(8.5 * PER_M) :].any() != ends
+
+
 def test_a_bar_half_of_which_was_seen_is_whole() -> None:
     detail, bar = crossing(2.75, 9)
     known = np.ones_like(bar)
