@@ -36,7 +36,8 @@ GROUPS = {
     "76-79": range(76, 80),
     "80-83": range(80, 84),
     "84-87": range(84, 88),
-    "88 on": range(88, 10**6),
+    "88-91": range(88, 92),
+    "92 on": range(92, 10**6),
 }
 """Seeds that had their first look in one state of the program; those of the first group were worked on from the beginning."""
 POOLED = "28 on"

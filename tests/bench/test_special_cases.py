@@ -96,7 +96,7 @@ def test_what_the_page_says_is_in_the_file() -> None:
         return text if float(text) else text[1:]
 
     for case, (_, *cells) in told.items():
-        found, by_seed = rows[case], {seed: of[case]["change"]["psnr"] for seed, of in runs.items()}
+        found, by_seed = rows[case], {seed: of[case]["change"]["psnr"] for seed, of in runs.items() if case in of}
         most = min(by_seed, key=lambda seed: by_seed[seed])
         others = np.mean([value for seed, value in by_seed.items() if seed != most])
         assert cells == [
@@ -111,5 +111,4 @@ def test_what_the_page_says_is_in_the_file() -> None:
     )
     shown = re.findall(r"(\d+) (\d+\.\d)(?: dB)?", re.sub(r"\([^)]*\)", "", " ".join(lines.split())))
     assert shown == [(seed, f"{of[ALL_ON]['psnr']:.1f}") for seed, of in runs.items()]
-    missing = [case for case in CASES if case not in rows]
-    assert all(f"`{case}`" in section for case in missing) and "Seven parts" in section and len(missing) == 7
+    assert set(rows) == set(CASES)

@@ -67,10 +67,10 @@ def test_a_seed_that_was_looked_at_gets_no_first_look_but_keeps_its_own() -> Non
 
 
 def test_another_generator_draws_another_street() -> None:
-    document = taken([(88, row(20.0, "old")), (89, row(22.0))])
-    assert summarized(document, "standard", GENERATOR)["means"]["standard"]["first_look"]["88 on"]["streets"] == 1
-    recorded(document, "standard", 88, row(18.0))
-    assert document["first_looks"]["standard"]["88"]["removed"]["psnr"] == 18.0
+    document = taken([(92, row(20.0, "old")), (93, row(22.0))])
+    assert summarized(document, "standard", GENERATOR)["means"]["standard"]["first_look"]["92 on"]["streets"] == 1
+    recorded(document, "standard", 92, row(18.0))
+    assert document["first_looks"]["standard"]["92"]["removed"]["psnr"] == 18.0
 
 
 def test_means_are_over_what_was_measured() -> None:
@@ -96,7 +96,7 @@ def test_rows_of_before_the_spectrum_have_no_say_in_its_mean() -> None:
 def test_pictures_of_held_out_seeds_are_not_shown() -> None:
     assert all(may_be_shown(seed) for seed in (0, 9, 10, UNSEEN_FROM - 1, *SEEN))
     assert not any(may_be_shown(seed) for seed in (28, 29, 31, 32, 37, 46, 1000))
-    assert [group_of(seed) for seed in (0, 19, 27, 28, 45, 46, 99)] == list(GROUPS)[:4] + ["40-45", "46-51", "88 on"]
+    assert [group_of(seed) for seed in (0, 19, 27, 28, 45, 46, 99)] == list(GROUPS)[:4] + ["40-45", "46-51", "92 on"]
 
 
 @pytest.fixture
