@@ -40,12 +40,10 @@ else was found 0.27 and 0.30."""
 REFINEMENTS = ((6.0, 2.0), (1.5, 0.75))
 """Passes of the refinement: reach around the best direction so far, and step, degrees. The first search is right to a few
 degrees."""
-REFINED = 2
-"""How many of the candidates are refined: on one of twelve drawn streets the second comes nearer, 5 degrees off instead of 10."""
 BORDER_SCALE_M, LEAST_WORTH = 0.5, 0.05
 """Distance to the border of the shade over which what a place tells falls to a third, metres, and what it tells at least. On
-twelve drawn streets the sun is found to 1.5 degrees on the mean, and the worst to 5; with all places alike to 2.5, and the worst to
-14. Half and twice the distance find it as well on most, and the worst to 10 and 6."""
+twelve drawn streets the sun is found to 1.5 degrees on the mean, with all places alike to 2.5; on the worst, of which little shade
+is seen, to 5 and 7 in two runs instead of 14. Half and twice the distance find it as well on most, and the worst to 10 and 6."""
 MARGINS_M = (0.0, 0.1, 0.2)
 """By how much drawn shadows are taken to reach too far on all sides, metres; for each direction that counts which agrees best.
 Surfels reach beyond the surfaces they stand for, and half of the penumbra is read as lit. Taken for the sun's doing, this turned
@@ -189,7 +187,7 @@ def _refined_sun(
     casters: Discs,
     suns: Sequence[Sun],
 ) -> Sun | None:
-    """The sun to a degree or two: of the directions around the best candidates the one whose shadows agree best with what is dark;
+    """The sun to a degree or two: of the directions around the candidates the one whose shadows agree best with what is dark;
     None where those of none do.
 
     A few degrees move the shadow of a roof by half a metre, and with it the border between light and dark over a whole kerb.
@@ -206,11 +204,9 @@ def _refined_sun(
         within = np.logical_and.accumulate(shaded)[::AROUND]
         return max(_correlation(shadow, is_dark, weights) for shadow in within)
 
-    starts = [(agreement(sun.azimuth, sun.elevation), sun) for sun in suns]
-    starts.sort(key=lambda start: -start[0] - start[1].score)
     found = []
-    for agreed, sun in starts[:REFINED]:
-        best = (agreed, sun.azimuth, sun.elevation)
+    for sun in suns:
+        best = (agreement(sun.azimuth, sun.elevation), sun.azimuth, sun.elevation)
         for reach, degrees in REFINEMENTS:
             _, a0, e0 = best
             around = np.arange(-reach, reach + 0.01, degrees)
