@@ -40,10 +40,10 @@ def errors(ground: street_fit.Ground) -> Float64:
 @pytest.mark.parametrize(("measured", "most"), [(True, 0.06), (False, 0.15)])
 def test_sunk_surfels_do_not_pull_the_street_down(measured: bool, most: float, monkeypatch: pytest.MonkeyPatch) -> None:
     surfels, sure = (PATH.to_world(p) for p in noisy_points(0.4))
-    ground = fit_street_heights(PATH, surfels, sure=(lambda: sure) if measured else None)
+    ground = fit_street_heights(PATH, surfels, sure=sure if measured else None)
     assert np.percentile(errors(ground), 90) < most
     monkeypatch.setattr(street_fit, "NOISY_M", np.inf)
-    assert np.percentile(errors(fit_street_heights(PATH, surfels, sure=lambda: sure)), 90) > 0.3
+    assert np.percentile(errors(fit_street_heights(PATH, surfels, sure=sure)), 90) > 0.3
 
 
 @given(grade=st.floats(-0.3, 0.3), noise=st.floats(0.0, 0.03))
@@ -59,7 +59,7 @@ def test_a_steep_street_is_not_noisy(grade: float, noise: float) -> None:
 def test_where_points_are_right_kerbs_stay() -> None:
     points = street_points(60.0, 0.03)
     assert height_noise(PATH.to_street(points)) < 0.02
-    ground = fit_street_heights(PATH, points, sure=lambda: points + (0, 0, 1))  # which nobody asks
+    ground = fit_street_heights(PATH, points, sure=points + (0, 0, 1))  # which nobody asks
     height = ground.height_at(np.full(2, 20.0), np.array([3.5, 4.5]))
     assert abs(height[1] - height[0] - 0.12) < 0.03
 

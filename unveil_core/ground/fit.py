@@ -139,7 +139,7 @@ def fit_street(
     found = _evidence(surfels, labels, cameras, path, measured)
     if found is None:
         return None
-    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=lambda: found.sure)
+    return fit_street_heights(path, found.ground, walls=found.walls, standing=found.standing, sure=found.sure)
 
 
 def street_noise(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, maximum_filter1d, median_filter, minimum_filter1d
@@ -63,7 +61,7 @@ def fit_street_heights(
     *,
     walls: Float64 | None = None,
     standing: Float64 | None = None,
-    sure: Callable[[], Float64] | None = None,
+    sure: Float64 | None = None,
 ) -> Ground:
     """Height field and lateral limits from ground points.
 
@@ -72,7 +70,7 @@ def fit_street_heights(
     the kerbs of two streets meet. Of noisy points there is only a parabola across the street.
 
     Args:
-        points: (P, 3) world points on the ground; sure: gives (Q, 3) measured ones, asked where the others are noisy.
+        points: (P, 3) world points on the ground; sure: (Q, 3) measured ones, which count where the others are noisy.
         walls: (W, 3) world points on what ends the street at its sides (facades, fences); None = the ground ends where
             nobody saw any.
         standing: (O, 3) world points on what stands on the ground and could be removed: it goes on under them, whether any was
@@ -114,7 +112,7 @@ def fit_street_heights(
     remainder = np.stack([np.interp(centres, np.arange(cells), row) for row in smooth])
     height = base[:, None] + profiles + remainder
     if height_noise(street) > NOISY_M:
-        measured = np.zeros((0, 3)) if sure is None else path.to_street(sure())
+        measured = np.zeros((0, 3)) if sure is None else path.to_street(sure)
         along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
         height = plain_heights(street, measured, along, across, base)
 

@@ -114,9 +114,8 @@ class _Beside:
     def completed(self) -> dict[str, NDArray[Any]]:
         """What the stretch owns of that: the arrays of :data:`COMPLETED` and :data:`COPIES` by name; (2,) whether houses stand on
         its ``sides``, and which of these are ``mended``; and indices ``displaced``."""
-        told = [self._houses(name, left=left) for name, left in zip(COPIES, (False, True), strict=True)]
-        for left in (False, True):
-            self._barriers(left=left)
+        told = self._houses()
+        self._barriers()
         self._add("feet", self._feet())
         self._add("trees", self._trees())
         arrays = {
@@ -133,7 +132,7 @@ class _Beside:
         """Add what the stretch owns of some surfels to what was found."""
         if surfels is None:
             return
-        own = self.stretch.owns(self.fill.s_of(surfels))
+        own = self._owned(surfels)
         if own.any():
             self.found[name].append(surfels.select(torch.from_numpy(own)))
 
@@ -142,44 +141,44 @@ class _Beside:
         those = np.flatnonzero(np.isin(self.local.labels.numpy(), labels))
         return self.local.select(torch.from_numpy(those)), those
 
-    def _displace(self, those: NDArray[np.int64], surfels: Surfels, replaced: Mask) -> None:
-        """Note what the stretch owns of ``surfels``, indices ``those``, as far as it is ``replaced``."""
-        owned = self.stretch.owns(self.fill.s_of(surfels))
-        self.displaced.append(self.near[those[owned & replaced]])
+    def _owned(self, surfels: Surfels) -> Mask:
+        """(N,) which surfels the stretch owns."""
+        return self.stretch.owns(self.fill.s_of(surfels))
 
-    def _houses(self, name: str, *, left: bool) -> tuple[bool, bool]:
-        """Complete the facades of one side; returns whether houses stand there, and whether anything of them was missing.
-
-        Args:
-            name: of the copies.
-        """
+    def _houses(self) -> list[tuple[bool, bool]]:
+        """Complete the facades; returns of each side whether houses stand there, and whether anything of them was missing."""
         house = self.fill.scene.labels.index("building")
         if house is None:
-            return False, False
-        walls, those = self._of((house,))
-        seen, along = self._views((house,)), self.stretch.s_around
-        chart = read_facade(self.fill.ground, walls, seen, left=left, along=along)
-        if chart is None:
-            return False, False
-        invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
-        self._displace(those, walls, replaced_by(chart, invented.filled, walls))
-        self._add("walls", invented.walls)
-        self._add("curtains", invented.open)
-        if invented.copies is not None:
-            own = invented.copies.part(self.stretch.owns(invented.copies.s))
+            return [(False, False)] * len(COPIES)
+        (walls, those), seen, told = self._of((house,)), self._views((house,)), []
+        owned = self._owned(walls)
+        for name, left in zip(COPIES, (False, True), strict=True):
+            chart = read_facade(self.fill.ground, walls, seen, left=left, along=self.stretch.s_around)
+            if chart is None:
+                told.append((False, False))
+                continue
+            invented = invented_facades(chart, label=house, sh_degree=walls.sh_degree)
+            told.append((True, invented.walls is not None))
+            self.displaced.append(self.near[those[owned & replaced_by(chart, invented.filled, walls)]])
+            self._add("walls", invented.walls)
+            self._add("curtains", invented.open)
+            copies = invented.copies
+            own = None if copies is None else copies.part(self.stretch.owns(copies.s))
             self.copies |= {} if own is None else {f"{name}.{key}": array for key, array in vars(own).items()}
-        return True, invented.walls is not None
+        return told
 
-    def _barriers(self, *, left: bool) -> None:
-        """Complete the hedges, garden walls and fences of one side."""
+    def _barriers(self) -> None:
+        """Complete the hedges, garden walls and fences."""
         labels = self.fill.scene.labels.indices(BARRIER_CLASSES)
-        surfels, those = self._of(labels)
-        barriers = read_barriers(self.fill.ground, surfels, self._views(labels), left=left, along=self.stretch.s_around)
-        if barriers is None:
-            return
-        invented, filled = complete_barriers(barriers, sh_degree=surfels.sh_degree)
-        self._displace(those, surfels, replaced_by(barriers.chart, filled, surfels))
-        self._add("walls", invented)
+        (surfels, those), seen = self._of(labels), self._views(labels)
+        owned = self._owned(surfels)
+        for left in (False, True):
+            barriers = read_barriers(self.fill.ground, surfels, seen, left=left, along=self.stretch.s_around)
+            if barriers is None:
+                continue
+            invented, filled = complete_barriers(barriers, sh_degree=surfels.sh_degree)
+            self.displaced.append(self.near[those[owned & replaced_by(barriers.chart, filled, surfels)]])
+            self._add("walls", invented)
 
     def _views(self, labels: Sequence[int]) -> Sequence[FacadeView]:
         """What the frames that see the stretch show of upright surfaces of some ``labels``."""

@@ -24,21 +24,21 @@ from unveil_core.inpaint.facade.facade_chart import (
     read_views,
     rows_between,
     surfels_on,
+    where_hidden,
 )
 from unveil_core.inpaint.facade.facade_fill import fill_facade
-from unveil_core.inpaint.facade.offsets import carried_on, fanned_out, joined_offsets
+from unveil_core.inpaint.facade.offsets import LOW_M, carried_on, fanned_out, offsets_along
 from unveil_core.surfels.surfels import Surfels, concatenate
 
 __all__ = ["Barriers", "complete_barriers", "read_barriers"]
 
-LOW_M, HIGH_M = 0.3, 2.3
-"""Heights over the ground between which the surfels of a barrier give its place, metres: over kerbs and grass, up to the top of a
-garden wall."""
+HIGH_M = 2.3
+"""Height over the ground up to which the surfels of a barrier give its place, metres: the top of a garden wall."""
 OVER_M = 4.0
 """Height up to which it is no barrier if more of it lies over the highest, metres: a crown."""
-BIN_M, AROUND_M, LEAST = 0.25, 1.0, 6
-"""Spacing along s at which a barrier's offset is found, half length of the stretch whose surfels count for it, metres, and how
-many there must be: over the roofs of cars little of it is seen."""
+AROUND_M, LEAST = 1.0, 6
+"""Half length of the stretch whose surfels count for a barrier's offset, metres, and how many there must be: over the roofs of cars
+little of it is seen."""
 BESIDE_M = 0.5
 """Distance from the middle of a barrier up to which surfels are its own, metres: half of a thick hedge, and its relief."""
 BUSH_M, FLAT = 2.0, 0.7
@@ -50,10 +50,8 @@ FAR_M = 20.0
 """Distance from the path up to which a barrier is the street's own, metres."""
 TOP_M = 2.6
 """Height of the charts, metres: over the highest barrier."""
-COARSE_M = 0.25
-"""Size of the texels by which it is found where a barrier is hidden, metres."""
-FOOT_M, MOSTLY = 1.0, 0.8
-"""Height up to which a place must be hidden for the barrier beside it to go on there, metres, and how much of it."""
+FOOT_M = 1.0
+"""Height up to which a place must be hidden for the barrier beside it to go on there, metres."""
 CARRIED_M = 6.0
 """Distance along s over which a barrier goes on where nothing tells, metres: a car's length and the gaps before and behind it."""
 END_M, STRAIGHT_M, BULGE_M = 3.0, 0.25, 0.5
@@ -110,22 +108,20 @@ def read_barriers(
     offset = _offsets(place, s)
     spread = _spread(offset, texel_m)
     offset[fanned_out(ground, s, offset) | (spread > BULGE_M)] = np.nan
-    known = np.flatnonzero(np.isfinite(offset))
-    if not len(known):
-        return None
-    factor = max(1, round(COARSE_M / texel_m))
-    everywhere = np.interp(np.arange(len(s)), known, offset[known])
-    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], TOP_M), views, reach_m, THICK_M)
     stood = np.isfinite(offset)
-    foot = coarse.unseen[:, int(LOW_M * coarse.per_m) : int(FOOT_M * coarse.per_m)]
-    hidden = np.repeat(foot.mean(axis=1) >= MOSTLY, factor)[: len(s)]
+    if not stood.any():
+        return None
+    own = np.abs(place[:, 1] - np.interp(place[:, 0], s[stood], offset[stood])) < BESIDE_M
+    if not own.any():
+        return None
+    label = labels[own][cKDTree(place[own, :1]).query(s[:, None])[1]]
+    _, hidden = where_hidden(ground, s, offset, views, reach_m, TOP_M, FOOT_M, THICK_M)
     straight = _long(stood, round(END_M / texel_m)) & (spread <= STRAIGHT_M)
     carried = carried_on(np.where(straight, offset, np.nan), hidden & ~stood, texel_m, CARRIED_M)
     offset = np.where(stood, offset, carried)
     offset[fanned_out(ground, s, offset)] = np.nan
     chart = read_views(empty_chart(ground, s, offset, TOP_M), views, reach_m, THICK_M)
-    own = np.abs(place[:, 1] - np.interp(place[:, 0], s[known], everywhere[known])) < BESIDE_M
-    return Barriers(chart, _tops(chart, stood), labels[own][cKDTree(place[own, :1]).query(s[:, None])[1]])
+    return Barriers(chart, _tops(chart, stood), label)
 
 
 def complete_barriers(barriers: Barriers, *, sh_degree: int) -> tuple[Surfels | None, Mask]:
@@ -183,9 +179,7 @@ def _offsets(place: Float64, s: Float64) -> Float64:
     Args:
         place: (P, 3) of :func:`_places`.
     """
-    at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
-    ends = (np.searchsorted(place[:, 0], at + d * AROUND_M) for d in (-1, 1))
-    return joined_offsets(np.array([_offset(place[low:high]) for low, high in zip(*ends, strict=True)]), at, s)
+    return offsets_along(place[:, 0], s, AROUND_M, lambda near: _offset(place[near]))
 
 
 def _offset(place: Float64) -> float:

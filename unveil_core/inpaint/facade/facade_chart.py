@@ -142,15 +142,10 @@ def read_facade(
     offset[fanned_out(ground, s, offset)] = np.nan
     if not np.isfinite(offset).any():
         return None
-    factor = max(1, round(COARSE_M / texel_m))
-    # At first as if facades stood everywhere, to see where something hides them.
-    known = np.flatnonzero(np.isfinite(offset))
-    everywhere = np.interp(np.arange(len(s)), known, offset[known])
-    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], HIGHEST_M), views, reach_m)
-    hidden = np.repeat(_hidden_to_the_eaves(coarse), factor)[: len(s)]
+    coarse, hidden = where_hidden(ground, s, offset, views, reach_m, HIGHEST_M, EAVES_M)
     offset = carried_on(offset, hidden, texel_m)
     offset[fanned_out(ground, s, offset)] = np.nan
-    lacks = coarse.unseen[np.isfinite(offset[::factor])].any(axis=0)
+    lacks = coarse.unseen[np.isfinite(offset[:: _coarser(texel_m)])].any(axis=0)
     top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
     return read_views(empty_chart(ground, s, offset, top), views, reach_m)
 
@@ -160,6 +155,36 @@ def rows_between(ground: Ground, along: tuple[float, float], texel_m: float) -> 
     end = ground.s_start + ground.s_cell * (len(ground.t_max) - 1)
     s = np.arange(ground.s_start, end, texel_m)
     return s[(s >= along[0]) & (s < along[1])]
+
+
+def where_hidden(
+    ground: Ground,
+    s: Float64,
+    offset: Float64,
+    views: Sequence[FacadeView],
+    reach_m: float,
+    top_m: float,
+    up_to_m: float,
+    roof_m: float = ROOF_M,
+) -> tuple[FacadeChart, Mask]:
+    """What the views show as if something stood everywhere, in coarse texels; and (A,) where something removed hides that so far up
+    that nothing tells whether it stands there.
+
+    Args:
+        s, offset: (A,) of what stands somewhere, NaN elsewhere.
+        top_m: height of the coarse chart; up_to_m: height up to which it must be hidden, metres.
+    """
+    known, factor = np.flatnonzero(np.isfinite(offset)), _coarser(float(s[1] - s[0]))
+    everywhere = np.interp(np.arange(len(s)), known, offset[known])
+    coarse = read_views(empty_chart(ground, s[::factor], everywhere[::factor], top_m), views, reach_m, roof_m)
+    low, high = (int(h * coarse.per_m) for h in (LOW_M, up_to_m))
+    hidden = coarse.unseen[:, low:high].mean(axis=1) >= MOSTLY
+    return coarse, np.repeat(hidden, factor)[: len(s)]
+
+
+def _coarser(texel_m: float) -> int:
+    """How many texels of a chart are a coarse one."""
+    return max(1, round(COARSE_M / texel_m))
 
 
 def empty_chart(ground: Ground, s: Float64, offset: Float64, top: float) -> FacadeChart:
@@ -213,12 +238,6 @@ def read_views(chart: FacadeChart, views: Sequence[FacadeView], reach_m: float, 
     passed[rows, columns] = beyond > np.maximum(weight, sky)
     hidden[rows, columns] = occluded
     return replace(chart, color=color, known=known, open=open_, passed=passed, occluded=hidden)
-
-
-def _hidden_to_the_eaves(chart: FacadeChart) -> Mask:
-    """(A,) where something removed hides the facade so far up that nothing tells whether a house stands there."""
-    low, high = (int(h * chart.per_m) for h in (LOW_M, EAVES_M))
-    return np.asarray(chart.unseen[:, low:high].mean(axis=1) >= MOSTLY)
 
 
 def invented_facades(chart: FacadeChart, *, label: int, sh_degree: int) -> InventedFacades:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,7 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.ground.street import Ground
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "share_facing"]
+__all__ = ["LOW_M", "carried_on", "facade_offsets", "fanned_out", "offsets_along", "share_facing"]
 
 BIN_M, AROUND_M, LEAST = 0.25, 0.75, 12
 """Spacing along s at which the facade's offset is found, half length of the stretch whose surfels count for it, metres, and
@@ -49,14 +51,20 @@ def facade_offsets(walls: Surfels, ground: Ground, s: Float64, *, left: bool) ->
     order = np.argsort(street[facing, 0], kind="stable")
     along, aside = street[facing][order, :2].T
     level = np.floor(height[facing][order] / LEVEL_M).astype(np.int64)
+    return offsets_along(along, s, AROUND_M, lambda near: _tall_wall(aside[near], level[near]))
+
+
+def offsets_along(along: Float64, s: Float64, around_m: float, offset_of: Callable[[slice], float]) -> Float64:
+    """(A,) lateral offset of something at arc lengths ``s`` (A,) increasing, NaN where it does not stand: without spikes and short
+    pieces, and joined over short gaps.
+
+    Args:
+        along: (P,) arc lengths of what tells of it, rising; around_m: how far away it does, metres.
+        offset_of: the offset by a part of that, NaN where that shows none.
+    """
     at = np.arange(s[0], s[-1] + BIN_M, BIN_M)
-    offset = np.full(len(at), np.nan)
-    for k, (low, high) in enumerate(zip(*(np.searchsorted(along, at + d * AROUND_M) for d in (-1, 1)), strict=True)):
-        offset[k] = _tall_wall(aside[low:high], level[low:high])
-    return joined_offsets(offset, at, s)
-
-
-def joined_offsets(offset: Float64, at: Float64, s: Float64) -> Float64:
+    ends = (np.searchsorted(along, at + d * around_m) for d in (-1, 1))
+    offset = np.array([offset_of(slice(low, high)) for low, high in zip(*ends, strict=True)])
     offset = _without_spikes(offset, round(LONG_M / 2 / BIN_M))
     known = np.flatnonzero(np.isfinite(offset))
     for a, b in zip(known, known[1:], strict=False):
@@ -132,7 +140,7 @@ def _without_spikes(offset: Float64, half: int) -> Float64:
 def carried_on(offset: Float64, hidden: Mask, texel: float, carried_m: float = CARRIED_M) -> Float64:
     """Offsets (A,) ``texel`` metres apart, those of ``hidden`` (A,) stretches like that of the facade that runs into them.
 
-    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most :data:`CARRIED_M`
+    A facade that was seen to end before is not carried on; of two, each place gets the nearer one's, at most ``carried_m`` metres
     away.
     """
     result = offset.copy()
