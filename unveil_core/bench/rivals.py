@@ -218,7 +218,8 @@ class GsplatKernels:
         quats = torch.nn.functional.normalize(surfels.quats, dim=1)
         self.leaves = [
             t.detach().clone().requires_grad_(True)
-            for t in (surfels.means, quats, scales, torch.sigmoid(surfels.opacity_logits), rgb)
+            # Colours by view: depth is put beside them, view by view.
+            for t in (surfels.means, quats, scales, torch.sigmoid(surfels.opacity_logits), rgb[None])
         ]
         self.view = torch.from_numpy(camera.world_to_camera).float()[None].to(device)
         k = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]

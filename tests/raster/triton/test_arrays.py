@@ -14,6 +14,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.raster import records as rec
 from unveil_core.raster.cpu import backend as cpu
 from unveil_core.raster.passes import GROUPS, Inputs, Settings
+from unveil_core.raster.spec import ALPHA_MIN
 from unveil_core.surfels.surfels import Surfels
 
 pytest.importorskip("triton")
@@ -50,6 +51,17 @@ def assert_close(a: object, b: torch.Tensor, limit: float, name: str) -> None:
         assert float((x - y).abs().max()) <= limit * max(1.0, float(x.abs().max())), name
 
 
+def assert_planes_close(a: torch.Tensor, b: torch.Tensor, name: str) -> None:
+    """Alike; on a card, whose exponential differs in the last digit, a surfel at the least alpha that counts may count for one
+    backend alone: seldom, and by no more than that alpha of what the plane holds."""
+    if DEVICE == "cpu":
+        assert_close(a, b, 5e-6, name)
+        return
+    away = (a.double() - b.cpu().double()).abs() / max(1.0, float(a.abs().max()))
+    if away.numel():
+        assert float(away.max()) <= ALPHA_MIN and float((away > 5e-6).double().mean()) < 1e-4, name
+
+
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_array_is_the_cpu_backends(group: str) -> None:
     surfels = random_surfels(COUNT, 4, degree=3)
@@ -63,7 +75,7 @@ def test_every_array_is_the_cpu_backends(group: str) -> None:
     assert b.lists is not None
     assert_lists(a, b.lists, VIEW, spare=0.02)
     for name, plane in a.planes.items():
-        assert_close(plane, b.planes[name], 5e-6, name)
+        assert_planes_close(plane, b.planes[name], name)
     inputs = inputs_of(surfels)
     grads = gradients_of(a.planes)
     ours = cpu.backward_pass(a, grads, inputs)
