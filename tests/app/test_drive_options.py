@@ -50,6 +50,7 @@ def error(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ("--sweeps", "some", r"sweeps.*all, key"),
         ("--sweeps", "0", r"sweeps.*all, key"),
         ("--scene", "0061", r"one scene.*leave --scene out"),
+        ("--labels", "/nowhere/labels", r"no folder of labels: /nowhere/labels"),
         ("--segmenter", "/nowhere/network.onnx", r"network\.onnx"),
     ],
 )

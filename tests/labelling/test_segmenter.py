@@ -13,8 +13,10 @@ from tests.inpaint.networks import FLOAT, UINT8, save
 from tests.labelling import segmentation_networks as nets
 from tests.labelling.segmentation_networks import BUILDING, CAR, PERSON, ROAD, SKY, TRUCK, VEGETATION
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_image
+from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.drives import open_drive
+from unveil_core.drives.importing.whole_drive import import_drive
+from unveil_core.geometry.label_images import resize_labels
 from unveil_core.labelling.segmenter import NO_LABELS_HELP, label_by_network, load_segmenter, segmenter_files
 from unveil_core.semantics.classes import REMOVABLE
 
@@ -346,3 +348,19 @@ def test_frames_of_a_drive(tmp_path: Path) -> None:
     assert len(found) == len(drive.frames) and all(labels.semantic.shape == (24, 32) for labels in found)
     expected = load_segmenter(path).segment(read_image(drive.frames[1].image_path)).semantic
     assert np.array_equal(found[1].semantic, expected)
+
+
+def test_the_footage_is_seen_at_its_own_size(tmp_path: Path) -> None:
+    """Stripes of one pixel, black and red, are road and car; reduced to half they would be one dark red."""
+    root = make_tiny_drive(tmp_path / "d", semantics=False)
+    stripes = np.zeros((24, 32, 3), np.uint8)
+    stripes[:, ::2] = COLOURS[CAR]
+    for frame in open_drive(root).frames:
+        write_image_atomic(frame.image_path, stripes)
+    imported = import_drive(open_drive(root), tmp_path / "imported", work_side=16)
+    path = nets.label_map(tmp_path / "net.onnx", keep=False)
+    (labels, *_) = label_by_network(imported, path)
+    assert labels.semantic.shape == (12, 16)
+    seen = load_segmenter(path).segment(stripes).semantic
+    assert set(np.unique(seen)) == {ROAD, CAR}
+    assert np.array_equal(labels.semantic, resize_labels(seen, (16, 12)))

@@ -78,6 +78,7 @@ def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
         "cameras": [],
         "frames": None,
         "sweeps": "all",
+        "labels": None,
         "segmenter": None,
     }
     assert set(stages["segment"]["settings"]) >= {"movers"}

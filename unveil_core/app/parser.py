@@ -349,6 +349,12 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
     )
     add("--sweeps", metavar="all|key|N", help="LiDAR sweeps: all, of annotated frames only, or each N-th")
     add(
+        "--labels",
+        type=_file_or_none,
+        metavar="FOLDER|none",
+        help="Cityscapes trainIds of the frames, as CAMERA/STEM.png, in the place of the drive's own",
+    )
+    add(
         "--segmenter",
         type=_file_or_none,
         metavar="FILE.onnx|none",

@@ -19,6 +19,7 @@ class DriveOptions:
     cameras: names of cameras, ("all",) for every one; none = the dataset's front camera, all where it has no such.
     frames: "A:B:STEP" as in Python, counted in each camera's order of time, several with commas between; None for all.
     sweeps: "all"; "key", only those of annotated frames, and only such frames; or a number N, each N-th sweep.
+    labels: path of a folder of label pictures in the place of the drive's own, see ``drives.importing.label_folder``; None = none.
 
     Raises:
         SettingsError: frames that are no range, or unknown sweeps.
@@ -28,6 +29,7 @@ class DriveOptions:
     cameras: tuple[str, ...] = ()
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
+    labels: str | None = None
 
     def __post_init__(self) -> None:
         if self.frames is not None:

@@ -25,6 +25,7 @@ from unveil_core.base.onnx_files import files_of
 from unveil_core.base.types import Float32, Picture
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID, train_id
 from unveil_core.drives.drive import Drive, FrameLabels
+from unveil_core.drives.importing.frames import labels_at_work_size
 from unveil_core.labelling.networks.class_tables import (
     BY_COUNT,
     ORDERS,
@@ -85,11 +86,22 @@ class Segmenter:
 def label_by_network(drive: Drive, path: Path) -> Sequence[FrameLabels]:
     """Labels of each frame of an imported drive, found when they are asked for, by the network in a file.
 
+    The network sees the footage at its own size and in its own lens: what is thin or far is gone from a picture of working size.
+
+    Returns:
+        by frame, of working size.
     Raises:
         SettingsError: see :func:`load_segmenter`. DriveError: an image that cannot be read.
     """
     segmenter, frames = load_segmenter(path), drive.frames
-    return Frames(len(frames), lambda i: segmenter.segment(read_image(frames[i].image_path)))
+
+    def of_frame(i: int) -> FrameLabels:
+        frame = frames[i]
+        if frame.footage is None:
+            return segmenter.segment(read_image(frame.image_path))
+        return labels_at_work_size(frame.footage, segmenter.segment(read_image(frame.footage.path)), frame.camera)
+
+    return Frames(len(frames), of_frame)
 
 
 def segmenter_files(path: Path) -> list[Path]:

@@ -44,7 +44,7 @@ STAGES: tuple[Stage, ...] = (
         later("import_"),
         (),
         ("drive",),
-        ("work_side", "quality", "scale", "up", "scene", "cameras", "frames", "sweeps", "segmenter"),
+        ("work_side", "quality", "scale", "up", "scene", "cameras", "frames", "sweeps", "labels", "segmenter"),
         outside=files_of_drive,
         check=check_segmenter,
     ),

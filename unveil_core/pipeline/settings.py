@@ -63,6 +63,7 @@ class RunSettings:
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
         scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
+        labels: path of a folder of label pictures for the frames, likewise, made absolute; None = the drive's own.
         memory: how much the frames that a stage holds may take, as "4G" or "512M" (see ``base.frame_cache``); results do not depend
             on it.
         segmenter: path of an ONNX file that labels the frames (see ``labelling.segmenter``), made absolute; None = the labels
@@ -111,6 +112,7 @@ class RunSettings:
     cameras: tuple[str, ...] = ()
     frames: str | None = None
     sweeps: str = ALL_SWEEPS
+    labels: str | None = None
     segmenter: str | None = None
     memory: str = "4G"
 
@@ -120,7 +122,9 @@ class RunSettings:
         if self.segmenter is not None and not is_file(self.segmenter):
             raise SettingsError(f"unknown segmenter {self.segmenter!r}", mend="give FILE.onnx")
         _ = self.drive_options  # which are checked where they are made
-        for name in ("marked", "corrections"):
+        if self.labels is not None and self.segmenter is not None:
+            raise SettingsError("labels come from a folder and from a network", mend="give --labels or --segmenter")
+        for name in ("marked", "corrections", "labels"):
             if (given := getattr(self, name)) is not None:
                 object.__setattr__(self, name, str(Path(given).expanduser().absolute()))
         for name, path in self.networks.items():  # a later call may come from another folder
@@ -204,11 +208,11 @@ class RunSettings:
     @property
     def drive_options(self) -> DriveOptions:
         """Which part of the drive is read."""
-        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps)
+        return DriveOptions(self.scene, self.cameras, self.frames, self.sweeps, self.labels)
 
     def without_drive_options(self) -> RunSettings:
         """The same for another drive, that is read whole and has its labels."""
-        return replace(self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, segmenter=None)
+        return replace(self, scene=None, cameras=(), frames=None, sweeps=ALL_SWEEPS, labels=None, segmenter=None)
 
     @property
     def files(self) -> dict[str, Path]:

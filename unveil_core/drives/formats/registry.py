@@ -18,6 +18,7 @@ from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.label_folder import with_label_folder
 from unveil_core.drives.selecting import in_order_of_time, select_part
 
 __all__ = ["FORMATS", "Format", "open_drive"]
@@ -142,7 +143,7 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         options: which part of it is read; None = all frames of its front camera, or of all cameras where it names none.
     Raises:
         DriveError: it is none of these, or cannot be read.
-        SettingsError: a camera, range or scene that it does not have.
+        SettingsError: a camera, range or scene that it does not have; a folder of labels that lacks some.
     """
     path, options = Path(path), options or DriveOptions()
     if not path.exists():
@@ -160,7 +161,8 @@ def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:
         drive = with_guarded_readers(kind.read(path, *scene), kind.name)
     if not drive.frames and not drive.notices:
         raise DriveError("has no frames", path=path, mend="a drive needs at least one frame")
-    return select_part(in_order_of_time(with_file_names(drive)), options)
+    part = select_part(in_order_of_time(with_file_names(drive)), options)
+    return part if options.labels is None else with_label_folder(part, Path(options.labels))
 
 
 def _scene(kind: Format, path: Path, scenes: list[str], wanted: str | None) -> str:

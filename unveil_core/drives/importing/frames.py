@@ -105,11 +105,11 @@ def _read_mask(path: Path) -> NDArray[np.uint8]:
     return np.where(read_label_image(path) == 0, 0, 255).astype(np.uint8)
 
 
-def labels_at_work_size(frame: Frame, found: FrameLabels, target: Camera) -> FrameLabels:
-    """A dataset's labels of a frame, as read, as the target camera sees them.
+def labels_at_work_size(frame: Frame | Footage, found: FrameLabels, target: Camera) -> FrameLabels:
+    """Labels of a photograph as the target camera sees them.
 
     Args:
-        frame: as read, with its lens; found: of the size of its file.
+        frame: as read, or its footage: size and lens of the file; found: of that size.
     """
     lens = (frame.camera, frame.distortion)
     ego = None if found.ego is None else _warp(found.ego.astype(np.uint8), *lens, target, label=True, border=0) > 0
