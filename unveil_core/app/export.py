@@ -33,6 +33,7 @@ def export_results(
     texture_px: int = TEXTURE_PX,
     start_frame: int = START_FRAME,
     output: Path | None = None,
+    replace: bool = False,
     progress: Progress = no_progress,
 ) -> list[Path]:
     """Write results of a workspace in one or more formats, in the drive's coordinates (see ``exports.coordinates``).
@@ -46,6 +47,7 @@ def export_results(
         start_frame: number of the first plate of each track.
         output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
             ``meshes/<state>_<triangles or all>.<format>`` by default.
+        replace: whether a file that no export of the workspace made may be written over.
         progress: called by long formats.
     Returns:
         the files and folders written.
@@ -67,7 +69,7 @@ def export_results(
         raise SettingsError(f"--texture {texture_px} is no side of a page", mend=mend)
     formats = formats_named(to or _of_suffix(output))
     job = Job(workspace, state, triangles, levels, texture_px, start_frame, progress)
-    return export(job, _places(job, formats, output))
+    return export(job, _places(job, formats, output), replace=replace)
 
 
 def _of_suffix(output: Path | None) -> list[str]:
@@ -101,5 +103,5 @@ def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> l
     if path.resolve() in {(folder / name).resolve() for name in ("full.ply", "empty.ply", "empty.glb")}:
         raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
     if path.parent.resolve() != folder.resolve():
-        check_output_folder(job.workspace, path.parent, may_be_root=True)
+        check_output_folder(job.workspace, path.parent, may_be_root=True, for_file=path)
     return [(single, path)]

@@ -18,11 +18,13 @@ from unveil_core.drives.selecting import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.other_drive import check_same_drive
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
+from unveil_core.workspace.output_place import check_place
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run", "run_verb", "stage_named"]
@@ -39,6 +41,7 @@ def run(
     settings: RunSettings | None = None,
     *,
     until: str | None = None,
+    replace: bool = False,
     reporter: Reporter = silent,
 ) -> Workspace:
     """Run everything that is missing or changed, from a drive on disk to the report.
@@ -48,17 +51,22 @@ def run(
         workspace: folder of the results; made if need be, continued if it exists.
         settings: what to remove and how; defaults remove everything removable.
         until: name of the last stage to run.
+        replace: whether a workspace with results of another drive may be given this one.
         reporter: receives each event as a dict.
     Raises:
-        UnveilError: bad input; a workspace that this call made is deleted again.
+        UnveilError: bad input, a workspace in, of or around a drive, or with results of another drive; a workspace that this call
+            made is deleted again.
         Cancelled: SIGINT or SIGTERM; calling again continues.
     """
     settings = settings or RunSettings()
     check_device(settings.device)
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
+    check_place(Path(workspace), [Path(drive)])
     opened = open_drive(drive, settings.drive_options)
-    first = not (Path(workspace) / "workspace.json").is_file()
+    first = not Workspace.may_be(workspace)
+    if not first and not replace:
+        check_same_drive(Workspace.open(workspace), Path(drive))
     if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened, _every_second(reporter))
