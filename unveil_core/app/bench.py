@@ -14,8 +14,8 @@ from unveil_core.app.console import reporting
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import write_json_atomic
 from unveil_core.base.output.written import GENERATOR, check_writable
+from unveil_core.pipeline.output_place import check_file_place
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.workspace.output_place import check_file_place
 
 __all__ = ["run_bench"]
 

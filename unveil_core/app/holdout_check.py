@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.app.output_folder import drives_of
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import FrameCache, Frames
@@ -35,6 +34,7 @@ from unveil_core.evaluate.pictures import workspace_mask
 from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
+from unveil_core.pipeline.output_place import check_folder_place, drives_of
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -43,8 +43,7 @@ from unveil_core.report.wording import WAVELENGTHS, spectrum
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.workspace.files import load_selection
-from unveil_core.workspace.output_place import check_place
-from unveil_core.workspace.workspace import Workspace, is_workspace
+from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
@@ -138,15 +137,11 @@ def _own_folder(place: Path, drives: Sequence[Path]) -> Path:
     that are written there.
 
     Raises:
-        SettingsError: it is somebody's; or see :func:`check_place`.
+        SettingsError: it is somebody's; or see :func:`check_folder_place`.
     """
-    check_place(place, drives)
-    if is_workspace(place):
-        raise SettingsError("is a workspace", path=place, mend="name another folder with -o")
+    check_folder_place(place, drives)
     folder = place / FOLDER
     mend = "move it, or name another folder with -o"
-    if place.exists() and not place.is_dir():
-        raise SettingsError("is a file", path=place, mend="name a folder with -o")
     own = written_in(folder)
     if own is None:
         check_replaceable(folder, None, mend=mend)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.output.written import check_writable, note_written
@@ -20,6 +19,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
+from unveil_core.pipeline.output_place import check_folder_place, drives_of
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -89,7 +89,7 @@ def render_views(
         UnveilError: the workspace has no such scene yet, or the folder cannot be written.
     """
     _check_settings(state, planes, beside, above)
-    check_output_folder(workspace, output)
+    check_folder_place(output, drives_of(workspace))
     drive = read_imported(workspace.drive_dir, points=False)
     views = _views(workspace, drive, path, beside, above)
     several = len({v.track for v in views}) > 1

@@ -26,11 +26,11 @@ from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
+from unveil_core.pipeline.output_place import check_folder_place
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
 from unveil_core.workspace.files import frame_file
-from unveil_core.workspace.output_place import check_place
 
 __all__ = ["bench_pipeline", "plot_points", "write_pipeline_plot"]
 
@@ -76,7 +76,7 @@ def bench_pipeline(
         reference = load_reference(settings.networks["reference_inpainter"])
     before = machine()
     if keep is not None:
-        check_place(keep, [drive])
+        check_folder_place(keep, [drive])
     with tempfile.TemporaryDirectory() if scene is None else nullcontext() as folder:
         workspace = run(
             drive, Path(folder) / "scene" if folder else scene or "", settings, until="remove", reporter=reporter

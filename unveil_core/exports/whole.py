@@ -12,8 +12,7 @@ from typing import Any
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import move, parsed_json, write_json_atomic
 from unveil_core.base.output.scratch import scratch_folder
-from unveil_core.base.output.written import GENERATOR, check_replaceable, files_in, written_in
-from unveil_core.workspace.output_place import EXPORTED
+from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, written_in
 
 __all__ = ["TOLD", "camera_file", "check_free", "tell", "whole_file", "whole_folder"]
 

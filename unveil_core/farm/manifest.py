@@ -31,8 +31,8 @@ from unveil_core.forecast.forecast import forecast
 from unveil_core.forecast.machine import Machine, this_machine
 from unveil_core.pipeline.forecasting import workload_of
 from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.output_place import check_folder_place
 from unveil_core.pipeline.settings import RunSettings
-from unveil_core.workspace.output_place import check_place
 from unveil_core.workspace.workspace import Workspace, is_workspace
 
 __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
@@ -188,11 +188,9 @@ def _batch_before(root: Path, drives: Sequence[Path], replace: bool) -> Batch | 
     Raises:
         SettingsError: it is no place for a batch of these drives.
     """
-    check_place(root, drives)
+    check_folder_place(root, drives)
     path = root / "batch.json"
     mend = "name another folder with -o"
-    if root.exists() and not root.is_dir():
-        raise SettingsError("is a file", path=root, mend="name a folder with -o")
     if not os.path.lexists(path):
         # What a batch keeps there would lie among somebody's files.
         taken = next((root / name for name in ("drives", "tasks") if os.path.lexists(root / name)), None)

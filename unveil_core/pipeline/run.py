@@ -19,12 +19,12 @@ from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.other_drive import check_same_drive
+from unveil_core.pipeline.output_place import check_place
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
 from unveil_core.pipeline.steps.import_ import labels_come_from
 from unveil_core.semantics.labels import choose_labels
-from unveil_core.workspace.output_place import check_place
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run", "run_verb", "stage_named"]

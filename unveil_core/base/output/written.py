@@ -18,6 +18,7 @@ from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.files import parsed_json, write_json_atomic
 
 __all__ = [
+    "EXPORTED",
     "GENERATOR",
     "RECORD",
     "check_replaceable",
@@ -32,6 +33,8 @@ __all__ = [
 
 RECORD = ".unveil.json"
 """The record of a folder whose content has no file of its own to say it in."""
+EXPORTED = "export.json"
+"""The record of an exported folder, which tells what was exported, too."""
 GENERATOR = f"unveil {__version__}"
 LITTER = {".ds_store", "thumbs.db", "desktop.ini"}
 """Files that systems leave in each folder that somebody looks at; nobody's work."""

@@ -13,23 +13,24 @@ from contextlib import suppress
 from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.output.written import RECORD, record_of
+from unveil_core.base.output.written import EXPORTED, RECORD, record_of
 from unveil_core.drives.formats.registry import drive_at
-from unveil_core.workspace.workspace import is_workspace
+from unveil_core.pipeline.graph import STAGES
+from unveil_core.workspace.workspace import Workspace, is_workspace
 
-__all__ = ["EXPORTED", "check_file_place", "check_place"]
+__all__ = ["check_file_place", "check_folder_place", "check_place", "drives_of"]
 
-EXPORTED = "export.json"
-"""The record of an exported folder."""
 DEEPEST = 3
 """Levels of folders below an output folder in which drives are looked for: projects keep them in one or two."""
 MOST_FOLDERS = 1000
 """Folders that are looked into for them, at most: a quarter of a second."""
 MEND = "name a folder beside it with -o"
+OF_STAGES = {Path(name).parts[0] for stage in STAGES for name in stage.outputs}
+"""Folders and files of a workspace that stages write: what lies there is taken away when they run again."""
 
 
 def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
-    """Check a folder that is to hold results, which need not be there yet.
+    """Check a folder for a workspace, or for anything else; it need not be there yet.
 
     Args:
         output: the folder.
@@ -37,7 +38,7 @@ def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
     Raises:
         SettingsError: it is, holds, or lies in a drive, or is the home folder or one that holds it; with the folder.
     """
-    target = _resolved(output)
+    target, drives = _resolved(output), list(drives)
     if target.parent == target or _holds_home(target):
         what = "is the root of a disk" if target.parent == target else "is or holds the home folder"
         raise SettingsError(what, path=output, mend="name a folder of its own with -o")
@@ -51,13 +52,42 @@ def check_place(output: Path, drives: Iterable[Path] = ()) -> None:
         raise SettingsError(f"holds the drive {found}", path=output, mend=MEND)
 
 
-def check_file_place(output: Path, drives: Iterable[Path] = ()) -> None:
-    """The same of a single file: it may lie beside a drive, but not in one.
+def check_folder_place(output: Path, drives: Iterable[Path] = ()) -> None:
+    """Check a folder for results beside a workspace's own.
 
     Raises:
-        SettingsError: it lies in a drive.
+        SettingsError: see :func:`check_place`; or it is a file, a workspace, or a folder that stages write.
     """
-    _check_not_within(_resolved(output.parent), output, drives)
+    if output.exists() and not output.is_dir():
+        raise SettingsError("is a file", path=output, mend="name a folder")
+    target = _resolved(output)
+    if is_workspace(target):
+        raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
+    _check_not_of_stages(target, output)
+    check_place(output, drives)
+
+
+def check_file_place(output: Path, drives: Iterable[Path] = ()) -> None:
+    """Check a place for a single file: it may lie beside a drive, or in a workspace, but not in the folders of either.
+
+    Raises:
+        SettingsError: it lies in a drive, or where stages write.
+    """
+    folder = _resolved(output.parent)
+    _check_not_of_stages(folder, output)
+    _check_not_within(folder, output, drives)
+
+
+def drives_of(workspace: Workspace) -> list[Path]:
+    """The drive that a workspace was made from, where it says so."""
+    recorded = workspace.state().get("drive")
+    return [Path(recorded)] if isinstance(recorded, str) and Path(recorded).is_absolute() else []
+
+
+def _check_not_of_stages(target: Path, output: Path) -> None:
+    for root in (p for p in target.parents if is_workspace(p)):
+        if target.relative_to(root).parts[0] in OF_STAGES:
+            raise SettingsError("is the workspace's own folder", path=output, mend="name another one")
 
 
 def _check_not_within(target: Path, output: Path, drives: Iterable[Path]) -> None:
