@@ -23,11 +23,9 @@ __all__ = ["run_bench"]
 def run_bench(arguments: argparse.Namespace) -> int:
     """Run the benchmark that the command line asks for."""
     output, plot = arguments.output, arguments.what in _PLOTS
-    if output:
-        _check_output(arguments, [output.with_suffix(".png").name] * plot)
+    files = [] if output is None else _checked_output(arguments, plot)
     measured = _BENCHMARKS[arguments.what](arguments)
-    if output:
-        files = [output.with_suffix(".png").name] * plot
+    if output is not None:
         write_json_atomic(output, {"generator": GENERATOR, "files": files, **measured})
         if plot:
             _PLOTS[arguments.what](measured, output.with_suffix(".png"))
@@ -38,15 +36,18 @@ def run_bench(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _check_output(arguments: argparse.Namespace, plots: list[str]) -> None:
-    """Before anything is measured: where it is to be written, there is nothing yet, or an older measurement with its plot."""
+def _checked_output(arguments: argparse.Namespace, plot: bool) -> list[str]:
+    """The names of the files beside the JSON. Before anything is measured it is seen to that where they are to be written there is
+    nothing yet, or an older measurement with its plot."""
     output: Path = arguments.output
-    check_file_place(output, [] if arguments.drive is None else [arguments.drive])
     if output.is_dir() or output.suffix == ".png":
-        raise SettingsError("is no name of a JSON file", path=output, mend="name one with -o, as bench.json")
+        raise SettingsError("is not a name for a JSON file", path=output, mend="name one with -o, as bench.json")
+    check_file_place(output, [] if arguments.drive is None else [arguments.drive])
+    plots = [output.with_suffix(".png").name] * plot
     if not arguments.replace:
         mend = "name another file with -o, or add --replace to write over it"
         check_writable(output.parent, plots, output.name, mend=mend)
+    return plots
 
 
 def _raster(arguments: argparse.Namespace) -> dict[str, Any]:
