@@ -59,7 +59,18 @@ FILE_VERBS: dict[str, tuple[list[str], str]] = {
     "bench raster": (["bench", "raster", "--quick"], "bench.json"),
 }
 """Verbs that write a file."""
-PLACES = ("drive", "in the drive", "holds one", "look-alike", "other workspace", "in a workspace", "file", "link", "root", "home")
+PLACES = (
+    "drive",
+    "in the drive",
+    "holds one",
+    "look-alike",
+    "other workspace",
+    "in a workspace",
+    "file",
+    "link",
+    "root",
+    "home",
+)
 
 
 @pytest.fixture(scope="module")

@@ -66,7 +66,7 @@ def run(
     opened = open_drive(drive, settings.drive_options)
     first = not Workspace.may_be(workspace)
     if not first and not replace:
-        check_same_drive(Workspace.open(workspace), Path(drive))
+        check_same_drive(Workspace.open(workspace), Path(drive), opened)
     if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened, _every_second(reporter))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -73,19 +74,17 @@ def _may_make(folder: Path) -> bool:
     """Make a folder, unless a file is in its way."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
+    except (FileExistsError, NotADirectoryError):
         return False
     return True
 
 
 def _put_aside(root: Path, path: Path) -> None:
-    place = base = root / KEPT / path.relative_to(root)
-    number = 1
-    while os.path.lexists(place):
-        number += 1
-        place = base.with_name(f"{base.stem}_{number}{base.suffix}")
-    place.parent.mkdir(parents=True, exist_ok=True)
-    move(path, place)
+    for number in count(1):
+        place = root / (KEPT if number == 1 else f"{KEPT}_{number}") / path.relative_to(root)
+        if not os.path.lexists(place) and _may_make(place.parent):
+            move(path, place)
+            return
 
 
 def half_written(root: Path) -> Iterator[Path]:
