@@ -69,6 +69,8 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
 def is_imported(folder: Path) -> bool:
     """Whether a folder is the ``drive/`` of a workspace, by the beginning of its cameras.json: others have such files, too."""
     try:
+        if not (folder / CAMERAS).is_file():
+            return False
         with (folder / CAMERAS).open("rb") as stream:
             return b'"to_world"' in stream.read(MARKED_WITHIN)
     except OSError:

@@ -98,7 +98,7 @@ def run(
         # Only what this call made, and while nobody else works in it: two may have begun at once.
         if space.made:
             with suppress(WorkspaceError), space.lock():
-                if not space.drive_dir.exists():
+                if all(p.name.startswith((".", "workspace.json", "events.jsonl")) for p in space.root.iterdir()):
                     shutil.rmtree(space.root, ignore_errors=True)
         raise
     return space

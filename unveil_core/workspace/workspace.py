@@ -254,7 +254,8 @@ class Workspace:
 def is_workspace(root: Path) -> bool:
     """Whether a folder is a workspace of this program, of whatever version."""
     try:
-        return _is_ours(parsed_json((root / WORKSPACE).read_bytes()))
+        path = root / WORKSPACE
+        return path.is_file() and _is_ours(parsed_json(path.read_bytes()))
     except (OSError, ValueError):
         return False
 
@@ -271,11 +272,11 @@ def _is_ours(data: object) -> bool:
 def _may_lock(path: Path) -> bool:
     """Whether a lock file that lies in a folder without workspace.json was left by this program: it is signed or still empty."""
     try:
-        if path.is_symlink() or path.stat().st_size > LONGEST_SIGNATURE:
+        if not os.path.lexists(path):
+            return True
+        if path.is_symlink() or not path.is_file() or path.stat().st_size > LONGEST_SIGNATURE:
             return False
         signed = path.read_bytes()
-    except FileNotFoundError:
-        return True
     except OSError:
         return False
     return not signed or re.fullmatch(rb"\0\d+ on [^\0\r\n]*", signed) is not None
