@@ -58,8 +58,9 @@ lint: $(VENV)/.installed-test
 	$(BIN)/mypy
 	$(BIN)/python requirements/check.py
 
+# What this Makefile made, and nothing else: demo_workspace/ may hold what somebody painted, and stays.
 clean:
-	rm -rf $(VENV) .venv-bpy-* demo_workspace build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf $(VENV) .venv-bpy-* build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # Packages come from requirements/ alone: each has its version and its hashes there, and nothing else is taken.
 LOCKED := -m pip install --quiet --require-hashes --no-deps

@@ -78,7 +78,7 @@ def make_big_workspace(folder: Path, big: BigWorkspace | None = None) -> Path:
         _mesh(folder / "meshes" / f"{state}.ply", big, generator)
         _surfels(folder / "surfels" / f"{state}.ply", big, generator)
     _pictures(folder, big, generator)
-    (folder / "workspace.json").write_text(json.dumps({"format": 1, "drive": "/nowhere/big", "stages": {}}))
+    (folder / "workspace.json").write_text(json.dumps({"format": 1, "generator": "unveil", "drive": "/nowhere/big", "stages": {}}))
     return folder
 
 

@@ -72,5 +72,6 @@ def build_exact_workspace(root: Path) -> Path:
         _, kind = true_planes(frame.camera, drive.to_world.translation, crowded=True)
         samples.append((frame.camera, read_image(frame.image_path), kind == SKY))
     save_sky(fit_sky(samples, UP), workspace / "surfels/sky.npz")
-    write_json_atomic(workspace / "workspace.json", {"format": 1, "drive": str(street), "settings": {}, "stages": {}})
+    state = {"format": 1, "generator": "unveil", "drive": str(street), "settings": {}, "stages": {}}
+    write_json_atomic(workspace / "workspace.json", state)
     return workspace

@@ -38,7 +38,7 @@ def said(footage: Workspace) -> str:
 
 @pytest.fixture(scope="module")
 def checked(footage: Workspace, said: str) -> Path:
-    return footage.root.with_name("ws_holdout")
+    return footage.root.with_name("ws_holdout") / "holdout"
 
 
 def test_the_command_prints_the_figures(said: str) -> None:

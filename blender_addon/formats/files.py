@@ -7,14 +7,15 @@ import errno
 import hashlib
 import os
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 __all__ = [
+    "copied",
     "file_stamp",
     "files_stamp",
-    "link_or_copy",
     "move",
     "one_line",
     "own_folder",
@@ -27,6 +28,8 @@ HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
 WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
 """Between attempts, seconds: one in all, after which it is no passing look."""
+FICLONE = 0x40049409
+"""Linux' request to share a file's blocks with another one."""
 LONGEST_START = 100
 """Of a file's name, bytes that its temporary name begins with."""
 
@@ -119,26 +122,38 @@ def write_changed(path: Path, content: bytes) -> None:
         write_whole(path, content)
 
 
-def link_or_copy(source: Path, target: Path) -> None:
-    """Make ``target`` the same file as ``source``, a copy of it where the file system has no links.
+def copied(source: Path, target: Path) -> None:
+    """Make ``target`` a copy of ``source`` with its time, never the same file: whoever paints on what Blender shows and saves it
+    would write in the original. Where the file system can, the two share their blocks until one is written.
 
     Raises:
-        OSError: neither can be made.
+        OSError: it cannot be made.
     """
-    patiently(target.unlink, True)
-    try:
-        os.link(source, target)
-        return
-    except OSError:
-        pass
     partial = _partial(target)
     partial.unlink(missing_ok=True)
     try:
-        shutil.copy2(source, partial)
+        with source.open("rb") as content, partial.open("xb") as stream:
+            if not _cloned(content.fileno(), stream.fileno()):
+                shutil.copyfileobj(content, stream, 1 << 20)
+        times = source.stat()
+        os.utime(partial, ns=(times.st_atime_ns, times.st_mtime_ns))
         move(partial, target)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def _cloned(source: int, target: int) -> bool:
+    """Share the blocks of one open file with another, empty one, where system and file system can."""
+    if sys.platform != "linux":
+        return False
+    import fcntl
+
+    try:
+        fcntl.ioctl(target, FICLONE, source)
+    except OSError:
+        return False
+    return True
 
 
 def one_line(error: Exception, place: str | Path) -> str:

@@ -99,13 +99,15 @@ def _track(
             raise ValueError(f"{missing.relative_to(folder)} is missing")
         return files
 
-    own = file_below(folder / "mattes", track)
+    # As the command names it: a camera may be called as the file that tells of the export.
+    place = f"camera_{track}" if track.casefold() == "export.json" else track
+    own = file_below(folder / "mattes", place)
     wanted = [*objects, *([(OTHER, OTHER)] if track in data["other"] else [])]
     mattes = tuple(Matte(name, key, sequence(file_below(own, key), key)) for name, key in wanted)
     provenance, certainty = (
         sequence(own / name, name) if (own / name).is_dir() else () for name in ("provenance", "certainty")
     )
-    return TrackPlates(sequence(file_below(folder / "png", track), track), mattes, provenance, certainty)
+    return TrackPlates(sequence(file_below(folder / "png", place), place), mattes, provenance, certainty)
 
 
 def _numbers(cameras: Any, track: str, names: list[str]) -> list[str]:

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Picture sequences as Blender wants them: numbered without gaps. No bpy here.
 
-A drive's frames may have any names; where these are no such numbers, numbered links to them are made in ``blender/`` of the
-workspace.
+A drive's frames may have any names; where these are no such numbers, numbered copies of them are made in ``blender/`` of the
+workspace. No file that is shown shares its bytes with one outside.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import stat
 import struct
 import zlib
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .files import link_or_copy, own_folder, patiently, write_whole
+from .files import copied, move, own_folder, patiently, write_whole
 
 __all__ = [
     "REGION_COLORS",
@@ -82,39 +83,65 @@ def _numbers(files: Sequence[Path]) -> int | None:
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MADE = re.compile(r"\d{6}\.[a-z]{1,5}")
-"""Names of the links that :func:`numbered` makes."""
+"""Names of the copies that :func:`numbered` makes."""
 
 
 def numbered(files: Sequence[Path], workspace: Path, *names: str) -> PictureSequence:
-    """A sequence of files; where their names are none, of links to them in a folder of these ``names`` in the workspace.
+    """A sequence of files; where their names are none, or one is a hard link, of copies in a folder of these ``names`` in the
+    workspace: whoever paints on what is shown and saves it must not write in a photograph elsewhere.
 
     Raises:
-        OSError: the links cannot be made, or the folder is a link itself.
+        OSError: the copies cannot be made, or the folder is a link.
     """
     first = _numbers(files)
-    if first is not None:
+    if first is not None and not any(map(_is_shared, files)):
         return PictureSequence(tuple(files), first)
     folder = own_folder(workspace, *names)
-    linked = []
+    made = []
     for i, file in enumerate(files):
         target = folder / f"{i:06d}{file.suffix.lower()}"
         if not _same(target, file):
-            link_or_copy(file, target)
-        linked.append(target)
+            _keep_painted(target, file)
+            copied(file, target)
+        made.append(target)
     # Only what was made here before: the folder may hold, or be, something else.
-    for left in set(folder.iterdir()) - set(linked):
+    for left in set(folder.iterdir()) - set(made):
         if MADE.fullmatch(left.name):
             patiently(left.unlink)
-    return PictureSequence(tuple(linked), 0)
+    return PictureSequence(tuple(made), 0)
+
+
+def _keep_painted(target: Path, file: Path) -> None:
+    """Put a copy aside that somebody saved after the file was written: he painted on it."""
+    try:
+        painted = target.lstat()
+        if not stat.S_ISREG(painted.st_mode) or painted.st_nlink > 1 or painted.st_mtime_ns <= file.stat().st_mtime_ns:
+            return
+    except OSError:
+        return
+    aside, number = target.with_name(f"{target.stem}_painted{target.suffix}"), 1
+    while aside.exists():
+        number += 1
+        aside = target.with_name(f"{target.stem}_painted_{number}{target.suffix}")
+    move(target, aside)
+
+
+def _is_shared(file: Path) -> bool:
+    """Whether a file is known by another name, too: workspaces of versions before have hard links to the photographs."""
+    try:
+        return file.stat().st_nlink > 1
+    except OSError:
+        return False
 
 
 def _same(target: Path, file: Path) -> bool:
-    """Whether a link or copy is still that of the file, which may have been written anew."""
+    """Whether a copy is still that of the file, which may have been written anew; versions before made hard links."""
     try:
-        a, b = target.stat(), file.stat()
+        a, b = target.lstat(), file.stat()
     except OSError:
         return False
-    return (a.st_ino, a.st_dev) == (b.st_ino, b.st_dev) or (a.st_size, a.st_mtime_ns) == (b.st_size, b.st_mtime_ns)
+    shared = (a.st_ino, a.st_dev) == (b.st_ino, b.st_dev)
+    return stat.S_ISREG(a.st_mode) and not shared and (a.st_size, a.st_mtime_ns) == (b.st_size, b.st_mtime_ns)
 
 
 def in_color(regions: Path, target: Path) -> None:

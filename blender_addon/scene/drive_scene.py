@@ -69,7 +69,7 @@ def place(scene: bpy.types.Scene, drive: ImportedDrive) -> Placed:
 
     Raises:
         ValueError: a file of it is damaged; one line that names it.
-        OSError: a file cannot be read or a link not be made.
+        OSError: a file cannot be read or a copy not be made.
     """
     workspace = str(drive.workspace.resolve())
     blocks.look_up(

@@ -51,7 +51,7 @@ def load(context: bpy.types.Context, placed: drive_scene.Placed, drive: Imported
         what is there, by kind.
     Raises:
         ValueError: a file is damaged; one line that names it.
-        OSError: a file cannot be read, or a link not be made.
+        OSError: a file cannot be read, or a copy not be made.
     """
     scene, collection, timeline = context.scene, placed.collection, placed.timeline
     mark = blocks.drive_of(collection)

@@ -11,9 +11,10 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..choice import selection
-from ..scene import blocks
+from ..formats.object_files import recorded_drive
+from ..scene import blocks, versions
 from ..scene.settings import CAMERAS, SET_UP_SCENE, START_FRAME
-from ..worker.run_arguments import default_workspace, selection_arguments, settings_arguments
+from ..worker.run_arguments import default_workspace, other_drive, selection_arguments, settings_arguments
 from .job.job_operator import JobOperator, UserError
 from .job.task import Task
 from .loading import load
@@ -36,6 +37,36 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
         description="Empty: the scene's, or beside the drive",
         options={"SKIP_SAVE", "HIDDEN"},
     )
+    replace: BoolProperty(
+        name="Replace results of another drive",
+        description="Where the workspace has results of another drive, have them replaced by this one's",
+        default=False,
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+    asked: BoolProperty(default=False, options={"SKIP_SAVE", "HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        other = "" if self.replace or not versions.has_window() else self._other_drive(context)
+        if not other:
+            return super().invoke(context, event)
+        self.replace = self.asked = True
+        message = f"The workspace has results of {other}. They are replaced, stage by stage."
+        manager = context.window_manager
+        return manager.invoke_confirm(
+            self, event, title="Import another drive?", message=message, confirm_text="Replace results", icon="WARNING"
+        )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        # Who has answered a question does not wait in a window that stands still.
+        return self.start_following(context) if self.asked else super().execute(context)
+
+    def _other_drive(self, context: bpy.types.Context) -> str:
+        """The drive that the workspace has results of, where it is another one; empty where there is nothing to ask."""
+        try:
+            _, drive, _, workspace, *_ = self.arguments(context)
+            return other_drive(drive, recorded_drive(Path(workspace)))
+        except (UserError, OSError, ValueError):
+            return ""  # told when the job is begun
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         settings = context.scene.unveil
@@ -60,7 +91,7 @@ class UNVEIL_OT_import_drive(JobOperator, bpy.types.Operator):
             *settings_arguments(settings, bpy.path.abspath),
             *selection_arguments(selection.arguments(context.scene)),
         ]
-        return ["import", str(drive), "-o", str(place), *options]
+        return ["import", str(drive), "-o", str(place), *options, *["--replace"] * self.replace]
 
     def task(self, context: bpy.types.Context) -> Task:
         return replace(super().task(context), load=load)
@@ -110,7 +141,8 @@ class UNVEIL_OT_open_drive(bpy.types.Operator, ImportHelper):
         if given("every_nth"):
             settings.frames = "" if self.every_nth == 1 else f"::{self.every_nth}"
         path = _drive_of(blocks.absolute(self.filepath))
-        return bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
+        begun = bpy.ops.unveil.import_drive("INVOKE_DEFAULT", filepath=str(path), workspace=self.workspace)
+        return {"CANCELLED"} if "CANCELLED" in begun else {"FINISHED"}  # it may be asking something
 
 
 class UNVEIL_FH_drive(bpy.types.FileHandler):

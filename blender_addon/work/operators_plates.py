@@ -63,7 +63,7 @@ def _show(context: bpy.types.Context, workspace: str, *, lens: str, add: bool) -
 
     Raises:
         ValueError: the plates are damaged, or the compositor is another file's; one line.
-        OSError: a file cannot be read, or a link not be made.
+        OSError: a file cannot be read, or a copy not be made.
     """
     scene = context.scene
     collection = view.shown_drive(scene)

@@ -46,7 +46,8 @@ class UNVEIL_OT_preview(JobOperator, bpy.types.Operator):
         settings = settings_arguments(scene.unveil, bpy.path.abspath)
         chosen = selection_arguments(selection.preview_arguments(scene, place))
         own = replaced(settings, quality="draft", keyframes="auto", frames=_frames(scene, root))
-        return ["run", drive_of(scene), "-o", str(place), *own, *chosen, "--until", "reoptimize"]
+        # Of whatever drive the preview before was: it is nobody's work.
+        return ["run", drive_of(scene), "-o", str(place), "--replace", *own, *chosen, "--until", "reoptimize"]
 
     def task(self, context: bpy.types.Context) -> Task:
         return replace(super().task(context), load=_show)

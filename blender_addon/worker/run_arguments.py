@@ -9,7 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-__all__ = ["adopt", "default_workspace", "recorded", "replaced", "selection_arguments", "settings_arguments"]
+__all__ = [
+    "adopt",
+    "default_workspace",
+    "other_drive",
+    "recorded",
+    "replaced",
+    "selection_arguments",
+    "settings_arguments",
+]
 
 PLAIN = ("quality", "device", "seed", "movers", "order", "inpainter")
 """Settings that the panel has as workspace.json has them."""
@@ -150,6 +158,21 @@ def default_workspace(drive: str | Path, blend: str = "") -> Path:
     drive = Path(drive)
     folder = drive if drive.suffix == "" else drive.parent
     return (Path(blend).parent if blend else folder.parent) / f"{folder.name}_unveiled"
+
+
+def other_drive(drive: str | Path, known: str) -> str:
+    """The drive that a workspace was made from, where it is another than the one that is to be imported; else empty.
+
+    Args:
+        known: as workspace.json has it; empty where it has none.
+    """
+    return known if known and _place_of(Path(known)) != _place_of(Path(drive)) else ""
+
+
+def _place_of(drive: Path) -> Path:
+    """The same for a folder and the transforms.json in it."""
+    found = drive.resolve()
+    return found.parent if found.name == "transforms.json" else found
 
 
 def _names(text: str) -> list[str]:

@@ -62,7 +62,8 @@ def test_a_folder_of_something_else_stays(street: Street, tmp_path: Path, capsys
     (tmp_path / "png/mine.txt").write_text("dear")
     assert main(["export", str(street.root), "--to", "splat-ply,png", "-o", str(tmp_path)]) == 2
     error = capsys.readouterr().err
-    assert "png: is a folder of something else (empty it, or name another place" in error and error.count("\n") == 1
+    assert "png/mine.txt: is there already, and Unveil did not write it (move it, or name another place" in error
+    assert error.count("\n") == 1
     assert [p.name for p in tmp_path.rglob("*")] == ["png", "mine.txt"]
 
 

@@ -98,7 +98,7 @@ def test_a_drive_that_cannot_be_read_is_left_out_of_the_plan(
     said = capsys.readouterr()
     assert "1 drives" in said.out and "left out" in said.err and str(bad) in said.err
     assert [d.name for d in read_batch(Path(root)).drives] == ["good"]
-    assert main(["batch", "plan", str(bad), "-o", root]) != 0
+    assert main(["batch", "plan", str(bad), "-o", str(tmp_path / "other")]) != 0
     assert "no drive to plan" in capsys.readouterr().err
 
 

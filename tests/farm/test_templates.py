@@ -66,7 +66,7 @@ def test_two_braces_in_a_path_are_refused_in_one_line(
     tmp_path: Path, planned: Batch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     drive = make_tiny_drive(tmp_path / "a{{b}}" / "drive")
-    plan_batch([drive], planned.root, RunSettings()).save()
+    plan_batch([drive], planned.root, RunSettings(), replace=True).save()
     assert main(["batch", "template", str(planned.root), "--to", "openjd"]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert "a{{b}}" in line and "two braces" in line and "rename" in line

@@ -20,7 +20,7 @@ def test_a_picture_a_frame_under_safe_names(tmp_path: Path) -> None:
     calls: list[tuple[int, int]] = []
     written = write_preview(odd, tmp_path / "out", lambda d, t, m="", **k: calls.append((d, t)), lambda i: label)
     assert [p.name for p in written] == ["front____00.jpg", "front_01.jpg", "front_02.jpg"]
-    assert sorted((tmp_path / "out").iterdir()) == sorted(written)
+    assert sorted((tmp_path / "out").glob("*.jpg")) == sorted(written)
     assert calls == [(1, 3), (2, 3), (3, 3)]
     assert read_image(written[0]).shape == (HEIGHT * 5, WIDTH * 5, 3)
 

@@ -198,7 +198,8 @@ def test_movers_have_a_line_and_a_card_where_there_are_any(finished: Path, tmp_p
         (1, "1 dynamic object, removed from every frame"),
         (3, "3 dynamic objects, removed from every frame"),
     ):
-        (tmp_path / "workspace.json").write_text(json.dumps({"stages": {"segment": {"movers": count}}}))
+        state = {"format": 1, "generator": "unveil", "stages": {"segment": {"movers": count}}}
+        (tmp_path / "workspace.json").write_text(json.dumps(state))
         out = io.StringIO()
         print_summary(tmp_path, out)
         assert out.getvalue().strip() == told

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shlex
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
-from unveil_core.base.errors import UnveilError
+from unveil_core.base.errors import SettingsError, UnveilError
 from unveil_core.base.wording import about_as_long, about_as_much, setting_as_option
 
 __all__ = ["run_batch_part"]
@@ -35,7 +36,9 @@ def _plan(arguments: argparse.Namespace) -> int:
         left_out.append(path)
         print(f"left out: {error}", file=sys.stderr, flush=True)
 
-    batch = plan_batch(arguments.drives, arguments.output, given, options, leave_out=leave_out)
+    batch = plan_batch(
+        arguments.drives, arguments.output, given, options, replace=arguments.replace, leave_out=leave_out
+    )
     batch.save()
     frames = sum(d.frames for d in batch.drives)
     blocks = sum(d.blocks for d in batch.drives)
@@ -107,6 +110,11 @@ def _template(arguments: argparse.Namespace) -> int:
     batch = read_batch(arguments.batch)
     name, text = TEMPLATES[arguments.to]
     path: Path = arguments.batch / name
-    write_atomic(path, lambda stream: stream.write(text(batch).encode()))
+    made = text(batch).encode()
+    if os.path.lexists(path) and name not in batch.files and not arguments.replace:
+        mend = "move it, or add --replace to write over it"
+        raise SettingsError("is there already, and Unveil did not write it", path=path, mend=mend)
+    replace(batch, files=tuple({**dict.fromkeys(batch.files), name: None})).save()
+    write_atomic(path, lambda stream: stream.write(made))
     print(shlex.quote(str(path)))
     return 0

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.app.console import reporting
+from unveil_core.base.errors import SettingsError
 from unveil_core.base.files import write_json_atomic
+from unveil_core.base.output.written import GENERATOR, check_writable
+from unveil_core.pipeline.output_place import check_file_place
 from unveil_core.pipeline.settings import RunSettings
 
 __all__ = ["run_bench"]
@@ -19,15 +22,32 @@ __all__ = ["run_bench"]
 
 def run_bench(arguments: argparse.Namespace) -> int:
     """Run the benchmark that the command line asks for."""
+    output, plot = arguments.output, arguments.what in _PLOTS
+    files = [] if output is None else _checked_output(arguments, plot)
     measured = _BENCHMARKS[arguments.what](arguments)
-    if arguments.output:
-        write_json_atomic(arguments.output, measured)
-        _write_plot(arguments.what, measured, arguments.output.with_suffix(".png"))
+    if output is not None:
+        write_json_atomic(output, {"generator": GENERATOR, "files": files, **measured})
+        if plot:
+            _PLOTS[arguments.what](measured, output.with_suffix(".png"))
     if arguments.json or arguments.what not in _TABLES:
         print(json.dumps(measured, indent=1))
     else:
         print(_TABLES[arguments.what](measured))
     return 0
+
+
+def _checked_output(arguments: argparse.Namespace, plot: bool) -> list[str]:
+    """The names of the files beside the JSON. Before anything is measured it is seen to that where they are to be written there is
+    nothing yet, or an older measurement with its plot."""
+    output: Path = arguments.output
+    if output.is_dir() or output.suffix == ".png":
+        raise SettingsError("is not a name for a JSON file", path=output, mend="name one with -o, as bench.json")
+    check_file_place(output, [] if arguments.drive is None else [arguments.drive])
+    plots = [output.with_suffix(".png").name] * plot
+    if not arguments.replace:
+        mend = "name another file with -o, or add --replace to write over it"
+        check_writable(output.parent, plots, output.name, mend=mend)
+    return plots
 
 
 def _raster(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -111,15 +131,19 @@ _BENCHMARKS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
 }
 
 
-def _write_plot(what: str, measured: dict[str, Any], path: Path) -> None:
-    if what == "raster":
-        from unveil_core.bench.raster import write_plot
+def _plot_raster(measured: dict[str, Any], path: Path) -> None:
+    from unveil_core.bench.raster import write_plot
 
-        write_plot(measured, path)
-    elif what == "pipeline":
-        from unveil_core.bench.pipeline import write_pipeline_plot
+    write_plot(measured, path)
 
-        write_pipeline_plot(measured, path)
+
+def _plot_pipeline(measured: dict[str, Any], path: Path) -> None:
+    from unveil_core.bench.pipeline import write_pipeline_plot
+
+    write_pipeline_plot(measured, path)
+
+
+_PLOTS: dict[str, Callable[[dict[str, Any], Path], None]] = {"raster": _plot_raster, "pipeline": _plot_pipeline}
 
 
 def _raster_table(measured: dict[str, Any]) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.exports.job import START_FRAME, STATES, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
+from unveil_core.pipeline.output_place import check_file_place, check_folder_place, drives_of
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["MESHES", "export_results"]
@@ -33,6 +33,7 @@ def export_results(
     texture_px: int = TEXTURE_PX,
     start_frame: int = START_FRAME,
     output: Path | None = None,
+    replace: bool = False,
     progress: Progress = no_progress,
 ) -> list[Path]:
     """Write results of a workspace in one or more formats, in the drive's coordinates (see ``exports.coordinates``).
@@ -46,6 +47,7 @@ def export_results(
         start_frame: number of the first plate of each track.
         output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
             ``meshes/<state>_<triangles or all>.<format>`` by default.
+        replace: whether a file that no export of the workspace made may be written over.
         progress: called by long formats.
     Returns:
         the files and folders written.
@@ -67,7 +69,7 @@ def export_results(
         raise SettingsError(f"--texture {texture_px} is no side of a page", mend=mend)
     formats = formats_named(to or _of_suffix(output))
     job = Job(workspace, state, triangles, levels, texture_px, start_frame, progress)
-    return export(job, _places(job, formats, output))
+    return export(job, _places(job, formats, output), replace=replace)
 
 
 def _of_suffix(output: Path | None) -> list[str]:
@@ -95,11 +97,11 @@ def _places(job: Job, formats: Sequence[ExportFormat], output: Path | None) -> l
         path = output
     if path is None:
         assert output is not None
-        check_output_folder(job.workspace, output)
+        check_folder_place(output, drives_of(job.workspace))
         return [(one, place_of(one, job, output)) for one in formats]
     assert single is not None
     if path.resolve() in {(folder / name).resolve() for name in ("full.ply", "empty.ply", "empty.glb")}:
         raise SettingsError("is the workspace's own mesh", path=path, mend="name another file")
     if path.parent.resolve() != folder.resolve():
-        check_output_folder(job.workspace, path.parent, may_be_root=True)
+        check_file_place(path, drives_of(job.workspace))
     return [(single, path)]

@@ -5,11 +5,11 @@ There is no true empty street of a real drive. See :mod:`unveil_core.evaluate.ho
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.output.written import check_replaceable, note_written, written_in
 from unveil_core.base.progress import Progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
-from unveil_core.drives.imported import read_imported
+from unveil_core.drives.imported import imported_files, read_imported
 from unveil_core.evaluate import METHODS
 from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
 from unveil_core.evaluate.holdout.placement import SceneView, find_places, ground_shown, scene_view, see_cars
@@ -33,6 +34,7 @@ from unveil_core.evaluate.pictures import workspace_mask
 from unveil_core.geometry.reach import CameraViews
 from unveil_core.ground.files import read_ground
 from unveil_core.ground.street import Ground
+from unveil_core.pipeline.output_place import check_folder_place, drives_of
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -46,8 +48,12 @@ from unveil_core.workspace.workspace import Workspace
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
 
 CARS, MOST_CARS = 2, 9
-SCRATCH = ".scene"
-"""Folder of what the scene shows in each frame, while the check runs."""
+FOLDER = "holdout"
+"""All that a check makes lies in a folder of this name, in the one that the user names."""
+WRITTEN = ("cars", "pictures")
+"""Folders of files therein; ``drive/``, ``workspace/`` and ``footage/`` have marks of their own."""
+SCRATCH = ".scene."
+"""How the folder begins of what the scene shows in each frame, while the check runs."""
 NEEDED = (
     "drive/cameras.json",
     "labels.json",
@@ -85,9 +91,9 @@ def check_footage(
     """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
 
     Args:
-        source: a finished workspace, or a drive, which is unveiled into ``OUTPUT/footage`` first.
-        output: folder for ``drive/`` with the cars, its ``workspace/``, ``cars/`` (whose pixel is whose), ``pictures/`` to
-            look at and ``holdout.json``; beside a workspace, with ``_holdout`` appended, by default.
+        source: a finished workspace, or a drive, which is unveiled into ``OUTPUT/holdout/footage`` first.
+        output: folder in which ``holdout/`` is made, with ``drive/`` with the cars, its ``workspace/``, ``cars/`` (whose pixel is
+            whose), ``pictures/`` to look at and ``holdout.json``; beside a workspace, with ``_holdout`` appended, by default.
         cars: how many are wanted; where there is room for fewer, fewer.
         settings: of the run of a drive; a workspace brings its own.
         quality: of the run with the cars, if not that of the workspace; device: likewise, see ``RunSettings``.
@@ -97,6 +103,7 @@ def check_footage(
         what :func:`unveil_core.evaluate.holdout.scores.measure_holdout` returns, with ``quality`` and ``seconds``.
     Raises:
         WorkspaceError: the workspace lacks a stage, or the street has no room for a car.
+        SettingsError: the output is, holds or lies in a drive, is a workspace, or its ``holdout/`` is somebody's.
         UnveilError: bad input.
         Cancelled: SIGINT or SIGTERM; calling again goes on.
     """
@@ -104,18 +111,68 @@ def check_footage(
         raise SettingsError(f"{cars} virtual cars are out of range", mend=f"use 1 to {MOST_CARS}")
     source = Path(source)
     if (source / "workspace.json").is_file():
-        folder = source.with_name(f"{source.resolve().name}_holdout") if output is None else Path(output)
         footage = Workspace.open(source)
+        _check_whole(footage)
+        place = source.with_name(f"{source.resolve().name}_holdout") if output is None else Path(output)
+        folder = _own_folder(place, drives_of(footage))
     else:
         if output is None:
             raise SettingsError("a drive needs a folder for the results", path=source, mend="name one with -o")
-        folder = Path(output)
+        folder = _own_folder(Path(output), [source])
         footage = run(source, folder / "footage", settings, until="inpaint", reporter=reporter)
+    with TemporaryDirectory(prefix=SCRATCH, dir=folder) as scratch:
+        return _checked(footage, folder, cars, quality, device, references, reporter, Path(scratch))
+
+
+def _check_whole(workspace: Workspace) -> None:
+    missing = [n for n in NEEDED if not (workspace.root / n).exists()]
+    if missing:
+        raise WorkspaceError(
+            f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
+        )
+
+
+def _own_folder(place: Path, drives: Sequence[Path]) -> Path:
+    """The folder of a check in the one that the user named: a new one, or of a check before, with nothing else under the names
+    that are written there.
+
+    Raises:
+        SettingsError: it is somebody's; or see :func:`check_folder_place`.
+    """
+    check_folder_place(place, drives)
+    folder = place / FOLDER
+    mend = "move it, or name another folder with -o"
+    own = written_in(folder)
+    if own is None:
+        check_replaceable(folder, None, mend=mend)
+    for name in WRITTEN:
+        inside = [n.removeprefix(f"{name}/") for n in own or () if n.startswith(f"{name}/")]
+        check_replaceable(folder / name, inside, mend=mend)
+    check_replaceable(folder / "drive", imported_files(folder / "drive"), mend=mend)
+    for name in ("workspace", "footage"):
+        Workspace.may_be(folder / name)
+    note_written(folder, ["holdout.json"])
+    return folder
+
+
+def _checked(
+    footage: Workspace,
+    folder: Path,
+    cars: int,
+    quality: str | None,
+    device: str | None,
+    references: References | None,
+    reporter: Reporter,
+    scratch: Path,
+) -> dict[str, Any]:
+    """The check itself, see :func:`check_footage`; ``folder``: for all that is made, ``scratch``: for what is gone afterwards."""
     started = time.monotonic()
     recorded = RunSettings.from_json(footage.state().get("settings", {}))
-    cache, scratch = FrameCache(recorded.memory_bytes), folder / SCRATCH
-    shutil.rmtree(scratch, ignore_errors=True)  # of another scene, it may be
+    cache = FrameCache(recorded.memory_bytes)
     scene = _scene(footage, cars, cache, scratch, _progress(reporter))
+    frames_of = [f"{f.camera_name}/{f.name}.png" for f in scene.drive.frames]
+    strips = [f"pictures/{f.camera_name}_{f.name}.png" for f in scene.drive.frames]
+    note_written(folder, ["holdout.json", *(f"cars/{name}" for name in frames_of), *strips])
     pixels = cache.frames(len(scene.drive.frames), lambda i: see_cars(scene.cars, scene.views.frames[i]))
     for frame, own in zip(scene.drive.frames, pixels, strict=True):
         write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
@@ -133,7 +190,8 @@ def check_footage(
         work_side=max(32, *(max(f.camera.width, f.camera.height) for f in drive.frames)),
         instances=(*recorded.instances, *ids) if added.choose_instances else recorded.instances,
     )
-    workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", reporter=reporter)
+    # The drive with the cars is of this folder alone, as its workspace is: with other cars it is another drive.
+    workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, reporter=reporter)
     progress = _progress(reporter)
     known = seen_elsewhere(scene.views, pixels, far=FAR_M, cache=cache)
     real = scene.drive.frames
@@ -145,18 +203,12 @@ def check_footage(
     frames = Frames(len(real), held)
     found = measure_holdout(frames, scene.cars, drive, workspace.root, references=references, progress=progress)
     write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
-    shutil.rmtree(scratch, ignore_errors=True)
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
     write_json_atomic(folder / "holdout.json", found)
     return found
 
 
 def _scene(workspace: Workspace, count: int, cache: FrameCache, scratch: Path, progress: Progress) -> _Scene:
-    missing = [n for n in NEEDED if not (workspace.root / n).exists()]
-    if missing:
-        raise WorkspaceError(
-            f"has no {missing[0]}, which the check needs", path=workspace.root, mend="run `unveil run` on it first"
-        )
     drive = read_imported(workspace.drive_dir)
     labels = load_selection(workspace)
     surfels = read_surfels(workspace.surfels_full)

@@ -102,6 +102,7 @@ def _add_whole_runs(verbs: _Verbs) -> None:
             p.add_argument(
                 "--preview", action="store_true", help="draw labels and objects over the frames: WORKSPACE/preview"
             )
+        _add_replace(p, "give a workspace with results of another drive this one: they are replaced")
         _add_settings(p)
         _add_common(p)
 
@@ -144,7 +145,7 @@ def _add_evaluate(verbs: _Verbs) -> None:
         type=Path,
         default=None,
         metavar="DIR",
-        help="of the run with the virtual cars, by default WORKSPACE_holdout",
+        help="of the folder holdout/ with all that is made, by default WORKSPACE_holdout",
     )
     _add_device(p)
     _add_common(p)
@@ -198,6 +199,7 @@ def _add_export(verbs: _Verbs) -> None:
         metavar="DIR|FILE",
         help="a folder, or the file of a single format; a mesh goes beside the meshes by default",
     )
+    _add_replace(p, "write over a file that no export of the workspace made")
     _add_device(p)
     _add_common(p)
 
@@ -208,6 +210,7 @@ def _add_batch(verbs: _Verbs) -> None:
     p = parts.add_parser("plan", help="write the tasks of some drives")
     p.add_argument("drives", type=Path, nargs="+", metavar="DRIVE")
     p.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="of the batch and the workspaces")
+    _add_replace(p, "write over the batch.json of other drives, or of another program")
     _add_settings(p)
     _add_common(p)
     for name, text in (
@@ -227,6 +230,7 @@ def _add_batch(verbs: _Verbs) -> None:
             )
         if name == "template":
             p.add_argument("--to", required=True, choices=("openjd", "slurm", "flamenco"))
+            _add_replace(p, "write over a file that no batch made")
         _add_common(p)
 
 
@@ -257,6 +261,7 @@ def _add_bench(verbs: _Verbs) -> None:
     p.set_defaults(inpainter="exemplar", reference_inpainter=None)
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("-o", "--output", type=Path, default=None, metavar="FILE", help="JSON; the plot goes beside it")
+    _add_replace(p, "write over files that no benchmark made")
     p.add_argument(
         "--yardstick", type=Path, default=None, metavar="FOLDER", help="a C++ rasterizer to compile and compare"
     )
@@ -278,6 +283,11 @@ def _add_common(p: argparse.ArgumentParser) -> None:
         action="store_true",
         help="cancel when standard input closes: when the program that started this one ends",
     )
+
+
+def _add_replace(p: argparse.ArgumentParser, what: str) -> None:
+    """Of a verb that otherwise refuses to write over what it did not make. One word for all of them."""
+    p.add_argument("--replace", action="store_true", help=what)
 
 
 def _add_device(p: argparse.ArgumentParser) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.app.output_folder import check_output_folder
 from unveil_core.base.errors import SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.output.written import check_writable, note_written
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.camera_path import View, drive_path, read_camera_path, shifted
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
@@ -19,6 +19,7 @@ from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.files import read_ground
+from unveil_core.pipeline.output_place import check_folder_place, drives_of
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.raster.picture import with_sky
 from unveil_core.semantics.classes import VOID
@@ -72,7 +73,7 @@ def render_views(
 
     Args:
         workspace: a reconstructed one.
-        output: a folder, made if need be; files of the same names are written over.
+        output: a folder, made if need be; files of the same names that were rendered before are written over, and no others.
         state: one of :data:`STATES`.
         path: cameras, see :func:`read_camera_path`; the drive's own by default.
         beside: metres to the right of the direction of travel, negative to the left; of the drive's own cameras it is the
@@ -82,21 +83,25 @@ def render_views(
     Returns:
         the number of views.
     Raises:
-        SettingsError: an unknown state or plane, a shift out of range, or a folder that belongs to the workspace.
+        SettingsError: an unknown state or plane, a shift out of range, or a folder that belongs to the workspace or holds files of
+            the same names that were not rendered.
         DriveError: a path that cannot be read.
         UnveilError: the workspace has no such scene yet, or the folder cannot be written.
     """
     _check_settings(state, planes, beside, above)
-    check_output_folder(workspace, output)
+    check_folder_place(output, drives_of(workspace))
     drive = read_imported(workspace.drive_dir, points=False)
     views = _views(workspace, drive, path, beside, above)
+    several = len({v.track for v in views}) > 1
+    names = [f"{view.track}/{view.name}" if several else view.name for view in views]
+    files = ["transforms.json", *(f"{plane}/{name}.png" for plane in planes for name in names)]
+    check_writable(output, files, mend="name an empty folder, or one that was rendered to, with -o")
     surfels, sky = _scene(workspace, state)
     scene = load_labels(workspace) if "semantics" in planes else None
-    several = len({v.track for v in views}) > 1
     frames = []
     try:
-        for done, view in enumerate(views):
-            name = f"{view.track}/{view.name}" if several else view.name
+        note_written(output, files)
+        for done, (view, name) in enumerate(zip(views, names, strict=True)):
             for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
                 write_image_atomic(output / plane / f"{name}.png", picture)
             frames.append(_described(view, name, planes, drive))

@@ -55,7 +55,10 @@ def _run_and_sum_up(drive: Path, arguments: argparse.Namespace) -> int:
 
     with reporting(arguments.json) as reporter:
         until = getattr(arguments, "until", None)
-        workspace = run(drive, arguments.output, settings_of(arguments), until=until, reporter=reporter)
+        replace = getattr(arguments, "replace", False)
+        workspace = run(
+            drive, arguments.output, settings_of(arguments), until=until, replace=replace, reporter=reporter
+        )
     if until in (None, "report"):
         from unveil_core.report.summary import print_summary
 
@@ -67,7 +70,14 @@ def _import(arguments: argparse.Namespace) -> int:
     from unveil_core.pipeline.run import run
 
     with reporting(arguments.json) as reporter:
-        workspace = run(arguments.drive, arguments.output, settings_of(arguments), until="objects", reporter=reporter)
+        workspace = run(
+            arguments.drive,
+            arguments.output,
+            settings_of(arguments),
+            until="objects",
+            replace=arguments.replace,
+            reporter=reporter,
+        )
     if arguments.preview:
         from unveil_core.drives.imported import read_imported
         from unveil_core.labelling.preview import write_preview
@@ -184,6 +194,7 @@ def _export(arguments: argparse.Namespace) -> int:
             texture_px=arguments.texture,
             start_frame=arguments.start_frame,
             output=arguments.output,
+            replace=arguments.replace,
             progress=_progress_of("export", reporter),
         )
     names = [str(path) for path in written]

@@ -30,7 +30,6 @@ __all__ = [
     "full_disk",
     "is_out_of_gpu_memory",
     "is_out_of_memory",
-    "link_or_copy",
     "move",
     "patiently",
     "parsed_json",
@@ -370,14 +369,3 @@ def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDAr
     if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
         raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
     return image.astype(np.uint16)
-
-
-def link_or_copy(source: Path, destination: Path) -> None:
-    """Make ``destination`` the same file as ``source``, or as what that links to: a hard link where the file system allows it, else
-    a copy, whole or not at all."""
-    destination.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        os.link(Path(source).resolve(), destination)
-    except OSError:
-        with Path(source).open("rb") as content:
-            write_atomic(destination, lambda stream: shutil.copyfileobj(content, stream))

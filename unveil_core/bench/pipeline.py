@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_image_atomic
+from unveil_core.base.output.written import check_writable, note_written
 from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
@@ -25,6 +26,7 @@ from unveil_core.inpaint.frames.by_reference import ReferenceInpainter
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
+from unveil_core.pipeline.output_place import check_folder_place
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
@@ -73,6 +75,8 @@ def bench_pipeline(
     if reference is None and "reference_inpainter" in settings.networks:
         reference = load_reference(settings.networks["reference_inpainter"])
     before = machine()
+    if keep is not None:
+        check_folder_place(keep, [drive])
     with tempfile.TemporaryDirectory() if scene is None else nullcontext() as folder:
         workspace = run(
             drive, Path(folder) / "scene" if folder else scene or "", settings, until="remove", reporter=reporter
@@ -80,6 +84,8 @@ def bench_pipeline(
         stages = workspace.state()["stages"]
         footage = open_footage(workspace, drive, settings, single_image, reference)
         measured = []
+        if keep is not None:
+            check_writable(keep, _kept_names(footage, chosen), mend="name an empty folder with --keep")
         for name, row in chosen.items():
             missing = _missing_weights(row, settings, reference)
             if missing:
@@ -91,7 +97,7 @@ def bench_pipeline(
             reporter(_event(name, "done", 1, 1, seconds=figures["seconds"]))
             measured.append({"row": name, "title": row.title, "status": DONE, **figures})
             if keep is not None:
-                _keep_frames(footage, frames, keep / name)
+                _keep_frames(footage, frames, keep, name)
     return {
         "machine": before,
         "drive": (drive.parent if drive.suffix == ".json" else drive).name,
@@ -147,9 +153,16 @@ def _run_row(
     return frames, figures | measure_frames(footage.drive, frames, footage.removed)
 
 
-def _keep_frames(footage: Footage, frames: Sequence[Picture], folder: Path) -> None:
-    for frame, picture in zip(footage.drive.frames, frames, strict=True):
-        write_image_atomic(frame_file(folder, frame), picture)
+def _keep_frames(footage: Footage, frames: Sequence[Picture], keep: Path, row: str) -> None:
+    names = _kept_names(footage, [row])
+    note_written(keep, names)
+    for name, picture in zip(names, frames, strict=True):
+        write_image_atomic(keep / name, picture)
+
+
+def _kept_names(footage: Footage, rows: Iterable[str]) -> list[str]:
+    """Files of the rows' frames, relative to the folder that keeps them."""
+    return [frame_file(Path(row), frame).as_posix() for row in rows for frame in footage.drive.frames]
 
 
 def plot_points(measured: Sequence[Mapping[str, Any]]) -> list[Point]:

@@ -19,7 +19,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import nearest_rotation
 
-__all__ = ["read_imported"]
+__all__ = ["CAMERAS", "imported_files", "is_imported", "read_imported"]
 
 
 def read_imported(folder: Path, *, points: bool = True) -> Drive:
@@ -66,6 +66,36 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
 
 
+def is_imported(folder: Path) -> bool:
+    """Whether a folder is the ``drive/`` of a workspace, by the beginning of its cameras.json: others have such files, too."""
+    try:
+        if not (folder / CAMERAS).is_file():
+            return False
+        with (folder / CAMERAS).open("rb") as stream:
+            return b'"to_world"' in stream.read(MARKED_WITHIN)
+    except OSError:
+        return False
+
+
+def imported_files(folder: Path) -> frozenset[str] | None:
+    """Names of the files of an imported drive, relative to its folder, as its cameras.json lists them; None where it has none."""
+    if (folder / CAMERAS).is_symlink() or not is_imported(folder):
+        return None
+    try:
+        entries = parsed_json((folder / CAMERAS).read_bytes())["frames"]
+        own = [*entries, *(e["footage"] for e in entries if isinstance(e.get("footage"), dict))]
+        named = {e[key] for e in own for key in ("image", *LABELS) if isinstance(e.get(key), str)}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return frozenset({CAMERAS, "points.ply", *named})
+
+
+CAMERAS = "cameras.json"
+"""File of an imported drive that is written last."""
+LABELS = ("semantics", "instances", "mask", "ego")
+"""Keys of a frame's further files there."""
+MARKED_WITHIN = 1 << 16
+"""Bytes of cameras.json in which the keys of an import come, before the frames."""
 SUFFIX = re.compile(r"[A-Za-z0-9]{1,5}")
 """Of a file's name."""
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import decode_image, link_or_copy, read_image, read_image_as_it_is, write_bytes_atomic
+from unveil_core.base.files import decode_image, read_image, read_image_as_it_is, write_bytes_atomic
+from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.drives.drive import Footage, Frame
 
 __all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]
@@ -35,7 +36,7 @@ def store_photograph(frame: Frame, destination: Path) -> None:
     if frame.image_bytes is not None:
         write_bytes_atomic(destination, frame.image_bytes())
     else:
-        link_or_copy(frame.image_path, destination)
+        copied_or_linked(frame.image_path, destination)
 
 
 def is_plain(frame: Frame) -> bool:

@@ -20,6 +20,7 @@ from unveil_core.exports.plates.exr import write_exr
 from unveil_core.exports.plates.mattes import write_mattes
 from unveil_core.exports.plates.movie import write_mp4, write_prores
 from unveil_core.exports.plates.png import write_png
+from unveil_core.exports.receipts import read_receipts
 from unveil_core.exports.splats.gltf import write_splat_gltf
 from unveil_core.exports.splats.ply import write_splat_ply
 from unveil_core.exports.splats.spz import write_spz
@@ -331,12 +332,13 @@ def place_of(one: ExportFormat, job: Job, folder: Path) -> Path:
     return folder / one.result.format(state=job.state)
 
 
-def export(job: Job, places: Sequence[tuple[ExportFormat, Path]]) -> list[Path]:
-    """Write the results of some formats, each whole or not at all; what was there before is replaced.
+def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bool = False) -> list[Path]:
+    """Write the results of some formats, each whole or not at all; what an export before made there is replaced.
 
     Args:
         job: what to export.
         places: formats, and the file or folder that each makes.
+        replace: whether single files that no export made may be written over.
     Returns:
         the files and folders.
     Raises:
@@ -344,18 +346,19 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]]) -> list[Path]:
         WorkspaceError: a stage that a format needs has not run.
         UnveilError: it cannot be written. DiskFullError: no room.
     """
+    receipts = read_receipts(job.workspace.root, replace=replace)
     for one, path in places:
         if job.state == "full" and not one.both_states:
             raise SettingsError(f"{one.name} is of the empty street only", mend="leave --state out")
         if not one.suffix:
             check_free(path)
-        elif path.is_dir():
-            raise SettingsError("is a folder", path=path, mend="name a file in it")
+        else:
+            receipts.check(path)
         for part in one.needs:
             getattr(job, part)
     for one, path in places:
         try:
-            with whole_file(path) if one.suffix else whole_folder(path) as made:
+            with whole_file(path, receipts.check, receipts.note) if one.suffix else whole_folder(path) as made:
                 one.write(job, made)
         except OSError as error:
             if full := full_disk(error, path.parent):

@@ -1,40 +1,48 @@
-"""An exported file or folder appears whole, or not at all: it is made under a temporary name beside its place and renamed."""
+"""An exported file or folder appears whole, or not at all: it is made under a temporary name beside its place and renamed. Only
+what an export made is replaced."""
 
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core import __version__
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import move, write_json_atomic
+from unveil_core.base.files import move, parsed_json, write_json_atomic
+from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.output.written import EXPORTED, GENERATOR, check_replaceable, files_in, written_in
 
-__all__ = ["TOLD", "check_free", "tell", "whole_file", "whole_folder"]
+__all__ = ["TOLD", "camera_file", "check_free", "tell", "whole_file", "whole_folder"]
 
-TOLD = "export.json"
-"""The file in each exported folder that tells what it is. A folder that has it was exported, and may be replaced."""
+TOLD = EXPORTED
+"""The file in each exported folder that tells what it is, and lists the files that were written with it."""
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, may_replace: Callable[[Path], None], note: Callable[[Path, Path], None]) -> Iterator[Path]:
     """A temporary file name with the suffix of ``path`` to write to; renamed to ``path`` at the end, removed on an error.
 
     A file beside it whose name continues its own, as ``made.ply.json``, goes along, first.
+
+    Args:
+        may_replace: called with each place before anything is moved; raises an error where another file lies there.
+        note: called with each file that is whole, and the place that it is about to be moved to.
     """
-    with _scratch(path.parent) as folder:
+    with scratch_folder(path.parent, "export") as folder:
         made = folder / f"made{path.suffix}"
         yield made
         beside = [p for p in folder.iterdir() if p.name.startswith(made.name) and p != made]
-        for file in (*beside, made):
+        places = {file: path.with_name(path.name + file.name.removeprefix(made.name)) for file in (*beside, made)}
+        for place in places.values():
+            may_replace(place)
+        for file, place in places.items():
             with file.open("rb+") as stream:
                 os.fsync(stream.fileno())
             os.chmod(file, 0o644)
-            move(file, path.with_name(path.name + file.name.removeprefix(made.name)))
+            note(file, place)
+            move(file, place)
 
 
 @contextmanager
@@ -45,10 +53,13 @@ def whole_folder(path: Path) -> Iterator[Path]:
         SettingsError: see :func:`check_free`.
     """
     check_free(path)
-    with _scratch(path.parent) as folder:
+    with scratch_folder(path.parent, "export") as folder:
         made, before = folder / "made", folder / "before"
         made.mkdir()
         yield made
+        told: Any = parsed_json((made / TOLD).read_bytes()) if (made / TOLD).is_file() else {"generator": GENERATOR}
+        write_json_atomic(made / TOLD, {**told, "files": [name for name in files_in(made) if name != TOLD]})
+        check_free(path)  # meanwhile somebody may have put something there
         if path.exists():
             move(path, before)
         try:
@@ -59,33 +70,22 @@ def whole_folder(path: Path) -> Iterator[Path]:
             raise
 
 
-@contextmanager
-def _scratch(parent: Path) -> Iterator[Path]:
-    """A temporary folder in ``parent``, which is made if need be, and removed again if nothing came of it."""
-    new = [p for p in (parent, *parent.parents) if not p.exists()]
-    parent.mkdir(parents=True, exist_ok=True)
-    folder = Path(tempfile.mkdtemp(prefix=".export.", suffix=".partial", dir=parent))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        for made in new:
-            with suppress(OSError):  # something is in it
-                made.rmdir()
-
-
 def tell(folder: Path, name: str, content: Mapping[str, Any]) -> None:
     """Write :data:`TOLD` into a folder of format ``name``, with what a program cannot see in its files."""
-    write_json_atomic(folder / TOLD, {"format": name, "generator": f"unveil {__version__}", **content})
+    write_json_atomic(folder / TOLD, {"format": name, "generator": GENERATOR, **content})
+
+
+def camera_file(name: str) -> str:
+    """The name of a camera as that of its folder in an export: not that of :data:`TOLD`."""
+    return f"camera_{name}" if name.casefold() == TOLD else name
 
 
 def check_free(path: Path) -> None:
-    """Refuse a folder that holds something else than an export.
+    """Refuse a folder with anything in it that no export wrote.
 
     Raises:
-        SettingsError: with the folder and the mend.
+        SettingsError: with what is there and the mend.
     """
     if path.is_symlink() or (path.exists() and not path.is_dir()):
         raise SettingsError("is there already, and no folder", path=path, mend="name another place with -o")
-    if path.is_dir() and not (path / TOLD).is_file() and any(path.iterdir()):
-        raise SettingsError("is a folder of something else", path=path, mend="empty it, or name another place with -o")
+    check_replaceable(path, written_in(path, TOLD), mend="move it, or name another place with -o")

@@ -11,6 +11,7 @@ blocks, and between them tasks that put the blocks together; these depend on one
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -22,6 +23,7 @@ from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.base.kernels.device import CPU, name_of_device
+from unveil_core.base.output.written import GENERATOR
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.drives.scale_and_up import place_drive
@@ -29,7 +31,9 @@ from unveil_core.forecast.forecast import forecast
 from unveil_core.forecast.machine import Machine, this_machine
 from unveil_core.pipeline.forecasting import workload_of
 from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.output_place import check_folder_place
 from unveil_core.pipeline.settings import RunSettings
+from unveil_core.workspace.workspace import Workspace, is_workspace
 
 __all__ = ["Batch", "BatchDrive", "Task", "plan_batch", "read_batch"]
 
@@ -85,17 +89,21 @@ class Batch:
     Attributes:
         root: its folder.
         drives, tasks: in the order of planning; tasks come after those that they depend on.
+        files: names of templates that were written into the folder.
     """
 
     root: Path
     drives: tuple[BatchDrive, ...]
     tasks: tuple[Task, ...]
+    files: tuple[str, ...] = ()
 
     def save(self) -> None:
         """Write ``batch.json``."""
         self.root.mkdir(parents=True, exist_ok=True)
         content = {
             "version": VERSION,
+            "generator": GENERATOR,
+            "files": list(self.files),
             "drives": [asdict(d) for d in self.drives],
             "tasks": [asdict(t) for t in self.tasks],
         }
@@ -113,6 +121,9 @@ def read_batch(root: Path) -> Batch:
         data: Any = read_json(path)
         if data["version"] != VERSION:
             raise ValueError(f"version {data['version']}")
+        files = data.get("files", [])
+        if not isinstance(files, list) or not all(map(is_file_name, files)):
+            raise ValueError("a file that is none of the folder")
         drives = tuple(checked(BatchDrive, d) for d in data["drives"])
         tasks = tuple(checked(Task, t) for t in data["tasks"])
         names = {drive.name for drive in drives}
@@ -125,9 +136,9 @@ def read_batch(root: Path) -> Batch:
             if not named or not ends or task.drive not in names or not set(task.after) <= known or task.id in known:
                 raise ValueError(f"task {task.id!r}")
             known.add(task.id)
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise WorkspaceError(f"is no batch: {error}", path=path, mend="run `unveil batch plan`") from error
-    return Batch(root, drives, tasks)
+    return Batch(root, drives, tasks, tuple(files))
 
 
 def plan_batch(
@@ -136,6 +147,7 @@ def plan_batch(
     settings: RunSettings,
     options: Sequence[str] = (),
     *,
+    replace: bool = False,
     leave_out: Callable[[Path, UnveilError], None] | None = None,
 ) -> Batch:
     """Plan the tasks of some drives.
@@ -144,16 +156,18 @@ def plan_batch(
         drives: to unveil, each for itself.
         root: of the batch.
         settings: of all drives; options: the same as options of ``unveil run``.
+        replace: whether a batch.json of other drives, or of another program, may be written over when the plan is saved.
         leave_out: told of each drive that cannot be read, which the batch then goes without; None = that is an error.
     Raises:
         DriveError: a drive that cannot be read.
-        SettingsError: no drive.
+        SettingsError: no drive; or a folder that is, holds, or lies in a drive, or is in use for something else.
     """
+    before = _batch_before(root, drives, replace)
     planned: list[BatchDrive] = []
     tasks: list[Task] = []
     machine = this_machine()
     for path in drives:
-        name = _name(path, [d.name for d in planned])
+        name = _name(path, [d.name for d in planned], root / "drives")
         try:
             drive = _planned(path, name, root, settings, machine)
         except UnveilError as error:
@@ -165,7 +179,42 @@ def plan_batch(
         tasks += _tasks_of(drive, tuple(options))
     if not planned:
         raise SettingsError("no drive to plan", mend="name one or more that can be read")
-    return Batch(root, tuple(planned), tuple(tasks))
+    return Batch(root, tuple(planned), tuple(tasks), () if before is None else before.files)
+
+
+def _batch_before(root: Path, drives: Sequence[Path], replace: bool) -> Batch | None:
+    """The batch that a folder holds already; None where the folder is free.
+
+    Raises:
+        SettingsError: it is no place for a batch of these drives.
+    """
+    check_folder_place(root, drives)
+    path = root / "batch.json"
+    mend = "name another folder with -o"
+    if not os.path.lexists(path):
+        # What a batch keeps there would lie among somebody's files.
+        taken = next((root / name for name in ("drives", "tasks") if os.path.lexists(root / name)), None)
+        if taken is not None:
+            raise SettingsError("is there already, and is not of a batch", path=taken, mend=mend)
+        return None
+    try:
+        before = read_batch(root)
+    except UnveilError as error:
+        if replace and path.is_file() and not path.is_symlink():
+            return None
+        raise SettingsError(
+            "is there already, and is not a batch", path=path, mend=f"{mend}, or add --replace to write over it"
+        ) from error
+    known, wanted = ({_absolute(Path(d.drive)) for d in before.drives}, {_absolute(p) for p in drives})
+    if not replace and (lost := sorted(known - wanted)):
+        raise SettingsError(
+            f"is the plan of other drives, as {lost[0]}", path=path, mend=f"{mend}, or add --replace to plan anew"
+        )
+    return before
+
+
+def _absolute(path: Path) -> str:
+    return str(path.absolute())
 
 
 def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: Machine) -> BatchDrive:
@@ -187,15 +236,25 @@ def _planned(path: Path, name: str, root: Path, settings: RunSettings, machine: 
     )
 
 
-def _name(path: Path, taken: Sequence[str]) -> str:
-    """A name for a drive's workspace that is no other's."""
+def _name(path: Path, taken: Sequence[str], workspaces: Path) -> str:
+    """A name for a drive's workspace that is no other's, in this plan or one before."""
     whole = path.absolute()
     stem = whole.parent.name if whole.suffix == ".json" else whole.name
     plain = re.sub(r"[^\w-]+", "_", stem).strip("_")[:80] or "drive"
     name, number = plain, 2
-    while name in taken:
+    while name in taken or _is_others(workspaces / name, path):
         name, number = f"{plain}_{number}", number + 1
     return name
+
+
+def _is_others(workspace: Path, drive: Path) -> bool:
+    """Whether a folder is there, and is not the workspace of a drive."""
+    if not os.path.lexists(workspace):
+        return False
+    if not is_workspace(workspace):
+        return not workspace.is_dir() or any(workspace.iterdir())
+    recorded = Workspace(workspace).state().get("drive")
+    return recorded is not None and recorded != _absolute(drive)
 
 
 def _tasks_of(drive: BatchDrive, options: tuple[str, ...]) -> list[Task]:

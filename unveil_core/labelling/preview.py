@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.output.written import check_writable, note_written
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.drives.drive import Drive, Frame, FrameLabels
@@ -50,13 +51,16 @@ def write_preview(
         the pictures, ``<camera>_<frame>.jpg``.
     Raises:
         DriveError: a picture that cannot be read.
+        SettingsError: something else lies in the folder under the name of one.
     """
     read = labels or (lambda i: _own_labels(drive.frames[i]))
     written = []
     chosen = preview_frames(drive)
-    for done, i in enumerate(chosen):
-        frame = drive.frames[i]
-        path = folder / f"{_safe(frame.camera_name)}_{_safe(frame.name)}.jpg"
+    names = [f"{_safe(f.camera_name)}_{_safe(f.name)}.jpg" for f in (drive.frames[i] for i in chosen)]
+    check_writable(folder, names, mend="move it")
+    note_written(folder, names)
+    for done, (i, name) in enumerate(zip(chosen, names, strict=True)):
+        frame, path = drive.frames[i], folder / name
         write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)))
         written.append(path)
         progress(done + 1, len(chosen), "drawing labels")

@@ -18,6 +18,8 @@ from unveil_core.drives.selecting import named_frames
 from unveil_core.labelling.segmenter import NO_LABELS_HELP
 from unveil_core.pipeline.forecasting import expected_of
 from unveil_core.pipeline.graph import STAGES
+from unveil_core.pipeline.other_drive import check_same_drive
+from unveil_core.pipeline.output_place import check_place
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Notice, Reporter, Stage, silent
@@ -39,6 +41,7 @@ def run(
     settings: RunSettings | None = None,
     *,
     until: str | None = None,
+    replace: bool = False,
     reporter: Reporter = silent,
 ) -> Workspace:
     """Run everything that is missing or changed, from a drive on disk to the report.
@@ -48,17 +51,22 @@ def run(
         workspace: folder of the results; made if need be, continued if it exists.
         settings: what to remove and how; defaults remove everything removable.
         until: name of the last stage to run.
+        replace: whether a workspace with results of another drive may be given this one.
         reporter: receives each event as a dict.
     Raises:
-        UnveilError: bad input; a workspace that this call made is deleted again.
+        UnveilError: bad input, a workspace in, of or around a drive, or with results of another drive; a workspace that this call
+            made is deleted again.
         Cancelled: SIGINT or SIGTERM; calling again continues.
     """
     settings = settings or RunSettings()
     check_device(settings.device)
     names = [s.name for s in STAGES]
     stages = STAGES[: names.index(until) + 1] if until else STAGES
+    check_place(Path(workspace), [Path(drive)])
     opened = open_drive(drive, settings.drive_options)
-    first = not (Path(workspace) / "workspace.json").is_file()
+    first = not Workspace.may_be(workspace)
+    if not first and not replace:
+        check_same_drive(Workspace.open(workspace), Path(drive), opened)
     if first:
         # Before anything is made: whether the drive is whole and the selection selects something.
         check_drive(opened, _every_second(reporter))
@@ -90,7 +98,7 @@ def run(
         # Only what this call made, and while nobody else works in it: two may have begun at once.
         if space.made:
             with suppress(WorkspaceError), space.lock():
-                if not space.drive_dir.exists():
+                if all(p.name.startswith((".", "workspace.json", "events.jsonl")) for p in space.root.iterdir()):
                     shutil.rmtree(space.root, ignore_errors=True)
         raise
     return space

@@ -5,8 +5,6 @@ new one, with the record that belongs to it, never a mixture.
 from __future__ import annotations
 
 import json
-import os
-import re
 import shutil
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,6 +15,7 @@ from unveil_core.base.checks.names import file_name, is_file_name
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import full_disk, move, patiently, read_json, write_atomic, write_json_atomic
 from unveil_core.workspace.links import refuse_links
+from unveil_core.workspace.made import half_written, keep_strangers, note_made
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["PARTIAL", "commit", "open_partial", "recover"]
@@ -27,9 +26,6 @@ MEND = "delete it; the stage is run again"
 INPUTS = ".inputs"
 """File in such a folder with the digest of what the stage reads: only an attempt with the same may go on from it."""
 
-HALF_WRITTEN = re.compile(r"\..*\.partial(\.\w+)?|\..*\.npz\.\d+\.new")
-"""Names of files that a kill left half-written: of results, of movies (the suffix tells the format), and of what is kept."""
-
 
 def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[str], record: dict[str, Any]) -> None:
     """Rename a finished stage's outputs over the old ones and record them; once begun, it is finished at the next start.
@@ -39,7 +35,8 @@ def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[st
         outputs: files and folders, relative to the workspace.
         record: entries of the stage in workspace.json.
     """
-    entry = {"stage": stage, "partial": partial.name, "outputs": list(outputs), "record": record}
+    note = note_made(partial, stage, outputs)
+    entry = {"stage": stage, "partial": partial.name, "outputs": [*outputs, note], "record": record}
     write_json_atomic(_journal(workspace), entry)
     _finish(workspace, entry)
 
@@ -64,13 +61,12 @@ def recover(workspace: Workspace) -> None:
             if full_disk(error, path) is not None:
                 raise
             raise WorkspaceError(f"tells what cannot be done: {error.strerror}", path=path, mend=MEND) from error
-    for folder in workspace.root.glob(f"{PARTIAL}*"):
-        if not (folder / INPUTS).is_file():
+    for stage in workspace.state()["stages"]:
+        folder = workspace.root / f"{PARTIAL}{stage}"
+        if is_file_name(stage) and not (folder / INPUTS).is_file():
             shutil.rmtree(folder, ignore_errors=True)
-    for place, _, names in os.walk(workspace.root):
-        for name in names:
-            if HALF_WRITTEN.fullmatch(name):
-                os.unlink(os.path.join(place, name))
+    for file in half_written(workspace.root):
+        file.unlink()
     workspace.end_cut_event()
 
 
@@ -96,11 +92,13 @@ def _journal(workspace: Workspace) -> Path:
 
 def _finish(workspace: Workspace, entry: dict[str, Any]) -> None:
     partial = workspace.root / entry["partial"]
+    recorded = workspace.state()["stages"].get(entry["stage"], {})
     for name in entry["outputs"]:
         source, target = partial / name, workspace.root / name
         if not source.exists():
             continue  # moved before the interruption
         target.parent.mkdir(parents=True, exist_ok=True)
+        keep_strangers(workspace.root, entry["stage"], name, source, recorded)
         if target.is_dir():
             patiently(shutil.rmtree, target)
         elif source.is_dir():

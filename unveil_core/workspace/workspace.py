@@ -14,12 +14,16 @@ from typing import Any
 from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
 from unveil_core.base.file_locks import TAKEN, lock_file
 from unveil_core.base.files import full_disk, parsed_json, write_json_atomic
+from unveil_core.base.output.written import GENERATOR, is_ours
 
-__all__ = ["Workspace"]
+__all__ = ["Workspace", "is_workspace"]
 
 FORMAT = 1
 """Of workspace.json, raised when a workspace can no longer be read by the versions before."""
+WORKSPACE = "workspace.json"
 LOCK = ".lock"
+LONGEST_SIGNATURE = 1000
+"""Bytes in a lock file: a process and a host."""
 WRITABLE = "make it writable, or name another folder"
 NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
 """Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
@@ -47,12 +51,34 @@ class Workspace:
         """Open an existing workspace.
 
         Raises:
-            WorkspaceError: there is none.
+            WorkspaceError: there is none, or its workspace.json is damaged, of another version, or another program's.
         """
         workspace = Workspace(Path(root))
         if not workspace.workspace_json.is_file():
             raise WorkspaceError("is no workspace", path=root, mend="make one with `unveil run` or `unveil import`")
+        workspace.state()
         return workspace
+
+    @staticmethod
+    def may_be(root: str | Path) -> bool:
+        """Whether a folder is a workspace; where it is not, check that it may become one. Nothing is written.
+
+        Raises:
+            WorkspaceError: it is a file, or holds something else.
+        """
+        workspace = Workspace(Path(root))
+        if workspace.workspace_json.is_file():
+            workspace.state()
+            return True
+        if workspace.root.exists() and not workspace.root.is_dir():
+            raise WorkspaceError("is a file", path=root, mend="name a folder for the workspace")
+        if workspace.root.is_dir() and not all(p.name.startswith(BEGUN) for p in workspace.root.iterdir()):
+            if workspace.workspace_json.is_file():
+                return True  # made by another process in this moment
+            raise WorkspaceError("is not empty and no workspace", path=root, mend="name a new or empty folder")
+        if not _may_lock(workspace.root / LOCK):
+            raise WorkspaceError("is another program's", path=workspace.root / LOCK, mend="name a new or empty folder")
+        return False
 
     @staticmethod
     def create(root: str | Path) -> Workspace:
@@ -63,14 +89,8 @@ class Workspace:
             DiskFullError: no room.
         """
         workspace = Workspace(Path(root))
-        if workspace.workspace_json.is_file():
+        if Workspace.may_be(root):
             return workspace
-        if workspace.root.exists() and not workspace.root.is_dir():
-            raise WorkspaceError("is a file", path=root, mend="name a folder for the workspace")
-        if workspace.root.is_dir() and not all(p.name.startswith(BEGUN) for p in workspace.root.iterdir()):
-            if workspace.workspace_json.is_file():
-                return workspace  # made by another process in this moment
-            raise WorkspaceError("is not empty and no workspace", path=root, mend="name a new or empty folder")
         try:
             workspace.root.parent.mkdir(parents=True, exist_ok=True)
             with suppress(FileExistsError):
@@ -78,7 +98,9 @@ class Workspace:
                 workspace.made = True
             with workspace.lock():
                 if not workspace.workspace_json.is_file():
-                    write_json_atomic(workspace.workspace_json, {"format": FORMAT, "stages": {}})
+                    write_json_atomic(
+                        workspace.workspace_json, {"format": FORMAT, "generator": GENERATOR, "stages": {}}
+                    )
         except OSError as error:
             if full := full_disk(error, Path(root)):
                 raise DiskFullError(full) from error
@@ -90,7 +112,7 @@ class Workspace:
     @property
     def workspace_json(self) -> Path:
         """Drive, settings, versions, and the state of each stage."""
-        return self.root / "workspace.json"
+        return self.root / WORKSPACE
 
     @property
     def events_jsonl(self) -> Path:
@@ -157,7 +179,13 @@ class Workspace:
                 path=self.workspace_json,
                 mend="restore the file, or begin a new workspace",
             )
-        if data.get("format", FORMAT) != FORMAT:
+        if not _is_ours(data):
+            raise WorkspaceError(
+                "is another program's, and not of a workspace",
+                path=self.workspace_json,
+                mend="name a new or empty folder",
+            )
+        if data["format"] != FORMAT:
             raise WorkspaceError(
                 f"has format {data['format']!r}, this version reads {FORMAT}",
                 path=self.workspace_json,
@@ -221,6 +249,37 @@ class Workspace:
     def lock(self, *, shared: bool = False) -> Lock:
         """A context in which no other process works here, or with ``shared`` only others that share, each on a block of its own."""
         return Lock(self.root / LOCK, shared=shared)
+
+
+def is_workspace(root: Path) -> bool:
+    """Whether a folder is a workspace of this program, of whatever version."""
+    try:
+        path = root / WORKSPACE
+        return path.is_file() and _is_ours(parsed_json(path.read_bytes()))
+    except (OSError, ValueError):
+        return False
+
+
+def _is_ours(data: object) -> bool:
+    """Whether what a workspace.json holds is of this program: other programs have files of this name. Versions before named
+    themselves when the first stage ran, and not in a file of their own."""
+    if not isinstance(data, dict) or "format" not in data or not isinstance(data.get("stages"), dict):
+        return False
+    versions = data.get("versions")
+    return is_ours(data) or (isinstance(versions, dict) and "unveil" in versions)
+
+
+def _may_lock(path: Path) -> bool:
+    """Whether a lock file that lies in a folder without workspace.json was left by this program: it is signed or still empty."""
+    try:
+        if not os.path.lexists(path):
+            return True
+        if path.is_symlink() or not path.is_file() or path.stat().st_size > LONGEST_SIGNATURE:
+            return False
+        signed = path.read_bytes()
+    except OSError:
+        return False
+    return not signed or re.fullmatch(rb"\0\d+ on [^\0\r\n]*", signed) is not None
 
 
 class Lock:

@@ -71,7 +71,7 @@ def set_group(
     Args:
         lens: of :data:`LENSES`; where the footage has none both are the same.
     Raises:
-        OSError: a link to a picture cannot be made.
+        OSError: a copy of a picture cannot be made.
     """
     frames = drive.tracks[track]
     end = "_in_lens" if any(f.in_lens for f in frames) else ""
@@ -123,7 +123,7 @@ def set_group(
 
 
 class _Pictures:
-    """One file a picture; ``folder``: of links to them, where Blender needs such; ``is_data``: numbers rather than colours."""
+    """One file a picture; ``folder``: of copies of them, where Blender needs such; ``is_data``: numbers rather than colours."""
 
     def __init__(self, files: Sequence[Path], folder: str, is_data: bool) -> None:
         self.files, self.folder, self.is_data = list(files), folder, is_data

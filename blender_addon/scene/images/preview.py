@@ -26,7 +26,7 @@ def load(camera: bpy.types.Object, mark: str, drive: ImportedDrive, timeline: Ti
 
     Raises:
         ValueError: a file is damaged; one line that names it.
-        OSError: a link cannot be made.
+        OSError: a copy cannot be made.
     """
     track, place = str(camera["unveil_track"]), drive.workspace / FOLDER
     folder = place / "clean" / track  # of working size: delivery at that of the footage would take as long again

@@ -82,6 +82,10 @@ class JobOperator:
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not versions.has_window():
             return self.execute(context)
+        return self.start_following(context)
+
+    def start_following(self, context: bpy.types.Context) -> set[str]:
+        """Start the job and return at once."""
         task = self._begin(context)
         if task is None:
             return {"CANCELLED"}

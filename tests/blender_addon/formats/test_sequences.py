@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from blender_addon.formats.files import link_or_copy, write_whole
+from blender_addon.formats.files import copied, write_whole
 from blender_addon.formats.sequences import REGION_COLORS, in_color, numbered, with_palette
 
 
@@ -66,15 +65,28 @@ def test_a_link_in_the_place_of_an_unfinished_file_is_not_followed(tmp_path: Pat
     for name in (".marked.json.partial", ".copy.png.partial"):
         (tmp_path / name).symlink_to(tmp_path / "mine.txt")
     write_whole(tmp_path / "marked.json", b"[]")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("os.link", _no_links)  # as on a file system without hard links
-        link_or_copy(tmp_path / "marked.json", tmp_path / "copy.png")
+    copied(tmp_path / "marked.json", tmp_path / "copy.png")
     assert (tmp_path / "mine.txt").read_text() == "mine"
     assert (tmp_path / "copy.png").read_bytes() == (tmp_path / "marked.json").read_bytes() == b"[]"
 
 
-def _no_links(*_: object) -> None:
-    raise OSError(errno.EPERM, "Operation not permitted")
+@pytest.mark.parametrize("name", ["front_1533.25", "000004"])
+def test_who_paints_on_what_is_shown_writes_in_no_other_file(name: str, tmp_path: Path) -> None:
+    """Neither by a copy with another name, nor where a workspace of before has a hard link to the photograph."""
+    original, imported = tmp_path / "original.png", tmp_path / f"w/drive/images/{name}.png"
+    imported.parent.mkdir(parents=True)
+    original.write_bytes(b"photograph")
+    os.link(original, imported)
+    (shown,) = numbered([imported], tmp_path / "w", "blender", "original", "front").files
+    shown.write_bytes(b"painted on")
+    assert original.read_bytes() == imported.read_bytes() == b"photograph"
+    stays = numbered([imported], tmp_path / "w", "blender", "original", "front").files
+    assert stays == (shown,) and shown.read_bytes() == b"photograph"
+    assert shown.with_name("000000_painted.png").read_bytes() == b"painted on"
+    shown.unlink()
+    os.link(imported, shown)  # as versions before made it
+    numbered([imported], tmp_path / "w", "blender", "original", "front")
+    assert shown.stat().st_nlink == 1 and shown.read_bytes() == b"photograph"
 
 
 def test_regions_get_colours_and_keep_their_pixels(tmp_path: Path) -> None:

@@ -167,3 +167,31 @@ def test_a_full_disk_is_one_line_and_nothing_is_lost(
         "filler",
         "street.blend",
     }
+
+
+def test_another_drive_replaces_no_results_without_a_word(addon, scene, street, workspace, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    import bpy
+
+    shutil.copytree(street.parent, tmp_path / "other")
+    before = {p: p.stat().st_mtime_ns for p in workspace.rglob("*")}
+    given = {"filepath": str(tmp_path / "other/transforms.json"), "workspace": str(workspace)}
+    with pytest.raises(RuntimeError, match="has results of another drive, .*street"):
+        bpy.ops.unveil.import_drive(**given)
+    assert {p: p.stat().st_mtime_ns for p in workspace.rglob("*")} == before
+    assert bpy.ops.unveil.import_drive(**given, replace=True) == {"FINISHED"}
+    assert json.loads((workspace / "workspace.json").read_text())["drive"] == given["filepath"]
+
+
+def test_what_is_painted_on_is_no_photograph(addon, scene, street, workspace, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Of no picture that is shown the bytes are those of a file elsewhere, in a workspace of before neither."""
+    import bpy
+
+    assert bpy.ops.unveil.load_workspace(directory=str(workspace)) == {"FINISHED"}
+    shown = [Path(bpy.path.abspath(i.filepath)) for i in bpy.data.images if i.filepath]
+    assert shown and all(p.stat().st_nlink == 1 for p in shown if p.is_file())
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    for picture in (workspace / "drive/images").rglob("*.png"):
+        os.link(picture, tmp_path / picture.name)
+    assert bpy.ops.unveil.load_workspace(directory=str(workspace)) == {"FINISHED"}
+    shown = [Path(bpy.path.abspath(i.filepath)) for i in bpy.data.images if i.filepath]
+    assert shown and all(p.stat().st_nlink == 1 for p in shown if p.is_file())

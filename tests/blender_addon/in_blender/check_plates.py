@@ -300,7 +300,9 @@ def test_undistorted_fits_behind_the_camera(addon, scene, street, workspace, tmp
     document = json.loads((tmp_path / "street/transforms.json").read_text())
     document["camera_model"], document["k1"] = "OPENCV", -0.2
     (tmp_path / "street/transforms.json").write_text(json.dumps(document))
-    outside("-m", "unveil_core", "import", str(tmp_path / "street"), "-o", str(workspace), "--work-side", "64")
+    outside(
+        "-m", "unveil_core", "import", str(tmp_path / "street"), "-o", str(workspace), "--replace", "--work-side", "64"
+    )
     for place in ("masks/removed", "masks/shadows", "provenance", "certainty"):
         halve(workspace / place / "camera")
     outside("-c", PREPARE, str(workspace))

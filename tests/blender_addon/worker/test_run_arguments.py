@@ -11,6 +11,7 @@ import pytest
 from blender_addon.worker.run_arguments import (
     adopt,
     default_workspace,
+    other_drive,
     recorded,
     selection_arguments,
     settings_arguments,
@@ -133,3 +134,12 @@ def test_what_is_no_setting_is_left_aside(told: dict[str, object]) -> None:
     found = SimpleNamespace(**PLAIN)
     adopt(found, told)
     assert vars(found) == PLAIN
+
+
+def test_another_drive_is_told_from_the_same_one(tmp_path: Path) -> None:
+    drive = tmp_path / "street"
+    drive.mkdir()
+    for same in ("", str(drive), str(drive / "transforms.json"), str(tmp_path / "x/../street")):
+        assert other_drive(drive, same) == other_drive(drive / "transforms.json", same) == ""
+    assert other_drive(drive, str(tmp_path / "other")) == str(tmp_path / "other")
+    assert other_drive(drive / "transforms_train.json", str(drive)) == str(drive)

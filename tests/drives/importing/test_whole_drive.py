@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
+from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.resume.checkpoint import Kept
@@ -188,3 +189,34 @@ def test_sweeps_are_gathered_from_the_last_checkpoint_on(tmp_path: Path) -> None
     assert read == [4, 5]
     import_drive(drive, tmp_path / "whole")
     assert (tmp_path / "parts/points.ply").read_bytes() == (tmp_path / "whole/points.ply").read_bytes()
+
+
+def test_nothing_but_an_imported_drive_is_replaced(tmp_path: Path) -> None:
+    drive = open_drive(make_small_rig(tmp_path / "rig", [FRONT], np.arange(2.0)))
+    for name in ("rig", "notes", "file"):
+        before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+        if name == "notes":
+            (tmp_path / "notes").mkdir()
+            (tmp_path / "notes/cameras.json").write_text('{"frames": []}')
+        elif name == "file":
+            (tmp_path / "file").write_text("mine")
+        before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+        with pytest.raises(DriveError, match="is there already"):
+            import_drive(drive, tmp_path / name)
+        assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before
+    done = import_drive(drive, tmp_path / "done")
+    import_drive(drive, tmp_path / "done", work_side=60)
+    (done.root / "images/notes.txt").write_text("mine")
+    with pytest.raises(DriveError, match="images/notes.txt: is there already, and Unveil did not write it"):
+        import_drive(drive, tmp_path / "done")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["done", "file", "notes", "rig"]
+
+
+def test_imported_pictures_share_nothing_with_the_originals(tmp_path: Path) -> None:
+    path = make_small_rig(tmp_path / "rig", [FRONT], np.arange(2.0))
+    originals = {p: p.read_bytes() for p in path.parent.rglob("*") if p.is_file()}
+    done = import_drive(open_drive(path), tmp_path / "done")
+    for file in (p for p in done.root.rglob("*") if p.is_file()):
+        assert file.stat().st_nlink == 1
+        file.write_bytes(b"painted")
+    assert {p: p.read_bytes() for p in originals} == originals

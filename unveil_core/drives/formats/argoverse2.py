@@ -29,7 +29,7 @@ from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, pose
 from unveil_core.drives.formats.tables import Columns, read_columns
 from unveil_core.geometry.transforms import quat_to_rotation
 
-__all__ = ["read_argoverse2", "recognizes", "scenes"]
+__all__ = ["is_one", "read_argoverse2", "recognizes", "scenes"]
 
 FRONT = "ring_front_center"
 EGO_ROWS = {"ring_front_center": 250 / 2048, "ring_rear_left": 250 / 1550, "ring_rear_right": 250 / 1550}
@@ -69,6 +69,11 @@ LONGEST_GAP_NS = 100_000_000
 """Between two poses that one is interpolated in; released logs have some 170 poses a second and one at each stamp."""
 
 
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a log itself."""
+    return (folder / POSES).is_file() and (folder / "calibration").is_dir()
+
+
 def recognizes(path: Path) -> bool:
     """Whether a folder is a log of the dataset, or holds such, or splits with such."""
     return path.is_dir() and bool(_logs(path))
@@ -80,9 +85,6 @@ def scenes(path: Path) -> list[str]:
 
 
 def _logs(path: Path) -> dict[str, Path]:
-    def is_one(folder: Path) -> bool:
-        return (folder / POSES).is_file() and (folder / "calibration").is_dir()
-
     if is_one(path):
         return {".": path}
     found = {p.parent.name: p.parent for depth in ("*", "*/*") for p in sorted(path.glob(f"{depth}/{POSES}"))}

@@ -19,7 +19,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.lens import FISHEYE
 from unveil_core.geometry.transforms import quat_to_rotation
 
-__all__ = ["find_model", "read_colmap", "read_model_points"]
+__all__ = ["find_model", "has_model", "read_colmap", "read_model_points"]
 
 # model id: (name, parameters)
 _MODELS = {
@@ -68,6 +68,12 @@ def find_model(path: Path) -> Path | None:
         if any((folder / f"images{suffix}").is_file() for suffix in (".bin", ".txt")):
             return folder
     return None
+
+
+def has_model(path: Path) -> bool:
+    """Whether a folder is, or holds in one of the usual places, a model with cameras, not only files of such a name."""
+    folder = find_model(path)
+    return folder is not None and any((folder / f"cameras{suffix}").is_file() for suffix in (".bin", ".txt"))
 
 
 class _Bytes:

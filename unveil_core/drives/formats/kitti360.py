@@ -44,7 +44,7 @@ from unveil_core.drives.formats.kitti.text import (
 )
 from unveil_core.geometry.transforms import rigid_inverse
 
-__all__ = ["read_kitti360", "recognizes", "scenes"]
+__all__ = ["is_one", "read_kitti360", "recognizes", "scenes"]
 
 CAMERAS = ("image_00", "image_01")
 """The rectified cameras; the first that a sequence has is read unless others are asked for."""
@@ -76,7 +76,8 @@ MEND_CALIBRATION = "download calibration.zip and unpack it into the data set's f
 MEND_POSES = "download data_poses.zip and unpack it into the data set's folder"
 
 
-def _is_sequence(folder: Path) -> bool:
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a sequence itself."""
     return any((folder / c / "data_rect").is_dir() for c in CAMERAS)
 
 
@@ -84,7 +85,7 @@ def _raw_folder(path: Path) -> Path:
     """The folder data_2d_raw of a path to it, to the data set or to one sequence."""
     if (path / "data_2d_raw").is_dir():
         return path / "data_2d_raw"
-    return absolute(path).parent if _is_sequence(path) else path
+    return absolute(path).parent if is_one(path) else path
 
 
 def recognizes(path: Path) -> bool:
@@ -94,10 +95,10 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the sequences that a folder holds; "." where it is one."""
-    if _is_sequence(path):
+    if is_one(path):
         return ["."]
     folder = _raw_folder(path)
-    return [p.name for p in sorted(folder.iterdir()) if p.is_dir() and _is_sequence(p)] if folder.is_dir() else []
+    return [p.name for p in sorted(folder.iterdir()) if p.is_dir() and is_one(p)] if folder.is_dir() else []
 
 
 def read_kitti360(path: Path, scene: str = ".") -> Drive:

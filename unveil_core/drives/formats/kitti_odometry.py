@@ -35,7 +35,7 @@ from unveil_core.drives.formats.kitti.text import (
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import rigid_inverse
 
-__all__ = ["read_kitti_odometry", "recognizes", "scenes"]
+__all__ = ["is_one", "read_kitti_odometry", "recognizes", "scenes"]
 
 CAMERAS = ("image_2", "image_3", "image_0", "image_1")
 """Colour first; the first that a sequence has is read unless others are asked for."""
@@ -53,7 +53,8 @@ and other objects (99) are left unknown."""
 OF_LABEL = table(POINT_CLASSES, 1 << 16)
 
 
-def _is_sequence(folder: Path) -> bool:
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a sequence itself."""
     return (folder / "calib.txt").is_file() and any((folder / c).is_dir() for c in (*CAMERAS, "velodyne"))
 
 
@@ -69,12 +70,12 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the sequences that a folder holds; "." where it is one."""
-    if _is_sequence(path):
+    if is_one(path):
         return ["."]
     folder = _sequences(path)
     if not folder.is_dir():
         return []
-    return [p.name for p in sorted(folder.iterdir()) if p.name.isdigit() and _is_sequence(p)]
+    return [p.name for p in sorted(folder.iterdir()) if p.name.isdigit() and is_one(p)]
 
 
 def read_kitti_odometry(path: Path, scene: str = ".") -> Drive:

@@ -41,7 +41,7 @@ from unveil_core.drives.formats.kitti.text import (
 )
 from unveil_core.geometry.transforms import rigid_inverse
 
-__all__ = ["read_kitti_raw", "recognizes", "scenes"]
+__all__ = ["is_one", "read_kitti_raw", "recognizes", "scenes"]
 
 CAMERAS = ("image_02", "image_03", "image_00", "image_01")
 """Colour first; the first that a drive has is read unless others are asked for."""
@@ -53,7 +53,8 @@ MEND_CALIBRATION = "download the calibration of this day and unpack it beside it
 MEND = "download the drive again (synced+rectified data)"
 
 
-def _is_drive(folder: Path) -> bool:
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a drive itself."""
     return (folder / "oxts/data").is_dir() and any((folder / c / "data").is_dir() for c in CAMERAS)
 
 
@@ -64,14 +65,14 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the drives in a folder, of one day or of several; "." where it is one."""
-    if _is_drive(path):
+    if is_one(path):
         return ["."]
     if not path.is_dir():
         return []
     folders = sorted(p for p in path.iterdir() if re.match(r"\d{4}_\d\d_\d\d", p.name) and p.is_dir())
-    found = [p.name for p in folders if _is_drive(p)]
+    found = [p.name for p in folders if is_one(p)]
     days = [p for p in folders if re.fullmatch(r"\d{4}_\d\d_\d\d", p.name)]
-    return found + [f"{day.name}/{p.name}" for day in days for p in sorted(day.iterdir()) if _is_drive(p)]
+    return found + [f"{day.name}/{p.name}" for day in days for p in sorted(day.iterdir()) if is_one(p)]
 
 
 def read_kitti_raw(path: Path, scene: str = ".") -> Drive:

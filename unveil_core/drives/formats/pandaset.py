@@ -29,7 +29,7 @@ from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoint
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, pose_of, scenes_of
 from unveil_core.drives.formats.pandas_tables import read_table
 
-__all__ = ["read_pandaset", "recognizes", "scenes"]
+__all__ = ["is_one", "read_pandaset", "recognizes", "scenes"]
 
 FRONT = "front_camera"
 EGO_ROWS = {"back_camera": 250}
@@ -66,6 +66,11 @@ POINT_CLASSES: dict[int, str | None] = {
 """Of the ids in classes.json; 42 is "Other Static Object", mostly poles and street furniture."""
 
 
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a sequence itself."""
+    return (folder / "lidar/poses.json").is_file() and any((folder / "camera").glob("*/intrinsics.json"))
+
+
 def recognizes(path: Path) -> bool:
     """Whether a folder is a sequence of PandaSet, or holds such."""
     return path.is_dir() and bool(scenes(path))
@@ -73,10 +78,6 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the sequences that a folder holds; "." where it is one."""
-
-    def is_one(folder: Path) -> bool:
-        return (folder / "lidar/poses.json").is_file() and any((folder / "camera").glob("*/intrinsics.json"))
-
     return scenes_of(path, is_one)
 
 

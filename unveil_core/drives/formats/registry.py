@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,17 +12,17 @@ from unveil_core.base.errors import DriveError, SettingsError
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.file_names import with_file_names
 from unveil_core.drives.formats import argoverse2, kitti360, kitti_odometry, kitti_raw, pandaset
-from unveil_core.drives.formats.colmap import find_model, read_colmap
+from unveil_core.drives.formats.colmap import find_model, has_model, read_colmap
 from unveil_core.drives.formats.guard import guarded, with_guarded_readers
 from unveil_core.drives.formats.nuscenes import reader as nuscenes
 from unveil_core.drives.formats.processed import drivestudio, neuralsim, street_gaussians
 from unveil_core.drives.formats.transforms_json import read_transforms_json
 from unveil_core.drives.formats.waymo import reading as waymo
-from unveil_core.drives.imported import read_imported
+from unveil_core.drives.imported import is_imported, read_imported
 from unveil_core.drives.importing.label_folder import with_label_folder
 from unveil_core.drives.selecting import in_order_of_time, select_part
 
-__all__ = ["FORMATS", "Format", "open_drive"]
+__all__ = ["FORMATS", "Format", "drive_at", "open_drive"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Format:
         recognizes: whether a path is of this kind; it looks at names only.
         read: the drive at a path, with all its cameras. Raises DriveError.
         scenes: names of the drives that a folder holds, where it may hold several; ``read`` then takes one of them.
+        is_one: whether a folder is such a drive itself, by names alone; where a folder never holds several, ``recognizes``.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Format:
     recognizes: Callable[[Path], bool]
     read: Callable[..., Drive]
     scenes: Callable[[Path], list[str]] | None = None
+    is_one: Callable[[Path], bool] | None = None
 
 
 def _read_workspace(folder: Path) -> Drive:
@@ -55,13 +58,14 @@ FORMATS: tuple[Format, ...] = (
         lambda p: p.suffix.lower() == ".json" if p.is_file() else (p / "transforms.json").is_file(),
         read_transforms_json,
     ),
-    Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace),
+    Format("workspace", "cameras.json", lambda p: (p / "cameras.json").is_file(), _read_workspace, is_one=is_imported),
     Format(
         "PandaSet",
         "camera/, lidar/ and annotations/ (PandaSet)",
         pandaset.recognizes,
         pandaset.read_pandaset,
         pandaset.scenes,
+        pandaset.is_one,
     ),
     Format(
         "nuScenes",
@@ -76,6 +80,7 @@ FORMATS: tuple[Format, ...] = (
         neuralsim.recognizes,
         neuralsim.read_neuralsim,
         neuralsim.scenes,
+        neuralsim.is_one,
     ),
     Format(
         "Street Gaussians",
@@ -83,6 +88,7 @@ FORMATS: tuple[Format, ...] = (
         street_gaussians.recognizes,
         street_gaussians.read_street_gaussians,
         street_gaussians.scenes,
+        street_gaussians.is_one,
     ),
     Format(
         "DriveStudio",
@@ -90,6 +96,7 @@ FORMATS: tuple[Format, ...] = (
         drivestudio.recognizes,
         drivestudio.read_drivestudio,
         drivestudio.scenes,
+        drivestudio.is_one,
     ),
     Format(
         "Waymo Open v2",
@@ -97,6 +104,7 @@ FORMATS: tuple[Format, ...] = (
         waymo.recognizes,
         waymo.read_waymo,
         waymo.scenes,
+        waymo.is_one,
     ),
     Format(
         "Argoverse 2",
@@ -104,6 +112,7 @@ FORMATS: tuple[Format, ...] = (
         argoverse2.recognizes,
         argoverse2.read_argoverse2,
         argoverse2.scenes,
+        argoverse2.is_one,
     ),
     Format(
         "KITTI raw",
@@ -111,6 +120,7 @@ FORMATS: tuple[Format, ...] = (
         kitti_raw.recognizes,
         kitti_raw.read_kitti_raw,
         kitti_raw.scenes,
+        kitti_raw.is_one,
     ),
     Format(
         "KITTI odometry",
@@ -118,6 +128,7 @@ FORMATS: tuple[Format, ...] = (
         kitti_odometry.recognizes,
         kitti_odometry.read_kitti_odometry,
         kitti_odometry.scenes,
+        kitti_odometry.is_one,
     ),
     Format(
         "KITTI-360",
@@ -125,13 +136,24 @@ FORMATS: tuple[Format, ...] = (
         kitti360.recognizes,
         kitti360.read_kitti360,
         kitti360.scenes,
+        kitti360.is_one,
     ),
-    Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap),
+    Format("COLMAP", "sparse/0 (COLMAP)", lambda p: find_model(p) is not None, read_colmap, is_one=has_model),
 )
 """In the order in which they are asked: a processed layout may hold a COLMAP model beside what it knows better."""
 
 SHOWN_SCENES = 8
 """Names that a message lists at most."""
+
+
+def drive_at(folder: Path) -> Format | None:
+    """The format of which a folder is a drive itself, by the names in it; None where it is none, or cannot be looked into. A folder
+    that holds several drives of a dataset is not one."""
+    for kind in FORMATS:
+        with suppress(OSError):
+            if folder.is_dir() and (kind.is_one or kind.recognizes)(folder):
+                return kind
+    return None
 
 
 def open_drive(path: str | Path, options: DriveOptions | None = None) -> Drive:

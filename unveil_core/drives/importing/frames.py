@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.files import (
-    link_or_copy,
     read_instance_image,
     read_label_image,
     write_image_atomic,
 )
+from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera
@@ -161,7 +161,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         source = frame.footage.path
         relative = f"footage/{stem}{source.suffix.lower()}"
         entry["footage"] = _footage(frame.footage, relative)
-        unless_there(relative, lambda path: link_or_copy(source, path))
+        unless_there(relative, lambda path: copied_or_linked(source, path))
     elif not kept:
         relative = f"footage/{stem}{suffix}"
         entry["footage"] = _footage(Footage(frame.image_path, frame.camera, frame.distortion), relative)
@@ -183,7 +183,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
             elif found.suffix.lower() != ".png":
                 write_image_atomic(path, read(found))
             else:
-                link_or_copy(found, path)
+                copied_or_linked(found, path)
 
         entry[key] = f"{place}/{stem}.png"
         unless_there(f"{place}/{stem}.png", put_labels)

@@ -3,8 +3,8 @@
     images/<camera>/<frame>.(png|jpg)  semantics/  instances/  masks/  ego/  footage/   points.ply   cameras.json
 
 Coordinates are brought to metres, z up and an origin amid the cameras by one similarity in float64, which is kept. Undistorting
-and resizing happen where needed, otherwise the original files are linked. Where a photograph was changed, footage/ links its file:
-frames are delivered at its size and in its lens.
+and resizing happen where needed, otherwise the original files are copied. Where a photograph was changed, footage/ has a copy of
+its file: frames are delivered at its size and in its lens.
 """
 
 from __future__ import annotations
@@ -18,11 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.errors import DriveError
 from unveil_core.base.files import move, parsed_json, write_image_atomic, write_json_atomic
+from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.output.written import check_replaceable
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
-from unveil_core.drives.imported import read_imported
+from unveil_core.drives.imported import CAMERAS, imported_files, read_imported
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.frames import import_frame
 from unveil_core.drives.importing.sweeps import gathered, local_sweep
@@ -31,9 +34,6 @@ from unveil_core.drives.scale_and_up import Placement, place_drive
 from unveil_core.geometry.axes import UP
 
 __all__ = ["frame_rate", "import_drive", "localized", "write_labels"]
-
-CAMERAS = "cameras.json"
-"""File of an imported drive that is written last."""
 
 
 def localized(drive: Drive, placement: Placement | None = None) -> Drive:
@@ -92,7 +92,7 @@ def import_drive(
 
     Args:
         drive: as read from disk.
-        destination: the folder to make; it must not exist or is replaced.
+        destination: the folder to make; an imported drive that is there already is replaced, and nothing else is.
         work_side: longer image side that larger images are reduced to, pixels; None keeps them.
         placement: scale and up of the drive; None = as :func:`place_drive` finds them.
         kept: where an interrupted call leaves what the next one, of the same drive, goes on from; None = it leaves nothing.
@@ -100,24 +100,31 @@ def import_drive(
         the imported drive, as :func:`read_imported` gives it, with the sweeps in its coordinates and the labels that a
         dataset has (see :func:`write_labels`) still unread.
     Raises:
-        DriveError: see :func:`check_drive`.
+        DriveError: see :func:`check_drive`; or the folder is there, and holds what no import made.
     """
-    drive_as_read, drive = drive, localized(drive, placement)
-    if kept is None or not (destination / CAMERAS).is_file():
+    as_read, drive = drive, localized(drive, placement)
+    if kept is None:
+        _check_own(destination)
+        with scratch_folder(destination.parent, destination.name) as scratch:
+            _write(as_read, drive, scratch / "drive", work_side, Kept(), progress)
+            _check_own(destination)  # meanwhile somebody may have put something there
+            if destination.is_dir():
+                shutil.rmtree(destination)
+            move(scratch / "drive", destination)
+    elif not (destination / CAMERAS).is_file():
         partial = destination.with_name(f".{destination.name}.partial")
-        if kept is None:
-            shutil.rmtree(partial, ignore_errors=True)
-        try:
-            _write(drive_as_read, drive, partial, work_side, kept or Kept(), progress)
-            shutil.rmtree(destination, ignore_errors=True)
-            move(partial, destination)
-        except BaseException:
-            if kept is None:
-                shutil.rmtree(partial, ignore_errors=True)
-            raise
+        _write(as_read, drive, partial, work_side, kept, progress)
+        _check_own(destination)
+        move(partial, destination)
     imported = read_imported(destination)
     frames = [replace(new, labels=old.labels) for new, old in zip(imported.frames, drive.frames, strict=True)]
     return replace(imported, frames=tuple(frames), sweeps=drive.sweeps)
+
+
+def _check_own(destination: Path) -> None:
+    """Refuse to replace anything but an imported drive with nothing else in it."""
+    own = imported_files(destination)
+    check_replaceable(destination, own, mend="move it, or name another folder", kind=DriveError)
 
 
 def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, kept: Kept, progress: Progress) -> None:
@@ -139,6 +146,7 @@ def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, ke
     write_json_atomic(
         folder / CAMERAS,
         {
+            "generator": "unveil",
             "source": str(drive.root),
             "to_world": drive.to_world.to_json(),
             "scale_source": drive.scale_source,

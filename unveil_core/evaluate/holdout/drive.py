@@ -7,7 +7,6 @@ is compared with the photograph. Nothing inside the pipeline knows about this.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.output.scratch import scratch_folder
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask, Picture
 from unveil_core.delivery.lens import work_positions
@@ -213,19 +213,15 @@ def write_holdout_drive(
         drive: an imported drive.
         pixels: the cars in each frame; points: see :func:`moved_points`.
         removed: per frame (H, W) what is really removed there: in a drive of masks, the mask of a frame that has none.
-        destination: a folder to make or to replace; it appears whole or not at all.
+        destination: a folder to make, or one that this made before; it appears whole or not at all.
     """
-    painted = destination.with_name(f".{destination.name}.painted")
-    shutil.rmtree(painted, ignore_errors=True)
-    try:
+    with scratch_folder(destination.parent, "painted") as painted:
         frames = [
             _with_cars(f, p, r, labels, painted / f.camera_name)
             for f, p, r in zip(drive.frames, pixels, removed, strict=True)
         ]
         derived = replace(drive, frames=tuple(frames), points=points, truth_root=None)
         return import_drive(derived, destination, progress=progress)
-    finally:
-        shutil.rmtree(painted, ignore_errors=True)
 
 
 def _footage_with_cars(footage: Footage, pixels: CarPixels, camera: Camera) -> Picture:

@@ -31,7 +31,7 @@ from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.objects import object_name
 from unveil_core.exports.plates.png import numbered, told_frames
 from unveil_core.exports.plates.silhouettes import Silhouettes
-from unveil_core.exports.whole import tell
+from unveil_core.exports.whole import camera_file, tell
 from unveil_core.geometry.images import grow, resampled
 from unveil_core.workspace.files import frame_file, load_mask
 from unveil_core.workspace.movers import Moving, read_moving
@@ -57,7 +57,7 @@ def write_mattes(job: Job, folder: Path) -> None:
     silhouettes, moving = Silhouettes(job, removed), read_moving(job.workspace.root)
     others = set()
     for done, (frame, plate) in enumerate(zip(frames, numbered(job, "png"), strict=True)):
-        camera, number = frame.camera_name, plate.rsplit(".", 2)[1]
+        place, number = camera_file(frame.camera_name), plate.rsplit(".", 2)[1]
         at = None if frame.footage is None else work_positions(frame.footage, frame.camera)
         goes = load_mask(frame_file(job.workspace.root / "masks/removed", frame))
         goes |= load_mask(frame_file(job.workspace.root / "masks/shadows", frame))
@@ -69,17 +69,17 @@ def write_mattes(job: Job, folder: Path) -> None:
         for who, name in names.items():
             own = owners == who
             if who == NO_OBJECT and own.any():
-                others.add(camera)
-            _write(folder, camera, name, number, _softened(own, soft) if own.any() else _empty(own.shape))
-        _write(folder, camera, REMOVED, number, _encoded(np.where(changed, 255, 0)))
+                others.add(frame.camera_name)
+            _write(folder, place, name, number, _softened(own, soft) if own.any() else _empty(own.shape))
+        _write(folder, place, REMOVED, number, _encoded(np.where(changed, 255, 0)))
         for name in (PROVENANCE, CERTAINTY):
             told = frame_file(job.workspace.root / name, frame)
             if told.is_file():
                 values = read_label_image(told)
                 shown = _encoded(values if at is None else resampled(values, at, cv2.INTER_NEAREST))
-                _write(folder, camera, name, number, shown)
+                _write(folder, place, name, number, shown)
         job.progress(done + 1, len(frames), "writing mattes")
-    _leave_out(folder, {f.camera_name for f in frames} - others)
+    _leave_out(folder, {camera_file(name) for name in {f.camera_name for f in frames} - others})
     mattes = [{"name": names[e["id"]], "id": e["id"], "class": e["class"]} for e in removed]
     tell(folder, "mattes", {"mattes": mattes, "other": sorted(others), "cameras": told_frames(job)})
 

@@ -13,7 +13,7 @@ from unveil_core.drives.drive import tracks
 from unveil_core.exports.cameras.footage import copy_frames
 from unveil_core.exports.color import SRGB
 from unveil_core.exports.job import Job
-from unveil_core.exports.whole import tell
+from unveil_core.exports.whole import camera_file, tell
 
 __all__ = ["numbered", "told_frames", "write_png"]
 
@@ -30,7 +30,7 @@ def numbered(job: Job, suffix: str) -> list[str]:
     for track in tracks(job.drive):
         width = max(4, len(str(job.start_frame + len(track) - 1)))
         for place, i in enumerate(track):
-            camera = job.drive.frames[i].camera_name
+            camera = camera_file(job.drive.frames[i].camera_name)
             names[i] = f"{camera}/{camera}.{job.start_frame + place:0{width}d}.{suffix}"
     return [names[i] for i in range(len(job.drive.frames))]
 

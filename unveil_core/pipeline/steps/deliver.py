@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import link_or_copy, read_image, write_image_atomic
+from unveil_core.base.files import read_image, write_image_atomic
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.output.copies import copied
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
@@ -52,7 +53,7 @@ def run(context: StageContext) -> None:
         if delivered.is_file():
             pass  # by an attempt that was interrupted
         elif frame.footage is None or given is None:
-            link_or_copy(clean, delivered)
+            copied(clean, delivered)
         else:
             removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
             shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame)) & ~removed

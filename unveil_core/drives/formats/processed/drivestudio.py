@@ -30,7 +30,7 @@ from unveil_core.drives.formats.processed.lidar_columns import OF_WAYMO, WITHOUT
 from unveil_core.drives.formats.processed.object_classes import class_of
 from unveil_core.drives.formats.processed.shared import MEND, Boxes, Matrices, boxes_of_track, lens
 
-__all__ = ["read_drivestudio", "recognizes", "scenes"]
+__all__ = ["is_one", "read_drivestudio", "recognizes", "scenes"]
 
 FRONT = "0"
 IMAGE = re.compile(r"(\d+)_(\d+)\.(?:jpg|jpeg|png)", re.IGNORECASE)
@@ -43,6 +43,13 @@ FRAMES_PER_SECOND = 10.0
 NUSCENES_FRAMES_PER_SECOND = 2.0
 
 
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a scene itself."""
+    return all((folder / n).is_dir() for n in ("images", "extrinsics", "intrinsics")) and any(
+        (folder / n).is_dir() for n in ("ego_pose", "lidar_pose")
+    )
+
+
 def recognizes(path: Path) -> bool:
     """Whether a folder is such a scene, or holds such."""
     return bool(scenes(path))
@@ -50,12 +57,6 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the scenes that a folder holds; "." where it is one."""
-
-    def is_one(folder: Path) -> bool:
-        return all((folder / n).is_dir() for n in ("images", "extrinsics", "intrinsics")) and any(
-            (folder / n).is_dir() for n in ("ego_pose", "lidar_pose")
-        )
-
     return scenes_of(path, is_one)
 
 

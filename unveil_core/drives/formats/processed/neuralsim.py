@@ -28,13 +28,18 @@ from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, rigi
 from unveil_core.drives.formats.processed.shared import Boxes, boxes_near, boxes_of_track, lens
 from unveil_core.drives.formats.safe_pickle import read_arrays
 
-__all__ = ["read_neuralsim", "recognizes", "scenes"]
+__all__ = ["is_one", "read_neuralsim", "recognizes", "scenes"]
 
 FRONT = "camera_FRONT"
 SCENARIO = "scenario.pt"
 MEND = "prepare the segment again"
 BOX_CLASSES = {"Vehicle": "car", "Pedestrian": "person", "Cyclist": "rider"}
 """Cityscapes classes of objects; "unknown" and "Sign" stay in the street."""
+
+
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a segment itself."""
+    return (folder / SCENARIO).is_file()
 
 
 def recognizes(path: Path) -> bool:
@@ -44,7 +49,7 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the segments that a folder holds; "." where it is one."""
-    return scenes_of(path, lambda folder: (folder / SCENARIO).is_file())
+    return scenes_of(path, is_one)
 
 
 def read_neuralsim(path: Path, scene: str = ".") -> Drive:

@@ -34,7 +34,7 @@ from unveil_core.drives.formats.processed.shared import (
 )
 from unveil_core.drives.formats.safe_pickle import read_archived_object
 
-__all__ = ["read_street_gaussians", "recognizes", "scenes"]
+__all__ = ["is_one", "read_street_gaussians", "recognizes", "scenes"]
 
 CAMERAS = ("FRONT", "FRONT_LEFT", "FRONT_RIGHT", "SIDE_LEFT", "SIDE_RIGHT")
 """Names of the cameras by number."""
@@ -44,6 +44,11 @@ TRACK_COLUMNS = 12
 """Frame, track, class, alpha, height, width, length, centre x y z, heading and speed."""
 
 
+def is_one(folder: Path) -> bool:
+    """Whether a folder is a segment itself."""
+    return (folder / "pointcloud.npz").is_file() and (folder / "ego_pose").is_dir()
+
+
 def recognizes(path: Path) -> bool:
     """Whether a folder is such a segment, or holds such."""
     return bool(scenes(path))
@@ -51,10 +56,6 @@ def recognizes(path: Path) -> bool:
 
 def scenes(path: Path) -> list[str]:
     """Names of the segments that a folder holds; "." where it is one."""
-
-    def is_one(folder: Path) -> bool:
-        return (folder / "pointcloud.npz").is_file() and (folder / "ego_pose").is_dir()
-
     return scenes_of(path, is_one)
 
 

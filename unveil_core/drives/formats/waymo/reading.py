@@ -28,6 +28,7 @@ from unveil_core.drives.formats.waymo.segment import (
     OBJECT,
     STAMP,
     Segment,
+    holds_components,
     lenses,
     segment_at,
     segments,
@@ -35,7 +36,7 @@ from unveil_core.drives.formats.waymo.segment import (
 )
 from unveil_core.drives.formats.waymo.sweeps import sweeps_of
 
-__all__ = ["read_waymo", "recognizes", "scenes"]
+__all__ = ["is_one", "read_waymo", "recognizes", "scenes"]
 
 FRONT = "FRONT"
 IMAGE, OWN_POSE, OWN_TIME = (f"[CameraImageComponent].{n}" for n in ("image", "pose.transform", "pose_timestamp"))
@@ -49,6 +50,11 @@ LONGEST_TURN_S = 1.0
 def recognizes(path: Path) -> bool:
     """Whether a folder holds tables of the dataset, or splits with such."""
     return path.is_dir() and bool(segments(path))
+
+
+def is_one(folder: Path) -> bool:
+    """Whether a folder holds tables itself."""
+    return holds_components(folder) and recognizes(folder)
 
 
 def scenes(path: Path) -> list[str]:

@@ -22,7 +22,17 @@ from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import rigid
 from unveil_core.drives.formats.tables import Columns, read_columns
 
-__all__ = ["Laser", "Lens", "Segment", "lasers", "lenses", "segment_at", "segments", "vehicle_poses"]
+__all__ = [
+    "Laser",
+    "Lens",
+    "Segment",
+    "holds_components",
+    "lasers",
+    "lenses",
+    "segment_at",
+    "segments",
+    "vehicle_poses",
+]
 
 STAMP, CAMERA, LASER, OBJECT = (
     "key.frame_timestamp_micros",
@@ -87,15 +97,16 @@ def _name(word: str, names: tuple[str, ...]) -> str:
     return word
 
 
+def holds_components(folder: Path) -> bool:
+    """Whether a folder holds components itself."""
+    return any((folder / c).is_dir() for c in (POSES, IMAGES))
+
+
 def _roots(path: Path) -> list[Path]:
     """Folders that hold components: the path itself, else those of the splits in it."""
-
-    def is_one(folder: Path) -> bool:
-        return any((folder / c).is_dir() for c in (POSES, IMAGES))
-
-    if is_one(path):
+    if holds_components(path):
         return [path]
-    return [p for p in sorted(path.iterdir()) if p.is_dir() and is_one(p)] if path.is_dir() else []
+    return [p for p in sorted(path.iterdir()) if p.is_dir() and holds_components(p)] if path.is_dir() else []
 
 
 def segments(path: Path) -> list[str]:
