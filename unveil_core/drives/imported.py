@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.checks.names import is_file_name
+from unveil_core.base.disk.open_safely import LARGEST_TEXT
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import parsed_json
+from unveil_core.base.files import read_own_json
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points
@@ -32,7 +33,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
     """
     path = folder / "cameras.json"
     try:
-        data = parsed_json(path.read_text(encoding="utf-8"))
+        data = read_own_json(path, LARGEST_TEXT)
         frames = tuple(
             Frame(
                 name=_own_name(e["name"]),

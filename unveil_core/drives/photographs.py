@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import decode_image, link_or_copy, read_image, read_image_as_it_is, write_bytes_atomic
 from unveil_core.drives.drive import Footage, Frame
 
@@ -45,7 +46,7 @@ def is_plain(frame: Frame) -> bool:
     if frame.image_bytes is not None:
         header = frame.image_bytes()[:HEADER_BYTES]
     else:
-        with frame.image_path.open("rb") as stream:
+        with open_file(frame.image_path) as stream:
             header = stream.read(HEADER_BYTES)
     return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and (header[24], header[25]) == (8, RGB)
 

@@ -33,7 +33,6 @@ def whole_file(path: Path) -> Iterator[Path]:
         for file in (*beside, made):
             with file.open("rb+") as stream:
                 os.fsync(stream.fileno())
-            os.chmod(file, 0o644)
             move(file, path.with_name(path.name + file.name.removeprefix(made.name)))
 
 

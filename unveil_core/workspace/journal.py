@@ -14,8 +14,9 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from unveil_core.base.checks.names import file_name, is_file_name
+from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import full_disk, move, patiently, read_json, write_atomic, write_json_atomic
+from unveil_core.base.files import full_disk, move, patiently, read_own_json, write_atomic, write_json_atomic
 from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
@@ -27,7 +28,7 @@ MEND = "delete it; the stage is run again"
 INPUTS = ".inputs"
 """File in such a folder with the digest of what the stage reads: only an attempt with the same may go on from it."""
 
-HALF_WRITTEN = re.compile(r"\..*\.partial(\.\w+)?|\..*\.npz\.\d+\.new")
+HALF_WRITTEN = re.compile(r"\..*\.partial(\.\w+)?|\..*\.npz\.\w+\.new")
 """Names of files that a kill left half-written: of results, of movies (the suffix tells the format), and of what is kept."""
 
 
@@ -38,7 +39,11 @@ def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[st
         partial: folder in the workspace that holds the new outputs.
         outputs: files and folders, relative to the workspace.
         record: entries of the stage in workspace.json.
+    Raises:
+        WorkspaceError: the lock is not held any more; nothing is changed then.
     """
+    if workspace.held is not None:
+        workspace.held.check()
     entry = {"stage": stage, "partial": partial.name, "outputs": list(outputs), "record": record}
     write_json_atomic(_journal(workspace), entry)
     _finish(workspace, entry)
@@ -55,7 +60,7 @@ def recover(workspace: Workspace) -> None:
     refuse_links(workspace.root)
     path = _journal(workspace)
     if path.is_file():
-        entry: Any = read_json(path)
+        entry: Any = _read(path)
         if not _is_sound(entry):
             raise WorkspaceError("is no journal of this program", path=path, mend=MEND)
         try:
@@ -78,7 +83,7 @@ def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
     """The folder that a stage writes in: with all that an interrupted attempt with the same inputs left there, else empty."""
     partial = workspace.root / f"{PARTIAL}{stage}"
     mark = partial / INPUTS
-    if mark.is_file() and mark.read_text("utf-8") == input_hash:
+    if mark.is_file() and read_bytes(mark, LARGEST_STATE, links=False) == input_hash.encode():
         return partial
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir()
@@ -88,6 +93,13 @@ def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
         shutil.rmtree(partial, ignore_errors=True)
         raise
     return partial
+
+
+def _read(path: Path) -> Any:
+    try:
+        return read_own_json(path)
+    except (OSError, ValueError) as error:
+        raise WorkspaceError(f"is no journal of this program: {error}", path=path, mend=MEND) from error
 
 
 def _journal(workspace: Workspace) -> Path:
