@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from blender_addon.formats import sequences
 from blender_addon.formats.files import link_or_copy, write_whole
 from blender_addon.formats.sequences import REGION_COLORS, in_color, numbered, with_palette
 
