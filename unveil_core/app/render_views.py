@@ -98,7 +98,7 @@ def render_views(
         for done, view in enumerate(views):
             name = f"{view.track}/{view.name}" if several else view.name
             for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
-                write_image_atomic(output / plane / f"{name}.png", picture)
+                write_image_atomic(output / plane / f"{name}.png", picture, like=drive.frames[0].image_path)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
         scale = {"metric": True} if drive.scale_source == "metric" else {}

@@ -34,7 +34,7 @@ def photograph(frame: Frame) -> NDArray[np.uint8]:
 def store_photograph(frame: Frame, destination: Path) -> None:
     """Put the photograph's file, byte for byte, at ``destination``."""
     if frame.image_bytes is not None:
-        write_bytes_atomic(destination, frame.image_bytes())
+        write_bytes_atomic(destination, frame.image_bytes(), like=frame.image_path)
     else:
         link_or_copy(frame.image_path, destination)
 

@@ -57,7 +57,7 @@ def write_preview(
     for done, i in enumerate(chosen):
         frame = drive.frames[i]
         path = folder / f"{_safe(frame.camera_name)}_{_safe(frame.name)}.jpg"
-        write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)))
+        write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)), like=frame.image_path)
         written.append(path)
         progress(done + 1, len(chosen), "drawing labels")
     return written

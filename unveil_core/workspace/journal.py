@@ -15,6 +15,7 @@ from typing import Any
 
 from unveil_core.base.checks.names import file_name, is_file_name
 from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
+from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import full_disk, move, patiently, read_own_json, write_atomic, write_json_atomic
 from unveil_core.workspace.links import refuse_links
@@ -44,9 +45,17 @@ def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[st
     """
     if workspace.held is not None:
         workspace.held.check()
+    made = [partial / name for name in outputs]
+    keep_rights((path for path in made if path.exists()), _rights(workspace, partial))
     entry = {"stage": stage, "partial": partial.name, "outputs": list(outputs), "record": record}
     write_json_atomic(_journal(workspace), entry)
     _finish(workspace, entry)
+
+
+def _rights(workspace: Workspace, partial: Path) -> int:
+    """Of the photographs, which a stage's results show."""
+    drive = partial / "drive" if (partial / "drive").is_dir() else workspace.drive_dir
+    return rights_of(drive / name for name in ("images", "footage"))
 
 
 def recover(workspace: Workspace) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from unveil_core.base.disk.new_files import mode_like, new_file, new_folder
+from unveil_core.base.disk.rights import keep_rights, rights_of
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
 
@@ -20,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from unveil_core.base.files import link_or_copy, write_bytes_atomic, write_image_atomic
 from unveil_core.base.disk.new_files import new_folder
+from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.exports.whole import whole_file, whole_folder
 from unveil_core.workspace.workspace import Workspace
 root = Path(sys.argv[1])
@@ -82,3 +84,22 @@ def test_the_owner_may_always_replace_what_was_made(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("")
     (tmp_path / "a").chmod(0o4444)
     assert mode_like(tmp_path / "a") == 0o644 and mode_like(tmp_path / "none") == mode_like(None) == 0o666
+
+
+def test_results_have_the_rights_that_all_their_sources_have(tmp_path: Path) -> None:
+    (tmp_path / "images/a").mkdir(parents=True)
+    for name, mode in (("0", 0o644), ("1", 0o640)):
+        (tmp_path / f"images/a/{name}.png").write_text("")
+        (tmp_path / f"images/a/{name}.png").chmod(mode)
+    (tmp_path / "made/deep").mkdir(parents=True)
+    for name in ("deep/a", "own"):
+        (tmp_path / "made" / name).write_text("")
+        (tmp_path / "made" / name).chmod(0o644)
+    os.link(tmp_path / "made/own", tmp_path / "elsewhere")
+    assert rights_of([tmp_path / "images", tmp_path / "none"]) == 0o640
+    keep_rights([tmp_path / "made", tmp_path / "made/deep/a"], 0o640)
+    assert rights(tmp_path / "made/deep/a") == 0o640 and rights(tmp_path / "made/deep") == 0o755
+    assert rights(tmp_path / "elsewhere") == 0o644  # who has another name for it did not ask for this
+    (tmp_path / "made/deep/a").chmod(0o600)
+    keep_rights([tmp_path / "made"], 0o666)
+    assert rights(tmp_path / "made/deep/a") == 0o600
