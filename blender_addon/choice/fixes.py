@@ -4,16 +4,18 @@
 from __future__ import annotations
 
 import json
-import shutil
+import os
 from pathlib import Path
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, IntProperty, PointerProperty, StringProperty
 
-from ..formats.drive_files import DriveFrame, ImportedDrive, read_drive
-from ..formats.files import own_folder, write_changed
+from ..formats.drive_files import DriveFrame, ImportedDrive, file_name, read_drive
+from ..formats.files import make_own, own_folder, write_changed, write_whole
 from ..formats.object_files import read_fixes
+from ..formats.open_safely import LARGEST_PICTURE, read_bytes
+from ..formats.sequences import SIGNATURE
 from ..formats.timeline import Timeline, timeline_of
 from ..scene import blocks, cameras, view
 
@@ -61,11 +63,15 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
             scene.unveil_selection.active_fix = i
             return known
     delivered = drive.workspace / "frames" / track / f"{frame.name}.png"
-    if not delivered.is_file():
-        raise ValueError(f"{delivered}: is not there yet (run Unveil first)")
+    try:
+        content = read_bytes(delivered, LARGEST_PICTURE)
+    except FileNotFoundError:
+        raise ValueError(f"{delivered}: is not there yet (run Unveil first)") from None
+    if not content.startswith(SIGNATURE):
+        raise ValueError(f"{delivered}: is no PNG (run the stage Deliver again)")
     folder = own_folder(drive.workspace, FOLDER, track)
     for name in (frame.name, frame.name + BEFORE):
-        shutil.copyfile(delivered, folder / f"{name}.png")
+        write_whole(folder / f"{name}.png", content)
     return _listed(scene, drive, timeline, track, frame, invent=False)
 
 
@@ -125,15 +131,29 @@ def write(scene: Any) -> str:
     entries = []
     for fix in scene.unveil_selection.fixes:
         if fix.image is not None and fix.image.is_dirty:
-            try:
-                fix.image.save()
-            except RuntimeError as error:
-                raise ValueError(f"{fix.image.filepath}: cannot be saved: {error}") from error
+            _save(fix, Path(scene.unveil_selection.workspace))
         image, over = (f"{FOLDER}/{fix.track}/{fix.frame}{end}.png" for end in ("", BEFORE))
         entry = {"camera": fix.track, "frame": fix.frame, "image": image, "over": over}
         entries.append({**entry, "invent": True} if fix.invent else entry)
     write_changed(Path(path), (json.dumps(entries, indent=1) + "\n").encode())
     return path
+
+
+def _save(fix: UnveilFix, workspace: Path) -> None:
+    """Save what was painted: into the copy alone, whatever file a .blend says that it is of, and through no link.
+
+    Raises:
+        OSError, ValueError: see :func:`write`.
+    """
+    folder, name = own_folder(workspace, FOLDER, file_name(fix.track)), f"{file_name(fix.frame)}.png"
+    copy = blocks.absolute(fix.image.filepath)
+    if os.path.realpath(copy) != os.path.join(os.path.realpath(folder), name):
+        raise ValueError(f"{copy}: is not the copy that is painted on (save it by hand as {folder / name})")
+    make_own(copy)
+    try:
+        fix.image.save()
+    except RuntimeError as error:
+        raise ValueError(f"{fix.image.filepath}: cannot be saved: {error}") from error
 
 
 def restore(scene: bpy.types.Scene, drive: ImportedDrive) -> None:

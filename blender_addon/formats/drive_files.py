@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from .open_safely import LARGEST_TEXT, read_bytes, refuse_links
+
 __all__ = ["FARTHEST", "DriveFrame", "ImportedDrive", "Lens", "file_below", "file_name", "read_drive", "read_json"]
 
 FARTHEST, LONGEST_SIDE = 1e12, 1 << 20
@@ -115,7 +117,7 @@ def read_json(path: Path) -> Any:
         ValueError: it is no JSON; the message names the file.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_bytes(path, LARGEST_TEXT).decode("utf-8"))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, RecursionError) as error:
@@ -128,9 +130,13 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
     Args:
         metre: units of the scene that it is for.
     Raises:
-        ValueError: there is none, or it is damaged; one line that names the file.
+        ValueError: there is none, or it is damaged, or the workspace holds a link, a pipe or a device; one line that names it.
     """
     workspace = Path(workspace)
+    try:
+        refuse_links(workspace)
+    except OSError as error:
+        raise ValueError(f"{error.filename}: cannot be read: {error.strerror}") from error
     path = workspace / "drive" / "cameras.json"
     data = read_json(path)
     if data is None:

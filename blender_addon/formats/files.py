@@ -6,16 +6,22 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import secrets
 import shutil
+import stat
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
+
+from .open_safely import LARGEST_PICTURE, LARGEST_STATE, open_file, read_bytes
 
 __all__ = [
     "copied",
     "file_stamp",
     "files_stamp",
+    "make_own",
     "move",
     "one_line",
     "own_folder",
@@ -57,12 +63,12 @@ def move(source: Path, target: Path) -> None:
 
 
 def file_stamp(path: str | Path) -> str:
-    """Size and time of a file, which change when it is written anew; empty where it is not there."""
+    """Size and time of a file, which change when it is written anew; empty where it is not there, or a pipe or a device."""
     try:
-        stat = os.stat(path)
+        found = os.stat(path)
     except OSError:
         return ""
-    return f"{stat.st_size} {stat.st_mtime_ns}"
+    return f"{found.st_size} {found.st_mtime_ns}" if stat.S_ISREG(found.st_mode) else ""
 
 
 def files_stamp(paths: Iterable[str | Path]) -> str:
@@ -71,9 +77,9 @@ def files_stamp(paths: Iterable[str | Path]) -> str:
 
 
 def _partial(path: Path) -> Path:
-    """The temporary name of a file: not much longer than a name may be."""
+    """A temporary name of a file: not much longer than a name may be, and nobody else's, as of another Blender."""
     encoded = path.name.encode(errors="surrogateescape")[:LONGEST_START]
-    return path.with_name(f".{encoded.decode(errors='ignore')}.partial")
+    return path.with_name(f".{encoded.decode(errors='ignore')}.{secrets.token_hex(6)}.partial")
 
 
 def own_folder(workspace: Path, *names: str) -> Path:
@@ -106,9 +112,8 @@ def write_whole(path: Path, content: bytes) -> None:
         OSError: it cannot be written.
     """
     partial = _partial(path)
-    partial.unlink(missing_ok=True)  # not to be written through, if it is a link
     try:
-        with partial.open("xb") as file:
+        with partial.open("xb") as file:  # never through a link
             file.write(content)
         move(partial, path)
     except BaseException:
@@ -118,8 +123,21 @@ def write_whole(path: Path, content: bytes) -> None:
 
 def write_changed(path: Path, content: bytes) -> None:
     """The same where the file holds something else: whoever compares times finds nothing new."""
-    if not path.is_file() or path.read_bytes() != content:
-        write_whole(path, content)
+    with suppress(OSError):  # what cannot be read is replaced
+        if read_bytes(path, max(len(content), LARGEST_STATE)) == content:
+            return
+    write_whole(path, content)
+
+
+def make_own(path: Path) -> None:
+    """Make sure that writing into a file changes no other: where it has a second name, a copy takes its place.
+
+    Raises:
+        OSError: it is not there, is a link or no regular file, or cannot be copied.
+    """
+    with open_file(path, LARGEST_PICTURE) as file:
+        if os.fstat(file.fileno()).st_nlink > 1:
+            write_whole(path, file.read())
 
 
 def copied(source: Path, target: Path) -> None:
@@ -130,9 +148,8 @@ def copied(source: Path, target: Path) -> None:
         OSError: it cannot be made.
     """
     partial = _partial(target)
-    partial.unlink(missing_ok=True)
     try:
-        with source.open("rb") as content, partial.open("xb") as stream:
+        with open_file(source, LARGEST_PICTURE) as content, partial.open("xb") as stream:
             if not _cloned(content.fileno(), stream.fileno()):
                 shutil.copyfileobj(content, stream, 1 << 20)
         times = source.stat()

@@ -10,6 +10,8 @@ from typing import BinaryIO
 
 import numpy as np
 
+from .open_safely import LARGEST_SCENE, open_file
+
 __all__ = ["Ply", "read_ply"]
 
 KINDS = {
@@ -80,7 +82,7 @@ def read_ply(path: str | Path) -> Ply:
         ValueError: it is something else, or cut short; the message names the file.
         OSError: it cannot be read.
     """
-    with open(path, "rb") as stream:
+    with open_file(path, LARGEST_SCENE) as stream:
         try:
             elements, comments = _header(stream)
             vertices, triangles = np.zeros(0, np.dtype([(n, "<f4") for n in "xyz"])), np.zeros((0, 3), np.int32)

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .files import copied, move, own_folder, patiently, write_whole
+from .open_safely import LARGEST_PICTURE, read_bytes
 
 __all__ = [
     "REGION_COLORS",
@@ -156,7 +157,7 @@ def in_color(regions: Path, target: Path) -> None:
         if target.stat().st_mtime_ns == times.st_mtime_ns:
             return
     try:
-        content = with_palette(regions.read_bytes(), REGION_COLORS)
+        content = with_palette(read_bytes(regions, LARGEST_PICTURE), REGION_COLORS)
     except ValueError as error:
         raise ValueError(f"{regions}: {error}") from error
     write_whole(target, content)

@@ -14,6 +14,8 @@ from typing import Any
 
 import bpy
 
+from ..formats.open_safely import LARGEST_SCENE, open_file
+
 __all__ = [
     "absolute",
     "as_preferred",
@@ -72,7 +74,12 @@ def ensure_object(data: Any, drive: str, role: str, name: str, collection: bpy.t
 
 
 def ensure_file(blocks: Any, drive: str, role: str, path: str, name: str) -> Any:
-    """The picture or clip of that role, of this file."""
+    """The picture or clip of that role, of this file.
+
+    Raises:
+        OSError: it is not there, or a link, a pipe or a device, at which Blender would wait for ever.
+    """
+    open_file(path, LARGEST_SCENE).close()
     block = find(blocks, drive, role)
     if block is None:
         block = blocks.load(path)

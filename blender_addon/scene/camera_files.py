@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ..formats.drive_files import ImportedDrive
+from ..formats.files import write_whole
 from ..formats.timeline import Timeline, timeline_of
 from .drive_scene import tracks_of
 
@@ -44,7 +45,7 @@ def write_cameras(
         for thing, was in zip(things, selected, strict=True):
             thing.select_set(was)
     beside = path.with_name(f"{path.name}.json")
-    beside.write_text(json.dumps(_told(drive, cameras, timeline), indent=1) + "\n", encoding="utf-8")
+    write_whole(beside, (json.dumps(_told(drive, cameras, timeline), indent=1) + "\n").encode())
     return beside
 
 

@@ -13,6 +13,7 @@ from ..formats import classes, sequences, splats
 from ..formats.drive_files import ImportedDrive
 from ..formats.files import file_stamp
 from ..formats.object_files import read_source
+from ..formats.open_safely import LARGEST_SCENE, open_file
 from ..formats.ply_file import read_ply
 from ..formats.timeline import Timeline, timeline_of
 from . import blocks, cameras, meshes
@@ -186,7 +187,8 @@ def _nearest(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
 def _point_labels(workspace: Path, count: int) -> np.ndarray:
     """(P,) numbers of classes, 255 where none is known."""
     try:
-        labels = np.load(workspace / "objects" / "point_labels.npy", allow_pickle=False)
+        with open_file(workspace / "objects" / "point_labels.npy", LARGEST_SCENE) as stream:
+            labels = np.load(stream, allow_pickle=False)
     except (OSError, ValueError):
         labels = np.zeros(0, np.uint8)
     return labels if labels.shape == (count,) else np.full(count, 255, np.uint8)

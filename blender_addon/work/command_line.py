@@ -9,7 +9,6 @@ cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded int
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import subprocess
 import sys
@@ -21,6 +20,7 @@ import bpy
 
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line
+from ..formats.object_files import recorded_drive
 from ..scene import blocks, camera_files, drive_scene
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.session import interrupts
@@ -87,9 +87,9 @@ def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None = No
     context = bpy.context
     if not bpy.data.filepath:  # no file was named: the new file's cube and lamp would stand in the street
         bpy.data.batch_remove(list(bpy.data.objects))
-    source = str(json.loads((workspace / "workspace.json").read_text(encoding="utf-8"))["drive"])
-    context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(source).absolute()), str(workspace)
     try:
+        source = recorded_drive(workspace)
+        context.scene.unveil.drive, context.scene.unveil.workspace = str(Path(source).absolute()), str(workspace)
         load(context, workspace)
     except (OSError, ValueError) as error:
         return _refuse(one_line(error, workspace), 1)

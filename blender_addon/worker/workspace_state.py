@@ -7,11 +7,15 @@ say, only ``unveil status`` can tell, which digests them; a run finds out by its
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from ..formats.open_safely import LARGEST_SCENE, LARGEST_STATE, open_file, read_bytes
 
 __all__ = ["STAGES", "StageState", "WorkspaceState", "read", "stages_of"]
 
@@ -86,7 +90,7 @@ def read(root: str | Path, wanted: Mapping[str, object] | None = None) -> Worksp
     """
     root = Path(root)
     try:
-        data = json.loads((root / "workspace.json").read_text(encoding="utf-8"))
+        data = json.loads(read_bytes(root / "workspace.json", LARGEST_STATE))
         recorded = {str(name): _entry(entry) for name, entry in data.get("stages", {}).items()}
     except FileNotFoundError:
         return _none(root, "There is no workspace yet")
@@ -157,7 +161,7 @@ def _chosen(root: Path, wanted: Mapping[str, object]) -> dict[str, object]:
     if not wanted.get("remove") and not wanted.get("instances"):
         return {}  # everything that can be removed: that is one of the ways
     try:
-        made = json.loads((root / "selection.json").read_text(encoding="utf-8"))
+        made = json.loads(read_bytes(root / "selection.json", LARGEST_STATE))
         found = {"remove": made["removed"], "instances": made["instances"]}
         return {k: wanted.get(k) if set(v) == set(wanted.get(k) or ()) else v for k, v in found.items()}  # type: ignore[call-overload]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -176,11 +180,25 @@ def _follows(entry: Mapping[str, object], recorded: Mapping[str, dict], stages: 
 
 
 def _in_use(root: Path) -> bool:
-    """Whether a process works there: it holds a lock that goes with it."""
+    """Whether a process works there: it holds a lock that goes with it, on a file and, but on Windows, on the folder, which stays
+    where a cleaner removes the file."""
+    if os.name != "nt":
+        with suppress(OSError):  # it cannot be opened: the file may tell
+            folder = os.open(root, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_DIRECTORY", 0))
+            try:
+                if _is_locked(folder, in_folder=True):
+                    return True
+            finally:
+                os.close(folder)
     try:
-        handle = os.open(root / ".lock", os.O_RDWR)
+        with open_file(root / ".lock", LARGEST_STATE, os.O_RDWR) as file:
+            return _is_locked(file.fileno())
     except OSError:
         return False
+
+
+def _is_locked(handle: int, *, in_folder: bool = False) -> bool:
+    """Whether another process has locked what is open; some file systems have no locks on folders."""
     try:
         if os.name == "nt":
             import msvcrt
@@ -190,17 +208,15 @@ def _in_use(root: Path) -> bool:
             import fcntl
 
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(handle)
+    except OSError as error:
+        return not in_folder or error.errno in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES)
     return False
 
 
 def _why_failed(root: Path, stage: str) -> str:
     """The latest error of a stage; only the end of the log is read, which may be long."""
     try:
-        with (root / "events.jsonl").open("rb") as stream:
+        with open_file(root / "events.jsonl", LARGEST_SCENE) as stream:
             stream.seek(0, os.SEEK_END)
             stream.seek(max(stream.tell() - 65536, 0))
             lines = stream.read().decode("utf-8", "replace").splitlines()

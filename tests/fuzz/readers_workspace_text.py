@@ -183,7 +183,7 @@ def _log(folder: Path) -> Opened:
     folder.mkdir(parents=True)
     for k in range(3):
         workspace.log("mesh", f"step {k}", done=k, total=3, loss=0.5)
-    path = written(folder / ".digests.json", {"a.json": [1, 2, HASH], "b": [3, 4, HASH]})
+    path = written(folder / ".digests.json", {"a.json": [1, 2, 3, 4, HASH], "b": [3, 4, 5, 6, HASH]})
     (folder / "a.json").write_text("1")
 
     def read(_: Path) -> None:

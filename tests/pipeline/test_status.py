@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -55,6 +57,34 @@ def test_a_changed_drive_is_seen(root: Path, capsys: pytest.CaptureFixture[str])
     edit(root.parent / "drive/transforms.json", lambda d: d["frames"].pop())
     found = states(root, capsys)
     assert found["import"] == found["segment"] == "stale"
+
+
+def test_a_photograph_that_was_replaced_with_size_and_time_of_the_old_one_is_seen(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As ``cp -p`` and ``rsync -t`` leave it."""
+    path = sorted((root.parent / "drive/images").rglob("*.png"))[0]
+    before = path.stat()
+    other = path.with_name("other")
+    other.write_bytes(path.read_bytes()[:-1] + b"\0")
+    os.utime(other, ns=(before.st_atime_ns, before.st_mtime_ns))
+    other.replace(path)
+    assert (path.stat().st_size, path.stat().st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+    assert states(root, capsys)["import"] == "stale"
+
+
+def test_a_copy_of_drive_and_workspace_is_up_to_date(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its files are others to the system, of the same content; and what an earlier version remembered is none any more."""
+    drive = root.parent / "drive"
+    drive.rename(root.parent / "before")
+    shutil.copytree(root.parent / "before", drive)
+    root.rename(root.parent / "ws_before")
+    shutil.copytree(root.parent / "ws_before", root)
+    for known in (None, "{}", json.dumps({"drive/cameras.json": [1, 2, "0" * 32]})):
+        if known is not None:
+            (root / ".digests.json").write_text(known)
+        found = states(root, capsys)
+        assert found["import"] == found["segment"] == "done"
 
 
 def test_failed_running_and_killed(root: Path, capsys: pytest.CaptureFixture[str]) -> None:

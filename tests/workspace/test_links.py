@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from unveil_core.base.errors import WorkspaceError
 from unveil_core.pipeline.runner import run_stages
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Stage, StageContext
+from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.workspace import Workspace
 
 
@@ -46,8 +49,10 @@ def test_a_run_does_not_write_or_remove_through_a_link(name: str, tmp_path: Path
     (root / name).unlink(missing_ok=True)
     (root / name).parent.mkdir(parents=True, exist_ok=True)
     (root / name).symlink_to(elsewhere / "letter.txt" if is_file else elsewhere)
-    with pytest.raises(WorkspaceError, match=f"{Path(name).name}: is a symbolic link"):
-        run_stages(Workspace.open(root), (STAGE,), RunSettings(), tmp_path, force=True)
+    space = Workspace(root)  # as where the link was made after it was opened
+    for act in (lambda: Workspace.open(root), lambda: run_stages(space, (STAGE,), RunSettings(), tmp_path, force=True)):
+        with pytest.raises(WorkspaceError, match=f"{Path(name).name}: i[st] (is )?a symbolic link"):
+            act()
     left = {str(p.relative_to(elsewhere)): p.read_text() for p in elsewhere.rglob("*") if p.is_file()}
     assert left == dict.fromkeys(("letter.txt", "inner/letter.txt", "inner/digest/letter.txt"), "dear")
     (root / name).unlink()
@@ -59,3 +64,45 @@ def test_a_workspace_may_be_reached_through_a_link(tmp_path: Path) -> None:
     (tmp_path / "w").symlink_to(tmp_path / "disk/w")
     assert run_stages(Workspace.open(tmp_path / "w"), (STAGE,), RunSettings(), tmp_path) == ["frames"]
     assert (tmp_path / "disk/w/frames/0000.txt").read_text() == "clean"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+@pytest.mark.parametrize("name", [".digests.json", "drive/cameras.json", "meshes/empty.ply", "workspace.json"])
+def test_a_pipe_is_refused_before_anything_is_read(name: str, tmp_path: Path) -> None:
+    Workspace.create(tmp_path / "w")
+    pipe = tmp_path / "w" / name
+    pipe.parent.mkdir(exist_ok=True)
+    pipe.unlink(missing_ok=True)
+    os.mkfifo(pipe)
+    for reach in (Workspace.open, Workspace.create):
+        with pytest.raises(WorkspaceError, match="pipe or a device|is no workspace|not empty"):
+            reach(tmp_path / "w")
+
+
+def test_a_workspace_may_be_looked_at_while_a_run_removes_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Workspace.create(tmp_path / "w")
+    (tmp_path / "w/.partial-mesh").mkdir()
+    real = os.scandir
+
+    def scandir(path: str) -> object:
+        if path.endswith(".partial-mesh"):
+            os.rmdir(path)
+        return real(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    Workspace.open(tmp_path / "w")
+    assert not (tmp_path / "w/.partial-mesh").exists()
+
+
+def test_looking_at_thousands_of_files_takes_no_time(tmp_path: Path) -> None:
+    Workspace.create(tmp_path / "w")
+    for camera in range(10):
+        folder = tmp_path / f"w/frames/{camera}"
+        folder.mkdir(parents=True)
+        for i in range(1000):
+            (folder / f"{i}.png").touch()
+    begun = time.process_time()
+    refuse_links(tmp_path / "w")
+    assert time.process_time() - begun < 0.5

@@ -57,6 +57,7 @@ def main(argv: list[str] | None = None) -> int:
 def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
     """Line and exit code of an error that none of the program's own says better."""
     # Loads NumPy, which is loaded by then where anything went wrong that is worth to be told apart.
+    from unveil_core.base.disk.open_safely import RefusedFileError
     from unveil_core.base.files import full_disk, is_out_of_gpu_memory, is_out_of_memory
 
     if interrupted:  # libraries that are being loaded make an error of their own of it
@@ -66,6 +67,8 @@ def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
     if is_out_of_memory(error):
         return NO_MEMORY.removeprefix("unveil: "), 1
     text = " ".join(f"{type(error).__name__}: {error}".split())
+    if isinstance(error, RefusedFileError):
+        return f"error: {error.filename}: {error.strerror} (put a file in its place)", 2
     if isinstance(error, OSError):
         if full := full_disk(error, Path.cwd()):
             return f"failed: {DiskFullError(full)}", 1

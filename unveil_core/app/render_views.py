@@ -103,7 +103,7 @@ def render_views(
         note_written(output, files)
         for done, (view, name) in enumerate(zip(views, names, strict=True)):
             for plane, picture in _pictures(surfels, sky, view.camera, planes, scene).items():
-                write_image_atomic(output / plane / f"{name}.png", picture)
+                write_image_atomic(output / plane / f"{name}.png", picture, like=drive.frames[0].image_path)
             frames.append(_described(view, name, planes, drive))
             progress(done + 1, len(views), "rendering")
         scale = {"metric": True} if drive.scale_source == "metric" else {}

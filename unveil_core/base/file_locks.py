@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import errno
-import platform
+import sys
+
+# At once: a program that gave up its rights may not load it any more.
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
 
 __all__ = ["TAKEN", "lock_file"]
 
@@ -21,11 +27,7 @@ def lock_file(handle: int, shared: bool = False) -> None:
     Raises:
         OSError: with a number of ``TAKEN`` where another process holds it, else the file system's refusal.
     """
-    if platform.system() == "Windows":
-        import msvcrt
-
-        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    if sys.platform == "win32":
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
     else:
-        import fcntl
-
         fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

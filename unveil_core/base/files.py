@@ -20,12 +20,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.errors import DriveError
+from unveil_core.base.disk.new_files import mode_like, new_file
+from unveil_core.base.disk.open_safely import LARGEST_STATE, LARGEST_TEXT, RefusedFileError, open_file, read_bytes
+from unveil_core.base.errors import DriveError, WorkspaceError
 from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
     "LEAST_ROOM",
     "NO_ARCHIVE",
+    "copy_picture",
     "decode_image",
     "full_disk",
     "is_out_of_gpu_memory",
@@ -38,6 +41,7 @@ __all__ = [
     "read_instance_image",
     "read_json",
     "read_label_image",
+    "read_own_json",
     "read_unchanged",
     "write_atomic",
     "write_bytes_atomic",
@@ -69,6 +73,7 @@ HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
 WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
 """Between attempts at what such a program prevents, seconds: one in all, after which it is no passing look."""
+PNG, MAKE_AGAIN = b"\x89PNG\r\n\x1a\n", "run the stage that writes it again"
 LONGEST_START = 100
 """Of a file's name, bytes that its temporary name begins with: file systems allow 255 in all."""
 
@@ -95,35 +100,35 @@ def move(source: Path, target: Path) -> None:
     patiently(os.replace, source, target)
 
 
-def write_atomic(path: Path, write: Callable[[BinaryIO], object]) -> None:
+def write_atomic(path: Path, write: Callable[[BinaryIO], object], *, like: Path | None = None) -> None:
     """Write a file so that it is there whole or not at all: temporary name, fsync, rename.
 
     Args:
         path: where; missing folders are made.
         write: called with the open temporary file.
+        like: what it is made from: who may not read that may not read this either; None = nothing that has an owner.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     start = path.name.encode(errors="surrogateescape")[:LONGEST_START].decode(errors="ignore")
-    handle, name = tempfile.mkstemp(prefix=f".{start}.", suffix=".partial", dir=path.parent)
+    handle, partial = new_file(path.parent, f".{start}.", ".partial", mode_like(like))
     try:
         with os.fdopen(handle, "wb") as stream:
             write(stream)
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(name, 0o644)
-        move(Path(name), path)
+        move(partial, path)
     except BaseException as error:
         if isinstance(error, OSError) and error.filename is None:
             error.filename = str(path)  # writing names none, and the file tells which disk is full
         with suppress(OSError):
-            Path(name).unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
         raise
 
 
-def write_bytes_atomic(path: Path, content: bytes) -> None:
-    """Write bytes, whole or not at all."""
-    write_atomic(path, lambda stream: stream.write(content))
+def write_bytes_atomic(path: Path, content: bytes, *, like: Path | None = None) -> None:
+    """Write bytes, whole or not at all; ``like``: see :func:`write_atomic`."""
+    write_atomic(path, lambda stream: stream.write(content), like=like)
 
 
 def full_disk(error: OSError, path: Path) -> Path | None:
@@ -172,26 +177,18 @@ def is_out_of_gpu_memory(error: BaseException) -> bool:
     return isinstance(error, RuntimeError) and (("cuda" in said and "out of memory" in said) or "alloc_failed" in said)
 
 
-def refuse_devices(path: Path) -> None:
-    """Check that a path of a drive is not that of a pipe or a device, which may never end, or never answer.
+def read_text(path: Path, mend: str | None = None, *, most: int = LARGEST_TEXT) -> str:
+    """The text of a file of a drive: UTF-8, whatever the system's own encoding is, and line ends of any system.
 
+    Args:
+        most: bytes that such a file has at most.
     Raises:
-        DriveError: it is one.
+        DriveError: it cannot be read, is larger, or is no UTF-8; with the ``mend`` that is given.
     """
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise DriveError("is no file but a pipe or a device", path=path, mend="put a file in its place")
-
-
-def read_text(path: Path, mend: str | None = None) -> str:
-    """The text of a file of a drive: UTF-8, whatever the system's own encoding is.
-
-    Raises:
-        DriveError: it cannot be read, or is no UTF-8; with the ``mend`` that is given.
-    """
-    refuse_devices(path)
     try:
-        # Editors of Windows begin UTF-8 with a mark.
-        return path.read_text(encoding="utf-8-sig")
+        # Editors of Windows begin UTF-8 with a mark, and end its lines in their way.
+        text = read_bytes(path, most).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
     except UnicodeDecodeError as error:
         problem = f"is no UTF-8 text: {error.reason} at byte {error.start}"
         raise DriveError(problem, path=path, mend=mend or "save it as UTF-8") from error
@@ -229,13 +226,29 @@ def read_json(path: Path) -> object:
     return content
 
 
+def read_own_json(path: Path, most: int = LARGEST_STATE) -> Any:
+    """What a JSON file of a workspace holds; no link is followed.
+
+    Args:
+        most: bytes that it has at most.
+    Raises:
+        OSError: it is not there, is no regular file or larger, or cannot be read.
+        ValueError: it is no JSON in UTF-8.
+    """
+    return parsed_json(read_bytes(path, most, links=False).decode("utf-8"))
+
+
 def write_json_atomic(path: Path, content: object) -> None:
     """Write JSON, whole or not at all."""
     write_bytes_atomic(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 
-def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
-    """Write an image in the format of its suffix: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), uint8 or uint16."""
+def write_image_atomic(path: Path, image: NDArray[np.generic], *, like: Path | None = None) -> None:
+    """Write an image in the format of its suffix: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), uint8 or uint16.
+
+    Args:
+        like: see :func:`write_atomic`.
+    """
     path = Path(path)
     order = {3: cv2.COLOR_RGB2BGR, 4: cv2.COLOR_RGBA2BGRA}
     ordered = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
@@ -243,7 +256,7 @@ def write_image_atomic(path: Path, image: NDArray[np.generic]) -> None:
     done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(ordered), options)
     if not done:
         raise ValueError(f"cannot encode {path.name}")
-    write_bytes_atomic(path, encoded.tobytes())
+    write_bytes_atomic(path, encoded.tobytes(), like=like)
 
 
 def _decode(
@@ -251,8 +264,7 @@ def _decode(
 ) -> NDArray[np.generic]:
     if content is None:
         try:
-            refuse_devices(Path(path))
-            content = np.fromfile(path, dtype=np.uint8)
+            content = np.frombuffer(read_bytes(path), dtype=np.uint8)
         except FileNotFoundError as error:
             raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
         except OSError as error:
@@ -369,3 +381,21 @@ def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDAr
     if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
         raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
     return image.astype(np.uint16)
+
+
+def copy_picture(source: Path, destination: Path) -> None:
+    """Copy a PNG of a workspace, whole or not at all; who may not read it may not read the copy either.
+
+    Raises:
+        WorkspaceError: it is no PNG, or a link: a stranger's workspace is not to bring other files to where results are taken from.
+    """
+    try:
+        with open_file(source, links=False) as content:
+            start = content.read(len(PNG))
+            content.seek(0)
+            if start == PNG:
+                write_atomic(destination, lambda stream: shutil.copyfileobj(content, stream), like=source)
+                return
+    except RefusedFileError as error:
+        raise WorkspaceError(f"cannot be copied: {error.strerror}", path=source, mend=MAKE_AGAIN) from error
+    raise WorkspaceError("is no PNG", path=source, mend=MAKE_AGAIN)

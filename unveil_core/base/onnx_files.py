@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import check_file
 from unveil_core.base.errors import SettingsError
 
 __all__ = ["ONNX_TYPES", "check_readable", "describe", "files_of", "open_onnx", "short"]
@@ -26,8 +27,7 @@ ONNX_TYPES: dict[str, type[np.generic]] = {
 def check_readable(path: Path, mend: str) -> None:
     """Raise a SettingsError that names ``path`` and the remedy ``mend`` unless it is a file that can be read."""
     try:
-        with path.open("rb"):
-            pass
+        check_file(path)
     except OSError as error:
         raise SettingsError(f"cannot be read: {error.strerror}", path=path, mend=mend) from error
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import parsed_json, read_image, write_json_atomic
+from unveil_core.base.files import read_image, read_own_json, write_json_atomic
 from unveil_core.drives.drive import Frame
 
 __all__ = [
@@ -138,6 +138,6 @@ def read_exposures(path: Path) -> Exposures:
     if not path.is_file():
         return Exposures()
     try:
-        return exposures_of_json(parsed_json(path.read_text("utf-8")))
+        return exposures_of_json(read_own_json(path))
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend="run `unveil reconstruct` again") from error

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.checks.names import is_file_name
+from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import parsed_json
+from unveil_core.base.files import read_own_json
 from unveil_core.drives.boxes import read_boxes
 from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
 from unveil_core.drives.points import read_points
@@ -32,7 +33,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
     """
     path = folder / "cameras.json"
     try:
-        data = parsed_json(path.read_text(encoding="utf-8"))
+        data = read_own_json(path, LARGEST_TEXT)
         frames = tuple(
             Frame(
                 name=_own_name(e["name"]),
@@ -69,9 +70,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
 def is_imported(folder: Path) -> bool:
     """Whether a folder is the ``drive/`` of a workspace, by the beginning of its cameras.json: others have such files, too."""
     try:
-        if not (folder / CAMERAS).is_file():
-            return False
-        with (folder / CAMERAS).open("rb") as stream:
+        with open_file(folder / CAMERAS) as stream:
             return b'"to_world"' in stream.read(MARKED_WITHIN)
     except OSError:
         return False
@@ -82,7 +81,7 @@ def imported_files(folder: Path) -> frozenset[str] | None:
     if (folder / CAMERAS).is_symlink() or not is_imported(folder):
         return None
     try:
-        entries = parsed_json((folder / CAMERAS).read_bytes())["frames"]
+        entries = read_own_json(folder / CAMERAS, LARGEST_TEXT)["frames"]
         own = [*entries, *(e["footage"] for e in entries if isinstance(e.get("footage"), dict))]
         named = {e[key] for e in own for key in ("image", *LABELS) if isinstance(e.get(key), str)}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import decode_image, read_image, read_image_as_it_is, write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
 from unveil_core.drives.drive import Footage, Frame
@@ -34,7 +35,7 @@ def photograph(frame: Frame) -> NDArray[np.uint8]:
 def store_photograph(frame: Frame, destination: Path) -> None:
     """Put the photograph's file, byte for byte, at ``destination``."""
     if frame.image_bytes is not None:
-        write_bytes_atomic(destination, frame.image_bytes())
+        write_bytes_atomic(destination, frame.image_bytes(), like=frame.image_path)
     else:
         copied_or_linked(frame.image_path, destination)
 
@@ -46,7 +47,7 @@ def is_plain(frame: Frame) -> bool:
     if frame.image_bytes is not None:
         header = frame.image_bytes()[:HEADER_BYTES]
     else:
-        with frame.image_path.open("rb") as stream:
+        with open_file(frame.image_path) as stream:
             header = stream.read(HEADER_BYTES)
     return header[:4] == b"\x89PNG" and len(header) == HEADER_BYTES and (header[24], header[25]) == (8, RGB)
 

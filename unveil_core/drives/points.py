@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
-from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
+from unveil_core.base.checks.ply_headers import UNREADABLE, read_ply
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import write_atomic
 from unveil_core.drives.drive import PointCloud
@@ -45,8 +45,7 @@ def read_points(path: Path) -> PointCloud:
             "there is no such point file", path=path, mend="set ply_file_path to a PLY of LiDAR or SfM points"
         )
     try:
-        check_counts(path)
-        vertex = PlyData.read(str(path))["vertex"].data
+        vertex = read_ply(path, links=True)["vertex"].data
         with np.errstate(invalid="ignore"):  # of a signalling NaN NumPy warns; it is told below, as any other
             positions = np.stack([np.asarray(vertex[n], dtype=np.float64) for n in "xyz"], axis=1)
         colors = _colors_of(vertex)

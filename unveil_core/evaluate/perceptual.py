@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import SettingsError
 from unveil_core.base.onnx_files import check_readable, open_onnx, short
 from unveil_core.base.types import Picture
@@ -151,7 +152,7 @@ class _Model:
     def _refuse_pickles(self) -> None:
         """``torch.save`` gives its pickles the same suffix; only a TorchScript archive carries code and constants."""
         try:
-            with zipfile.ZipFile(self.path) as archive:
+            with open_file(self.path) as file, zipfile.ZipFile(file) as archive:
                 names = [name.partition("/")[2] for name in archive.namelist()]
         except zipfile.BadZipFile as error:
             raise self.error("is no TorchScript archive: damaged, or a plain pickle, which is never opened") from error

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.errors import SettingsError, WorkspaceError
-from unveil_core.base.files import parsed_json
+from unveil_core.base.files import read_own_json
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
@@ -134,7 +134,7 @@ class Job:
         if not path.is_file():
             return []
         try:
-            entries = parsed_json(path.read_text("utf-8"))
+            entries = read_own_json(path)
             for entry in entries:
                 if type(entry["id"]) is not int or not 0 < entry["id"] < 65536 or type(entry["class"]) is not str:
                     raise ValueError("an object without id or class")

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
+from unveil_core.base.disk.open_safely import RefusedFileError
+from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import DiskFullError, SettingsError, UnveilError
 from unveil_core.base.files import full_disk
 from unveil_core.exports.cameras.chan import write_chan
@@ -356,10 +358,14 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
             receipts.check(path)
         for part in one.needs:
             getattr(job, part)
+    shared = rights_of(job.workspace.drive_dir / name for name in ("images", "footage"))
     for one, path in places:
         try:
             with whole_file(path, receipts.check, receipts.note) if one.suffix else whole_folder(path) as made:
                 one.write(job, made)
+                keep_rights((made.parent,), shared)
+        except RefusedFileError:
+            raise
         except OSError as error:
             if full := full_disk(error, path.parent):
                 raise DiskFullError(full) from error

@@ -40,7 +40,6 @@ def whole_file(path: Path, may_replace: Callable[[Path], None], note: Callable[[
         for file, place in places.items():
             with file.open("rb+") as stream:
                 os.fsync(stream.fileno())
-            os.chmod(file, 0o644)
             note(file, place)
             move(file, place)
 

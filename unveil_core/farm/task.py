@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.disk.open_safely import open_file, open_in_place
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
 
@@ -49,7 +50,7 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
     # -P: what lies in the folder where the batch was started is not imported.
     command = [sys.executable, "-P", "-m", "unveil_core", *task.arguments, "--end-with-stdin"]
     while True:
-        with log.open("ab") as stream:
+        with os.fdopen(open_in_place(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as stream:
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment)
             code = process.wait()
         line = _last_line(log)
@@ -64,5 +65,7 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
 
 
 def _last_line(log: Path) -> str:
-    lines = log.read_bytes()[-4000:].decode(errors="replace").strip().splitlines()
+    with open_file(log, links=False) as stream:
+        stream.seek(max(os.fstat(stream.fileno()).st_size - 4000, 0))
+        lines = stream.read(4000).decode(errors="replace").strip().splitlines()
     return lines[-1][-500:] if lines else "it said nothing"

@@ -14,6 +14,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.files import parsed_json, write_json_atomic
 
 __all__ = ["Machine", "free_disk_mb", "free_memory_mb", "measured_seconds", "this_machine"]
@@ -119,7 +120,7 @@ def _cache_folder() -> Path:
 def _entries(path: Path) -> dict[str, Any]:
     """What the file holds; nothing where it is not there or damaged."""
     try:
-        data = parsed_json(path.read_text(encoding="utf-8"))
+        data = parsed_json(read_bytes(path, LARGEST_STATE))
     except (OSError, ValueError):
         return {}
     if not isinstance(data, dict):

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.base.types import Float64
@@ -70,8 +70,7 @@ def read_ground(path: Path) -> DriveGround:
     if not path.is_file():
         raise WorkspaceError("is not there", path=path, mend="run `unveil ground`")
     try:
-        check_npz(path, most_bytes=LARGEST_BYTES)
-        with np.load(path, allow_pickle=False) as data:
+        with open_npz(path, most_bytes=LARGEST_BYTES) as data:
             return _ground({name: data[name] for name in data.files})
     except NO_ARCHIVE as error:
         raise WorkspaceError(f"is no readable ground: {error}", path=path, mend=MEND) from error

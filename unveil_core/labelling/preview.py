@@ -61,7 +61,7 @@ def write_preview(
     note_written(folder, names)
     for done, (i, name) in enumerate(zip(chosen, names, strict=True)):
         frame, path = drive.frames[i], folder / name
-        write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)))
+        write_image_atomic(path, preview(read_image(frame.image_path), frame, read(i)), like=frame.image_path)
         written.append(path)
         progress(done + 1, len(chosen), "drawing labels")
     return written

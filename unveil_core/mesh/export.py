@@ -24,6 +24,7 @@ from typing import BinaryIO, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, read_bytes
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import write_atomic, write_bytes_atomic
 from unveil_core.base.srgb import linear_of_srgb
@@ -36,6 +37,8 @@ T = TypeVar("T", bound=np.generic)
 
 SINGLE_PRECISION_REACH = 1024.0
 """Largest coordinate for which a float is finer than 0.1 mm."""
+LARGEST_MESH = 4 * LARGEST_FILE
+"""Bytes: 200 million triangles."""
 AT_ONCE = 1 << 17
 """Vertices or triangles that are written at once: a few megabytes."""
 Z_TO_Y = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -88,7 +91,7 @@ def read_ply(path: Path, to_world: Similarity | None = None) -> Mesh:
         WorkspaceError: the file is missing, cut short, or not one of ours.
     """
     try:
-        content = Path(path).read_bytes()
+        content = read_bytes(path, LARGEST_MESH, links=False)
     except OSError as error:
         raise WorkspaceError(f"cannot be read: {error.strerror}", path=path, mend="run `unveil mesh`") from error
     try:

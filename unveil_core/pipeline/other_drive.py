@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from unveil_core.base.disk.open_safely import read_bytes
 from unveil_core.base.errors import DriveError, WorkspaceError
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.imported import read_imported
@@ -57,4 +58,4 @@ def _photograph(frame: Frame) -> bytes:
     """The file of a frame as read, or of an imported one as it came."""
     if frame.image_bytes is not None:
         return frame.image_bytes()
-    return (frame.image_path if frame.footage is None else frame.footage.path).read_bytes()
+    return read_bytes(frame.image_path if frame.footage is None else frame.footage.path)

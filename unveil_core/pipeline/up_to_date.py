@@ -10,7 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from unveil_core.base.files import parsed_json, write_json_atomic
+from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
+from unveil_core.base.files import read_own_json, write_json_atomic
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
@@ -18,32 +19,38 @@ from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Digests", "depends_on", "input_hash", "is_current"]
 
+CONTENT_MARKS = 3
+"""Of a file's marks those that change with its content: size, time, and number of the file. The system's time changes with its
+rights and names, too: a stage may link to what it reads."""
+
 
 class Digests:
-    """Content digests of files, remembered by size and time of change."""
+    """Content digests of files, remembered by what tells that a file is another one: size, time of change, the system's own time
+    of change and its number of the file. Programs that copy set the first two as they were; where any of the four is another,
+    as in a copy of the workspace, the content is read again, and it alone counts."""
 
     def __init__(self, workspace: Workspace) -> None:
         self.root = workspace.root
         self.path = workspace.root / ".digests.json"
         self.known: dict[str, list] = {}  # type: ignore[type-arg]
         with suppress(OSError, ValueError):
-            known = parsed_json(self.path.read_text("utf-8"))
+            known = read_own_json(self.path, LARGEST_TEXT)
             self.known = {k: v for k, v in known.items() if _is_digest(v)} if isinstance(known, dict) else {}
         self.used: set[str] = set()
-        self._read: dict[Path, tuple[int, int]] = {}
+        self._read: dict[Path, list[int]] = {}
 
     def of_file(self, path: Path) -> str:
-        """The digest of a file's content; it is read only if size or time of change are others than last time."""
-        stat = path.stat()
+        """The digest of a file's content; it is read only if the file may be another one than last time."""
+        marks = _marks(path.stat())
         key = str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path.absolute())
         self.used.add(key)
-        self._read[path] = (stat.st_size, stat.st_mtime_ns)
+        self._read[path] = marks[:CONTENT_MARKS]
         held = self.known.get(key)
-        if held is not None and held[:2] == [stat.st_size, stat.st_mtime_ns]:
-            return str(held[2])
-        with path.open("rb") as stream:
-            digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
-        self.known[key] = [stat.st_size, stat.st_mtime_ns, digest]
+        if held is not None and held[:-1] == marks:
+            return str(held[-1])
+        with open_file(path) as stream:
+            digest = hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()  # type: ignore[arg-type]
+        self.known[key] = [*marks, digest]
         return digest
 
     def of(self, path: Path) -> list[tuple[str, str]]:
@@ -65,12 +72,12 @@ class Digests:
 
         A file of equal content but another time counts, too: what was read in between is not known.
         """
-        for path, (size, time_ns) in self._read.items():
+        for path, marks in self._read.items():
             try:
-                stat = path.stat()
+                found = _marks(path.stat())
             except OSError:
                 return path
-            if (stat.st_size, stat.st_mtime_ns) != (size, time_ns):
+            if found[:CONTENT_MARKS] != marks:
                 return path
         return None
 
@@ -80,9 +87,14 @@ class Digests:
         write_json_atomic(self.path, kept)
 
 
+def _marks(stat: os.stat_result) -> list[int]:
+    """What tells that a file is another one, :data:`CONTENT_MARKS` first."""
+    return [stat.st_size, stat.st_mtime_ns, stat.st_ino, stat.st_ctime_ns]
+
+
 def _is_digest(entry: object) -> bool:
-    """Whether an entry is a size, a time and a digest."""
-    return isinstance(entry, list) and [type(v) for v in entry] == [int, int, str]
+    """Whether an entry is a file's marks and its digest; those of before had fewer, and are taken anew."""
+    return isinstance(entry, list) and [type(v) for v in entry] == [int, int, int, int, str]
 
 
 def input_hash(stage: Stage, workspace: Workspace, settings: RunSettings, drive: Path, digests: Digests) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import parsed_json, read_image, read_label_image
+from unveil_core.base.files import read_image, read_label_image, read_own_json
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Drive, Frame
@@ -111,7 +111,7 @@ def read_json(path: Path, default: Any) -> Any:
     if not path.is_file():
         return default
     try:
-        return parsed_json(path.read_text(encoding="utf-8"))
+        return read_own_json(path)
     except (OSError, ValueError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend=AGAIN) from error
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
+from unveil_core.base.disk.new_files import new_file
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import LEAST_ROOM, move, read_image
 from unveil_core.base.progress import Progress, no_progress
@@ -106,15 +106,14 @@ def _pairs(root: Path, frames: list[Frame], height: int, progress: Progress) -> 
 
 
 def _temporary(path: Path) -> Path:
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=f".partial{path.suffix}", dir=path.parent)
+    handle, temporary = new_file(path.parent, f".{path.stem}.", f".partial{path.suffix}")
     os.close(handle)
-    return Path(name)
+    return temporary
 
 
 def _finish(temporary: Path, path: Path) -> None:
     with temporary.open("rb") as stream:
         os.fsync(stream.fileno())
-    os.chmod(temporary, 0o644)
     move(temporary, path)
 
 

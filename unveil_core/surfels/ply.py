@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
-from unveil_core.base.checks.ply_headers import UNREADABLE, check_counts
+from unveil_core.base.checks.ply_headers import UNREADABLE, read_ply
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import write_atomic
 from unveil_core.geometry.similarity import Similarity
@@ -111,8 +111,7 @@ def read_surfels(path: Path) -> Surfels:
         UnveilError: the file is missing, is not a PLY, or lacks a 3DGS attribute.
     """
     try:
-        check_counts(path)
-        data = PlyData.read(str(path))
+        data = read_ply(path)
         vertex = data["vertex"]
         if any(kind.hasobject for kind, _ in (vertex.data.dtype.fields or {}).values()):
             raise ValueError("its vertices hold lists")

@@ -16,7 +16,7 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import Tensor
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
 from unveil_core.base.errors import UnveilError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.geometry.axes import up_frame
@@ -162,8 +162,7 @@ def load_sky(path: Path) -> Sky:
         UnveilError: missing or damaged.
     """
     try:
-        check_npz(path, ("texture", "axes"), LARGEST_BYTES)
-        with np.load(path, allow_pickle=False) as data:
+        with open_npz(path, ("texture", "axes"), LARGEST_BYTES) as data:
             texture, axes = data["texture"], data["axes"]
         if texture.dtype != np.float32 or texture.ndim != 3 or len(texture) != 3 or not texture.size:
             raise ValueError(f"its texture is {texture.dtype} {texture.shape}")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npy
+from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import NO_ARCHIVE, parsed_json, read_label_image, write_atomic, write_image_atomic
+from unveil_core.base.files import NO_ARCHIVE, read_label_image, read_own_json, write_atomic, write_image_atomic
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace
@@ -56,7 +56,7 @@ def load_selection(workspace: Workspace) -> SceneLabels:
 def _object(path: Path) -> dict[str, Any]:
     """What a JSON file of the workspace holds."""
     try:
-        content = parsed_json(path.read_text("utf-8"))
+        content = read_own_json(path)
     except (OSError, ValueError) as error:
         raise WorkspaceError(f"cannot be read: {error}", path=path, mend=MEND) from error
     if not isinstance(content, dict):
@@ -93,13 +93,9 @@ def load_array(path: Path) -> NDArray[np.int64]:
         WorkspaceError: missing, damaged, or of something else.
     """
     try:
-        with path.open("rb") as stream:
-            check_npy(stream, path.stat().st_size)
-            stream.seek(0)
-            array: NDArray[np.int64] = np.load(stream, allow_pickle=False)
+        return load_npy(path)
     except NO_ARCHIVE as error:
         raise WorkspaceError(f"is no array: {error}", path=path, mend="run the stage that writes it again") from error
-    return array
 
 
 def frame_file(folder: Path, frame: Frame) -> Path:

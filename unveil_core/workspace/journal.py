@@ -12,8 +12,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from unveil_core.base.checks.names import file_name, is_file_name
+from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
+from unveil_core.base.disk.rights import keep_rights, rights_of
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import full_disk, move, patiently, read_json, write_atomic, write_json_atomic
+from unveil_core.base.files import full_disk, move, patiently, read_own_json, write_atomic, write_json_atomic
 from unveil_core.workspace.links import refuse_links
 from unveil_core.workspace.made import half_written, keep_strangers, note_made
 from unveil_core.workspace.workspace import Workspace
@@ -34,11 +36,23 @@ def commit(workspace: Workspace, stage: str, partial: Path, outputs: Sequence[st
         partial: folder in the workspace that holds the new outputs.
         outputs: files and folders, relative to the workspace.
         record: entries of the stage in workspace.json.
+    Raises:
+        WorkspaceError: the lock is not held any more; nothing is changed then.
     """
+    if workspace.held is not None:
+        workspace.held.check()
     note = note_made(partial, stage, outputs)
+    made = [partial / name for name in outputs]
+    keep_rights((path for path in made if path.exists()), _rights(workspace, partial))
     entry = {"stage": stage, "partial": partial.name, "outputs": [*outputs, note], "record": record}
     write_json_atomic(_journal(workspace), entry)
     _finish(workspace, entry)
+
+
+def _rights(workspace: Workspace, partial: Path) -> int:
+    """Of the photographs, which a stage's results show."""
+    drive = partial / "drive" if (partial / "drive").is_dir() else workspace.drive_dir
+    return rights_of(drive / name for name in ("images", "footage"))
 
 
 def recover(workspace: Workspace) -> None:
@@ -52,7 +66,7 @@ def recover(workspace: Workspace) -> None:
     refuse_links(workspace.root)
     path = _journal(workspace)
     if path.is_file():
-        entry: Any = read_json(path)
+        entry: Any = _read(path)
         if not _is_sound(entry):
             raise WorkspaceError("is no journal of this program", path=path, mend=MEND)
         try:
@@ -74,7 +88,7 @@ def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
     """The folder that a stage writes in: with all that an interrupted attempt with the same inputs left there, else empty."""
     partial = workspace.root / f"{PARTIAL}{stage}"
     mark = partial / INPUTS
-    if mark.is_file() and mark.read_text("utf-8") == input_hash:
+    if mark.is_file() and read_bytes(mark, LARGEST_STATE, links=False) == input_hash.encode():
         return partial
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir()
@@ -84,6 +98,13 @@ def open_partial(workspace: Workspace, stage: str, input_hash: str) -> Path:
         shutil.rmtree(partial, ignore_errors=True)
         raise
     return partial
+
+
+def _read(path: Path) -> Any:
+    try:
+        return read_own_json(path)
+    except (OSError, ValueError) as error:
+        raise WorkspaceError(f"is no journal of this program: {error}", path=path, mend=MEND) from error
 
 
 def _journal(workspace: Workspace) -> Path:

@@ -24,7 +24,7 @@ KEPT = "kept"
 """Folder for what is somebody's and has the name of a new output."""
 OWN = r"\.(workspace\.json|\.journal\.json|\.digests\.json|\.exports\.json|metrics\.json)\.[a-z0-9_]{8}\.partial"
 """Temporary names of the files that are written in a workspace itself."""
-TEMPORARY = r"\..*\.partial(\.\w+)?|\..*\.npz\.\d+\.new"
+TEMPORARY = r"\..*\.partial(\.\w+)?|\..*\.npz\.\w+\.new"
 """Those of files in the folders that stages write in: of results, of movies (the suffix tells the format), and of what is kept."""
 WRITTEN_IN = (".partial-", ".blocks", MADE)
 """How these folders begin."""

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import re
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from unveil_core.base.errors import DiskFullError, InUseError, WorkspaceError
-from unveil_core.base.file_locks import TAKEN, lock_file
-from unveil_core.base.files import full_disk, parsed_json, write_json_atomic
+from unveil_core.base.disk.open_safely import LARGEST_STATE, RefusedFileError, open_in_place, read_bytes
+from unveil_core.base.errors import DiskFullError, WorkspaceError
+from unveil_core.base.files import full_disk, parsed_json, read_own_json, write_json_atomic
 from unveil_core.base.output.written import GENERATOR, is_ours
+from unveil_core.workspace.links import EVENTS, LOCK, refuse_links
+from unveil_core.workspace.lock import WRITABLE, Lock
 
 __all__ = ["Workspace", "is_workspace"]
 
 FORMAT = 1
 """Of workspace.json, raised when a workspace can no longer be read by the versions before."""
 WORKSPACE = "workspace.json"
-LOCK = ".lock"
 LONGEST_SIGNATURE = 1000
 """Bytes in a lock file: a process and a host."""
-WRITABLE = "make it writable, or name another folder"
-NO_LOCKS_VARIABLE = "UNVEIL_NO_LOCKS"
-"""Of the environment; set to 1, a workspace whose file system has no locks is used all the same."""
-SIGNED_AT = 1
-"""Where in its file the holder is named: on Windows the byte that is locked, the first, cannot be read."""
+LARGEST_EVENTS = 1 << 28
+"""Bytes of events.jsonl: hundred times that of the longest runs."""
 BEGUN = (LOCK, ".workspace.json.")
 """How the files begin that are in a workspace before its workspace.json."""
 
@@ -39,10 +36,12 @@ class Workspace:
     Attributes:
         root: the folder.
         made: whether :meth:`create` made the folder, so that who called it may remove it again.
+        held: the lock of :meth:`lock`, None before the first.
     """
 
     def __init__(self, root: Path) -> None:
         self.root, self.made = Path(root), False
+        self.held: Lock | None = None
 
     # ------------------------------------------------------------------------------------------------------- open, create
 
@@ -51,11 +50,13 @@ class Workspace:
         """Open an existing workspace.
 
         Raises:
-            WorkspaceError: there is none, or its workspace.json is damaged, of another version, or another program's.
+            WorkspaceError: there is none, or its workspace.json is damaged, of another version, or another program's; or it holds a
+                link, a pipe or a device.
         """
         workspace = Workspace(Path(root))
         if not workspace.workspace_json.is_file():
             raise WorkspaceError("is no workspace", path=root, mend="make one with `unveil run` or `unveil import`")
+        refuse_links(workspace.root)
         workspace.state()
         return workspace
 
@@ -85,11 +86,13 @@ class Workspace:
         """Open a workspace, or make one in a folder that is empty or not there yet.
 
         Raises:
-            WorkspaceError: the folder holds something else, cannot be written, or is just being made by another process.
+            WorkspaceError: the folder holds something else, or a link, a pipe or a device in a workspace; cannot be written; or is
+                just being made by another process.
             DiskFullError: no room.
         """
         workspace = Workspace(Path(root))
         if Workspace.may_be(root):
+            refuse_links(workspace.root)
             return workspace
         try:
             workspace.root.parent.mkdir(parents=True, exist_ok=True)
@@ -117,7 +120,7 @@ class Workspace:
     @property
     def events_jsonl(self) -> Path:
         """What happened, a JSON object a line."""
-        return self.root / "events.jsonl"
+        return self.root / EVENTS
 
     @property
     def drive_dir(self) -> Path:
@@ -168,7 +171,7 @@ class Workspace:
             WorkspaceError: it is damaged, or of another version.
         """
         try:
-            data = parsed_json(self.workspace_json.read_text("utf-8"))
+            data = read_own_json(self.workspace_json)
         except (OSError, ValueError) as error:
             raise WorkspaceError(f"cannot be read: {error}", path=self.workspace_json) from error
         parts = [data.get(n, {}) for n in ("stages", "settings", "versions")] if isinstance(data, dict) else [None]
@@ -212,7 +215,11 @@ class Workspace:
     def log(
         self, stage: str, message: str = "", *, level: str = "info", done: int = 0, total: int = 0, **metrics: object
     ) -> dict[str, object]:
-        """Append an event; returns it."""
+        """Append an event; returns it.
+
+        Raises:
+            WorkspaceError: its file is a link, a pipe or a device.
+        """
         event: dict[str, object] = {
             "t": round(time.time(), 3),
             "stage": stage,
@@ -222,22 +229,40 @@ class Workspace:
             "level": level,
             **metrics,
         }
-        with self.events_jsonl.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(event) + "\n")
+        with self._events(os.O_WRONLY | os.O_APPEND | os.O_CREAT, "ab") as stream:
+            stream.write(json.dumps(event).encode() + b"\n")
         return event
+
+    def _events(self, flags: int, mode: str) -> BinaryIO:
+        """The file of events, open to be written in place."""
+        try:
+            return os.fdopen(open_in_place(self.events_jsonl, flags), mode)  # type: ignore[return-value]
+        except RefusedFileError as error:
+            mend = "remove it, or put a copy in its place"
+            raise WorkspaceError(f"cannot be written: {error.strerror}", path=self.events_jsonl, mend=mend) from error
 
     def end_cut_event(self) -> None:
         """End the last line where a kill or a full disk cut it short: the next event would be lost with it."""
-        with suppress(FileNotFoundError), self.events_jsonl.open("rb+") as stream:
+        with suppress(FileNotFoundError), self._events(os.O_RDWR, "rb+") as stream:
             if stream.seek(0, os.SEEK_END) and stream.seek(-1, os.SEEK_END) >= 0 and stream.read(1) != b"\n":
                 stream.write(b"\n")
 
     def events(self) -> list[dict[str, Any]]:
-        """All events; a last line that was cut short by a kill is left out."""
-        if not self.events_jsonl.is_file():
+        """All events; a last line that was cut short by a kill is left out.
+
+        Raises:
+            WorkspaceError: the file cannot be read, or is none.
+        """
+        try:
+            content = read_bytes(self.events_jsonl, LARGEST_EVENTS, links=False)
+        except FileNotFoundError:
             return []
+        except OSError as error:
+            raise WorkspaceError(
+                f"cannot be read: {error.strerror}", path=self.events_jsonl, mend="move it away"
+            ) from error
         found = []
-        for line in self.events_jsonl.read_text("utf-8", errors="replace").splitlines():
+        for line in content.decode("utf-8", errors="replace").splitlines():
             with suppress(ValueError):
                 event = parsed_json(line)
                 if isinstance(event, dict):
@@ -248,14 +273,15 @@ class Workspace:
 
     def lock(self, *, shared: bool = False) -> Lock:
         """A context in which no other process works here, or with ``shared`` only others that share, each on a block of its own."""
-        return Lock(self.root / LOCK, shared=shared)
+        self.held = Lock(self.root / LOCK, shared=shared)
+        return self.held
 
 
 def is_workspace(root: Path) -> bool:
     """Whether a folder is a workspace of this program, of whatever version."""
     try:
         path = root / WORKSPACE
-        return path.is_file() and _is_ours(parsed_json(path.read_bytes()))
+        return path.is_file() and _is_ours(parsed_json(read_bytes(path, LARGEST_STATE)))
     except (OSError, ValueError):
         return False
 
@@ -274,81 +300,7 @@ def _may_lock(path: Path) -> bool:
     try:
         if not os.path.lexists(path):
             return True
-        if path.is_symlink() or not path.is_file() or path.stat().st_size > LONGEST_SIGNATURE:
-            return False
-        signed = path.read_bytes()
+        signed = read_bytes(path, LONGEST_SIGNATURE, links=False)
     except OSError:
         return False
     return not signed or re.fullmatch(rb"\0\d+ on [^\0\r\n]*", signed) is not None
-
-
-class Lock:
-    """One process at a time, or several that share. The operating system drops the lock with the process, however it ends.
-
-    Entering raises an InUseError where another process has it, and a WorkspaceError where the file system has no locks (some
-    network file systems) or the folder cannot be written.
-    """
-
-    def __init__(self, path: Path, *, shared: bool = False) -> None:
-        self.path, self.shared = path, shared
-        self._handle: int | None = None
-
-    def __enter__(self) -> Lock:
-        try:
-            # Never through a link: the file is cut and written.
-            self._handle = os.open(self.path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
-        except FileNotFoundError as error:
-            raise WorkspaceError("is not there any more", path=self.path.parent, mend="run it again") from error
-        except OSError as error:
-            if self.path.is_symlink():
-                raise WorkspaceError("is a symbolic link", path=self.path, mend="remove the link") from error
-            if full := full_disk(error, self.path.parent):
-                raise DiskFullError(full) from error
-            problem = f"cannot be written: {error.strerror}"
-            raise WorkspaceError(problem, path=self.path.parent, mend=WRITABLE) from error
-        for patience in (0.05, 0.1, 0.2, 0.0):  # somebody may only look whether it is free, which takes no time
-            try:
-                lock_file(self._handle, self.shared)
-                break
-            except OSError as error:
-                if error.errno not in TAKEN and os.environ.get(NO_LOCKS_VARIABLE) == "1":
-                    break
-                if error.errno in TAKEN and patience:
-                    time.sleep(patience)
-                    continue
-                holder = self._holder(self._handle)
-                os.close(self._handle)
-                self._handle = None
-                if error.errno in TAKEN:
-                    problem = f"is in use by another process{holder}"
-                    raise InUseError(problem, path=self.path.parent, mend="wait or stop it") from error
-                raise WorkspaceError(
-                    f"is on a file system without locks, so two runs would not be kept apart: {error.strerror}",
-                    path=self.path.parent,
-                    mend=f"use a local disk; where no other run can come, set {NO_LOCKS_VARIABLE}=1",
-                ) from error
-        self._sign(self._handle)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self._handle is not None:
-            os.close(self._handle)
-            self._handle = None
-
-    def _sign(self, handle: int) -> None:
-        """Write who holds the lock into its file; of several who share it nobody."""
-        with suppress(OSError):  # on a full disk it holds all the same
-            os.ftruncate(handle, 0)
-            if not self.shared:
-                os.lseek(handle, SIGNED_AT, os.SEEK_SET)
-                os.write(handle, f"{os.getpid()} on {platform.node()}".encode())
-
-    @staticmethod
-    def _holder(handle: int) -> str:
-        """Who wrote that, for the message; nothing where it cannot be told."""
-        try:
-            os.lseek(handle, SIGNED_AT, os.SEEK_SET)
-            signed = os.read(handle, 200).decode(errors="replace")
-        except OSError:
-            return ""
-        return f", {signed}" if re.fullmatch(r"\d+ on [\w.-]+", signed) else ""

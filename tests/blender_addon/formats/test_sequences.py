@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from blender_addon.formats import sequences
 from blender_addon.formats.files import copied, write_whole
 from blender_addon.formats.sequences import REGION_COLORS, in_color, numbered, with_palette
 
@@ -106,8 +107,8 @@ def test_regions_in_colour_are_written_once(tmp_path: Path, monkeypatch: pytest.
     in_color(regions, shown)
     assert np.array_equal(cv2.imread(str(shown))[..., ::-1].reshape(4, 3), REGION_COLORS)
     read: list[Path] = []
-    whole = Path.read_bytes
-    monkeypatch.setattr(Path, "read_bytes", lambda self: (read.append(self), whole(self))[1])
+    whole = sequences.read_bytes
+    monkeypatch.setattr(sequences, "read_bytes", lambda path, most: (read.append(path), whole(path, most))[1])
     in_color(regions, shown)
     assert read == []
     cv2.imwrite(str(regions), np.full((2, 2), 3, np.uint8))

@@ -68,7 +68,7 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path: Path, monkeypa
     monkeypatch.setattr("unveil_core.drives.formats.binary.MOST_BYTES", 10_000)
     path = tmp_path / "a.npz"
     np.savez_compressed(path, a=np.zeros(100_000))
-    with pytest.raises(DriveError, match="more than a gigabyte"):
+    with pytest.raises(DriveError, match="unpacks to more than 10,000 bytes"):
         read_archive(path, ["a"])
 
 

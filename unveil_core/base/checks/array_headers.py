@@ -3,30 +3,63 @@
 from __future__ import annotations
 
 import math
+import os
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["check_npy", "check_npz"]
+from unveil_core.base.disk.open_safely import open_file
+
+__all__ = ["check_npy", "load_npy", "open_npz"]
 
 NUMBERS = "biufcSU"
 """Kinds of arrays that are read: numbers and texts, no objects, which would be unpickled."""
 
 
-def check_npz(path: Path, names: Sequence[str] | None = None, most_bytes: int | None = None) -> None:
-    """Check the arrays of an archive; which other errors a damaged one makes tells :data:`unveil_core.base.files.NO_ARCHIVE`.
+@contextmanager
+def open_npz(
+    path: Path, names: Sequence[str] | None = None, most_bytes: int | None = None, *, links: bool = False
+) -> Iterator[Any]:
+    """An archive of arrays, open to be read after its headers were checked; which other errors a damaged one makes tells
+    :data:`unveil_core.base.files.NO_ARCHIVE`.
 
     Args:
-        names: of those that are read; None = all.
+        names: of the arrays that are read; None = all.
         most_bytes: of them together, unpacked.
+        links: whether a symbolic link is followed, see :func:`open_file`.
     Raises:
         KeyError: it lacks one.
         ValueError: one is no array of numbers, or has other than so many; or they are too large.
     """
-    with zipfile.ZipFile(path) as packed:
+    with open_file(path, links=links) as stream:
+        _check_npz(stream, names, most_bytes)
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as archive:
+            yield archive
+
+
+def load_npy(path: Path, *, links: bool = False) -> NDArray[Any]:
+    """The array of numbers in a file, after its header was checked.
+
+    Args:
+        links: see :func:`open_npz`.
+    Raises:
+        ValueError: it is no array of numbers, or has other than so many.
+    """
+    with open_file(path, links=links) as stream:
+        check_npy(stream, os.fstat(stream.fileno()).st_size)
+        stream.seek(0)
+        array: NDArray[Any] = np.load(stream, allow_pickle=False)
+        return array
+
+
+def _check_npz(file: BinaryIO, names: Sequence[str] | None, most_bytes: int | None) -> None:
+    with zipfile.ZipFile(file) as packed:
         parts = packed.infolist() if names is None else [packed.getinfo(f"{name}.npy") for name in names]
         if most_bytes is not None and sum(part.file_size for part in parts) > most_bytes:
             raise ValueError(f"it unpacks to more than {most_bytes:,} bytes")

@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.files import write_atomic
 
 __all__ = ["LINK_VARIABLE", "copied", "copied_or_linked"]
@@ -29,15 +30,15 @@ def copied(source: Path, destination: Path) -> None:
     """Make ``destination`` a copy of a file, or of what a link leads to: whole or not at all.
 
     Raises:
-        OSError: one cannot be read, or the other not be written.
+        OSError: one cannot be read or is no regular file, or the other cannot be written.
     """
-    with Path(source).open("rb") as content:
+    with open_file(source) as content:
 
         def put(stream: BinaryIO) -> None:
             if not _cloned(content, stream):
                 shutil.copyfileobj(content, stream, 1 << 20)
 
-        write_atomic(destination, put)
+        write_atomic(destination, put, like=source)
 
 
 def copied_or_linked(source: Path, destination: Path) -> None:

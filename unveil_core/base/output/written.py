@@ -15,7 +15,7 @@ from typing import Any
 
 from unveil_core import __version__
 from unveil_core.base.errors import SettingsError, UnveilError
-from unveil_core.base.files import parsed_json, write_json_atomic
+from unveil_core.base.files import read_own_json, write_json_atomic
 
 __all__ = [
     "EXPORTED",
@@ -53,7 +53,7 @@ def record_of(path: Path) -> dict[str, Any] | None:
     with suppress(OSError, ValueError):
         if path.is_symlink() or not path.is_file() or path.stat().st_size > LARGEST_RECORD:
             return None
-        content = parsed_json(path.read_bytes())
+        content = read_own_json(path)
         return content if is_ours(content) else None
     return None
 

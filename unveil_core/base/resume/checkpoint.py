@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
+from unveil_core.base.disk.new_files import new_file
 from unveil_core.base.files import NO_ARCHIVE, move
 
 __all__ = ["EVERY_S", "FACTS", "Checkpoint", "Kept", "facts_array", "facts_of", "read_arrays", "write_arrays"]
@@ -28,9 +29,9 @@ FACTS = "facts"
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays by name; the folder is made if need be. Not forced to the disk as results are: a lost file is computed again."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
+    handle, new = new_file(path.parent, f".{path.name}.", ".new")
     try:
-        with new.open("wb") as stream:
+        with os.fdopen(handle, "wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
         move(new, path)
     finally:
@@ -40,8 +41,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def read_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     """What :func:`write_arrays` wrote; None where it is missing or damaged, as a power cut leaves it."""
     try:
-        check_npz(path)
-        with np.load(path, allow_pickle=False) as data:
+        with open_npz(path) as data:
             return dict(data)
     except NO_ARCHIVE:
         return None

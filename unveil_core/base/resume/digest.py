@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import open_file
+
 if TYPE_CHECKING:
     import torch
 
@@ -79,6 +81,6 @@ def _add_file(digest: Any, path: Path) -> None:
         _mark(digest, "no file")
         return
     _mark(digest, "file", str(path.stat().st_size))
-    with path.open("rb") as stream:
+    with open_file(path) as stream:
         while chunk := stream.read(CHUNK):
             digest.update(chunk)

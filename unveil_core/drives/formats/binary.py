@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
+from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE
 
@@ -33,7 +33,8 @@ def read_floats(path: Path, columns: int | None) -> NDArray[np.float32]:
         if size % (4 * width):
             problem = f"is cut short: {size} bytes are no rows of {width} numbers"
             raise DriveError(problem, path=path, mend=MEND)
-        values = np.fromfile(path, dtype="<f4")
+        with open_file(path, LARGEST_FILE) as stream:
+            values = np.fromfile(stream, dtype="<f4")
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=MEND) from error
     return values if columns is None else values.reshape(-1, columns)
@@ -46,11 +47,7 @@ def read_archive(path: Path, names: Sequence[str]) -> list[NDArray[Any]]:
         DriveError: missing, cut short, too large, without one of the arrays, or with objects.
     """
     try:
-        with zipfile.ZipFile(path) as packed:
-            if sum(packed.getinfo(f"{name}.npy").file_size for name in names) > MOST_BYTES:
-                raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
-        check_npz(path, names)
-        with np.load(path, allow_pickle=False) as archive:
+        with open_npz(path, names, MOST_BYTES, links=True) as archive:
             return [np.asarray(archive[name]) for name in names]
     except KeyError as error:
         raise DriveError(f"lacks an array: {error.args[0]}", path=path, mend=MEND) from error

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.base.types import Float64
@@ -115,7 +116,7 @@ def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tupl
         if content is not None:
             data = content()
         else:
-            with path.open("rb") as stream:
+            with open_file(path, LARGEST_FILE) as stream:
                 data = stream.read(HEADER_BYTES)
                 if data[:2] == b"\xff\xd8":
                     data += stream.read()

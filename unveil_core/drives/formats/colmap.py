@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.checks.named_paths import named_path
+from unveil_core.base.disk.open_safely import LARGEST_FILE, read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
 from unveil_core.drives.drive import Distortion, Drive, Frame, PointCloud
@@ -36,6 +37,8 @@ _BY_NAME = {name: count for name, count in _MODELS.values()}
 MAX_REPROJECTION_PX = 4.0
 MIN_TRACK = 3
 MEND = "export the model again"
+LARGEST_MODEL = 2 * LARGEST_FILE
+"""Bytes of one of its files: the observations of some thousand images have a tenth of it."""
 _N = TypeVar("_N", int, float)
 
 
@@ -81,7 +84,7 @@ class _Bytes:
 
     def __init__(self, path: Path) -> None:
         try:
-            self.data = path.read_bytes()
+            self.data = read_bytes(path, LARGEST_MODEL)
         except OSError as error:
             raise DriveError(
                 f"cannot be read: {error.strerror}", path=path, mend="a COLMAP model has cameras, images and points3D"
@@ -140,7 +143,8 @@ class _Line:
 
 def _lines(path: Path) -> Iterator[_Line]:
     """Lines without comments, empty ones among them: an image without observations has an empty second line."""
-    for number, line in enumerate(read_text(path, "a COLMAP model has cameras, images and points3D").split("\n"), 1):
+    text = read_text(path, "a COLMAP model has cameras, images and points3D", most=LARGEST_MODEL)
+    for number, line in enumerate(text.split("\n"), 1):
         if not line.startswith("#"):
             yield _Line(path, number, line.split())
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.cityscapes import table
@@ -161,7 +162,8 @@ def _times(path: Path) -> list[float | None]:
 def _classes(path: Path, count: int) -> NDArray[np.uint8]:
     """(count,) trainIds of a sweep. Each label is 32 bits, of which the upper half is an instance."""
     try:
-        labels = np.fromfile(path, dtype="<u4")
+        with open_file(path, LARGEST_FILE) as stream:
+            labels = np.fromfile(stream, dtype="<u4")
     except OSError as error:
         raise DriveError("there is no such readable file of labels", path=path, mend="restore it") from error
     if len(labels) != count:

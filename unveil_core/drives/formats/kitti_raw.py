@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
@@ -167,7 +168,7 @@ def _vehicle_poses(folder: Path) -> tuple[dict[int, Float64], int, list[Path]]:
     packets: dict[int, list[float]] = {}
     for number, path in files.items():
         try:
-            values = [float(word) for word in path.read_text("utf-8").split()[:6]]
+            values = [float(word) for word in read_bytes(path, LARGEST_STATE).decode("utf-8").split()[:6]]
         except (OSError, ValueError):
             continue
         if len(values) == 6 and all(abs(v) < most for v, most in zip(values, MOST_OF_POSE, strict=True)):

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE
 
@@ -208,10 +209,10 @@ def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
         DriveError: missing, cut short, too large, or naming anything else; nothing is run then.
     """
     try:
-        with path.open("rb") as stream:
-            packed = stream.read(2) == b"\x1f\x8b"
-        with gzip.open(path) if packed else path.open("rb") as stream:
-            content = _all_of(stream)
+        with open_file(path) as file:
+            packed = file.read(2) == b"\x1f\x8b"
+            file.seek(0)
+            content = _all_of(gzip.GzipFile(fileobj=file) if packed else file)
     except FileNotFoundError as error:
         raise DriveError("there is no such file", path=path, mend="download it again") from error
     except (OSError, EOFError, zlib.error) as error:
@@ -256,7 +257,7 @@ def read_archived_object(path: Path, name: str) -> Any:
         DriveError: missing, cut short, no such object, or naming anything else; nothing is run then.
     """
     try:
-        with zipfile.ZipFile(path) as packed:
+        with open_file(path) as file, zipfile.ZipFile(file) as packed:
             if packed.getinfo(f"{name}.npy").file_size > MOST_BYTES:
                 raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
             stream = io.BytesIO(packed.read(f"{name}.npy"))

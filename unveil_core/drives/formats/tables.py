@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import check_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 
@@ -141,6 +142,7 @@ def read_columns(path: Path, names: Sequence[str], optional: Sequence[str] = ())
         DriveError: missing, cut short, or without one of ``names``; pyarrow is not installed.
     """
     with _reading(path) as arrow:
+        check_file(path)
         if path.suffix == ".parquet":
             from pyarrow import parquet
 
@@ -218,6 +220,7 @@ class Rows:
         if self._metadata is None:
             from pyarrow import parquet
 
+            check_file(self.path)
             with parquet.ParquetFile(self.path) as file:
                 self._chosen = _chosen(self.path, file.schema_arrow.names, self.names, self.optional)
                 self._metadata = file.metadata

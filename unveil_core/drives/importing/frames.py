@@ -156,7 +156,12 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     if kept:
         unless_there(image, put_photograph)
     else:
-        unless_there(image, lambda path: write_image_atomic(path, warp(photograph(frame), border=0, label=False)))
+        unless_there(
+            image,
+            lambda path: write_image_atomic(
+                path, warp(photograph(frame), border=0, label=False), like=frame.image_path
+            ),
+        )
     if frame.footage is not None:  # the drive was imported before
         source = frame.footage.path
         relative = f"footage/{stem}{source.suffix.lower()}"
@@ -179,9 +184,9 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
             path: Path, found: Path = found, read: Callable[[Path], NDArray[Any]] = read, border: int = border
         ) -> None:
             if warped:
-                write_image_atomic(path, warp(read(found), border=border))
+                write_image_atomic(path, warp(read(found), border=border), like=found)
             elif found.suffix.lower() != ".png":
-                write_image_atomic(path, read(found))
+                write_image_atomic(path, read(found), like=found)
             else:
                 copied_or_linked(found, path)
 

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_TEXT
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import move, parsed_json, write_image_atomic, write_json_atomic
+from unveil_core.base.files import move, read_own_json, write_image_atomic, write_json_atomic
 from unveil_core.base.output.scratch import scratch_folder
 from unveil_core.base.output.written import check_replaceable
 from unveil_core.base.progress import Progress, no_progress
@@ -168,7 +169,7 @@ def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress
         labels: of its frames in their order, of working size; asked for those that are missing only.
     """
     path = folder / CAMERAS
-    data: dict[str, Any] = parsed_json(path.read_text("utf-8"))
+    data: dict[str, Any] = read_own_json(path, LARGEST_TEXT)
     entries = data["frames"]
     for done, entry in enumerate(entries):
         stem = f"{entry['camera']}/{entry['name']}.png"

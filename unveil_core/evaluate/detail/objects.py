@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import parsed_json
+from unveil_core.base.files import read_own_json
 
 __all__ = ["ObjectNames", "read_object_names"]
 
@@ -34,7 +34,7 @@ def read_object_names(workspace_root: Path) -> ObjectNames:
     if not path.is_file():
         return ObjectNames({}, frozenset())
     try:
-        entries = parsed_json(path.read_text("utf-8"))
+        entries = read_own_json(path)
         classes = {int(e["id"]): str(e.get("class", "object")) for e in entries}
         kept = frozenset(int(e["id"]) for e in entries if not e.get("removed"))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:

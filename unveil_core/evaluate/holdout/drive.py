@@ -245,10 +245,10 @@ def _with_cars(frame: Frame, pixels: CarPixels, removed: Mask, labels: AddedLabe
     else:
         own = _footage_with_cars(frame.footage, pixels, frame.camera)
         path = folder / "footage" / f"{frame.name}.png"
-        write_image_atomic(path, own)
+        write_image_atomic(path, own, like=frame.image_path)
         changed = replace(changed, footage=replace(frame.footage, path=path))
         image = at_work_size(own, frame.footage, frame.camera)
-    write_image_atomic(changed.image_path, image)
+    write_image_atomic(changed.image_path, image, like=frame.image_path)
     if frame.semantic_path is not None and labels.disk_id is not None:
         semantics = np.where(covered, labels.disk_id, read_label_image(frame.semantic_path)).astype(np.uint8)
         changed = replace(changed, semantic_path=folder / "semantics" / f"{frame.name}.png")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from unveil_core.base.files import copy_picture
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Distortion, Frame
 from unveil_core.exports.coordinates import Coordinates
@@ -60,5 +60,5 @@ def copy_frames(job: Job, folder: Path, names: Iterator[str] | list[str]) -> Non
     frames = job.drive.frames
     for done, (frame, name) in enumerate(zip(frames, names, strict=True)):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(job.delivered(frame), folder / name)
+        copy_picture(job.delivered(frame), folder / name)
         job.progress(done + 1, len(frames), "copying frames")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 
@@ -54,8 +54,7 @@ def read_chart_sources(path: Path) -> ChartSources | None:
         WorkspaceError: it cannot be read.
     """
     try:
-        check_npz(path, ("source", "label", "place"), LARGEST_BYTES)
-        with np.load(path, allow_pickle=False) as data:
+        with open_npz(path, ("source", "label", "place"), LARGEST_BYTES) as data:
             source, label, place = data["source"], data["label"], data["place"]
         if (source.dtype, label.dtype) != (np.uint8, np.int16) or place.dtype != np.float64:
             raise ValueError("arrays of other types")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npz
+from unveil_core.base.checks.array_headers import open_npz
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.files import NO_ARCHIVE, write_atomic
 from unveil_core.base.types import Float32, Float64, Mask
@@ -122,8 +122,7 @@ def read_copies(path: Path) -> list[FacadeCopies]:
         WorkspaceError: it cannot be read.
     """
     try:
-        check_npz(path, None, LARGEST_BYTES)
-        with np.load(path, allow_pickle=False) as data:
+        with open_npz(path, None, LARGEST_BYTES) as data:
             found = [FacadeCopies(*(data[f"{k}.{name}"] for name in NAMES)) for k in range(len(data) // len(NAMES))]
         for piece in found:
             if [piece.copied.dtype, piece.rows.dtype, piece.place.dtype] != KINDS:

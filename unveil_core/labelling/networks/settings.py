@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.errors import SettingsError
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.labelling.networks.class_tables import ORDERS, known_name
@@ -71,7 +72,7 @@ def read_settings(network: Path) -> NetworkSettings:
     """
     path = settings_path(network)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(read_bytes(path, LARGEST_STATE).decode("utf-8"))
     except FileNotFoundError:
         return NetworkSettings(path)
     except (OSError, ValueError, RecursionError) as error:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import write_json_atomic
+from unveil_core.base.files import copy_picture, write_json_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.drives.depth_range import NEAR_M
 from unveil_core.drives.drive import Drive
@@ -74,7 +73,7 @@ def run(context: StageContext) -> None:
         made, picture = workspace.root / str(known["thumbnail"]), None
         if known["thumbnail"] is not None and made.is_file():
             picture = f"instances/{number:04d}.png"
-            shutil.copyfile(made, context.output(picture))
+            copy_picture(made, context.output(picture))
         entries.append(
             {
                 **known,

@@ -14,6 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox
@@ -86,7 +87,7 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise DriveError(f"is larger than {LARGEST_BYTES >> 20} MiB", path=path, mend=MEND)
-        with path.open("rb") as stream:
+        with open_file(path, LARGEST_BYTES) as stream:
             while chunk := stream.read(1 << 20):
                 parser.Parse(chunk, False)
                 yield from done

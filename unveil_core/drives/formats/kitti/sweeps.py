@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import SweepPoints
@@ -110,8 +112,9 @@ def read_velodyne(path: Path) -> Float64:
         DriveError: missing, empty or cut short.
     """
     try:
-        values = np.fromfile(path, dtype="<f4")
-        size = path.stat().st_size
+        with open_file(path, LARGEST_FILE) as stream:
+            values = np.fromfile(stream, dtype="<f4")
+            size = os.fstat(stream.fileno()).st_size
     except OSError as error:
         raise DriveError("there is no such readable sweep", path=path, mend="restore it or remove it") from error
     if size % 16 or not size:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.checks.array_headers import check_npy
+from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import NO_ARCHIVE, read_unchanged
 from unveil_core.base.types import Float32, Float64
@@ -134,11 +134,9 @@ def _away_from_edges(depth: Float32) -> NDArray[np.bool_]:
 
 
 def _load_npy(path: Path) -> NDArray[np.generic]:
-    """An array of one channel, read from disk as far as it is used."""
+    """An array of one channel."""
     try:
-        with path.open("rb") as stream:
-            check_npy(stream, path.stat().st_size)
-        values: NDArray[np.generic] = np.load(path, mmap_mode="r", allow_pickle=False)
+        values: NDArray[np.generic] = load_npy(path, links=True)
     except NO_ARCHIVE as error:
         raise DriveError(f"is not a readable .npy file: {error}", path=path, mend="save it as a plain array") from error
     values = values[..., 0] if getattr(values, "ndim", 0) == 3 and values.shape[2] == 1 else values

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import cv2
-
 from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_unchanged
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import picture_size
@@ -92,9 +91,11 @@ def _size(keys: Keys, image: Path) -> tuple[int, int]:
         return int(width), int(height)
     if image.suffix.lower() in PLAIN:
         return picture_size(image)
-    picture = cv2.imread(str(image), cv2.IMREAD_UNCHANGED) if image.exists() else None
-    if picture is None:
-        raise DriveError("there is no such readable image", path=image, mend="restore it or drop the frame")
+    try:
+        picture = read_unchanged(image)
+    except DriveError as error:
+        mend = "restore it or drop the frame"
+        raise DriveError("there is no such readable image", path=image, mend=mend) from error
     return int(picture.shape[1]), int(picture.shape[0])
 
 

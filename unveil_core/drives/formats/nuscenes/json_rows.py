@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.disk.open_safely import open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import parsed_json
 
@@ -56,7 +57,7 @@ def json_rows(path: Path, field: str | None = None, wanted: Collection[str] = ()
 def _bodies(path: Path) -> Iterator[list[bytes]]:
     """What stands between the braces of each row, some thousand rows at a time."""
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             rest = stream.read(CHUNK_BYTES)
             begin = BEGIN.match(rest)
             if begin is None:

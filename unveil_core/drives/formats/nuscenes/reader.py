@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox, boxes_at
@@ -239,7 +240,8 @@ def _points(
 def _label_numbers(path: Path, count: int) -> NDArray[np.uint8]:
     """(count,) category number of each point."""
     try:
-        numbers = np.fromfile(path, dtype=np.uint8)
+        with open_file(path, LARGEST_FILE) as stream:
+            numbers = np.fromfile(stream, dtype=np.uint8)
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend="download it again") from error
     if len(numbers) != count:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_json
+from unveil_core.base.files import read_json, read_text
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Drive, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.drives.formats.cameras import TrackIds, calibrated_camera, picture_size, scenes_of
@@ -163,7 +163,7 @@ def _boxes(path: Path, matrices: Matrices) -> Boxes:
     ids = TrackIds()
     found: Boxes = {}
     try:
-        for line in path.read_text("utf-8-sig").splitlines()[1:]:
+        for line in read_text(path).splitlines()[1:]:
             words = line.split()
             class_name = class_of(words[2]) if len(words) >= TRACK_COLUMNS else None
             if class_name is None:
