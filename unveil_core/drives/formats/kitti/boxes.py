@@ -64,7 +64,7 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
         if system is not None or public is not None:
             raise DriveError("names another file as its document type, which data need not", path=path, mend=MEND)
 
-    def entity(*_: object) -> None:
+    def entity(*_: object) -> int:
         raise DriveError("declares entities in its document type, which data need not", path=path, mend=MEND)
 
     def attribute(_element: str, _name: str, _kind: str, default: str | None, _required: int) -> None:
