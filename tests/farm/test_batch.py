@@ -160,7 +160,7 @@ def test_a_poisoned_drive_fails_alone_and_what_is_done_is_not_run_again(tmp_path
     assert run_batch(batch, lines.append, workers=1) == []
     assert "4 tasks of 2 drives, 2 done already" in lines[0]
     assert sum("bad." in line and ": done in" in line for line in lines) == 2
-    assert sum("bad." in line and ": begun on tcp://" in line for line in lines) == 2
+    assert sum("bad." in line and ": begun on worker 0" in line for line in lines) == 2
     lines.clear()
     assert run_batch(batch, lines.append) == [] and lines == ["4 tasks of 2 drives, 4 done already"]
 

@@ -59,6 +59,7 @@ def test_a_path_from_the_open_file_is_made_whole_or_refused(addon, chosen, tmp_p
         with pytest.raises(RuntimeError, match="name the whole path of a Python"):
             bpy.ops.unveil.check_python()
         online()
+        chosen.install_from = "/nowhere/unveil_core-0.1.0-py3-none-any.whl"
         with pytest.raises(RuntimeError, match="Folder of wheels begins with //"):
             bpy.ops.unveil.create_environment()
     chosen.python = ""
