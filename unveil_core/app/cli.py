@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from unveil_core.app.console import say
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
@@ -78,7 +79,7 @@ def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
 
 def _say(line: str, code: int) -> int:
     with suppress(OSError):  # whoever listened may be gone
-        print(f"unveil: {line}", file=sys.stderr, flush=True)
+        say(f"unveil: {' '.join(line.split())}", sys.stderr)
     return code
 
 
