@@ -103,11 +103,15 @@ def _merge(arguments: argparse.Namespace) -> int:
 def _template(arguments: argparse.Namespace) -> int:
     from unveil_core.base.files import write_atomic
     from unveil_core.farm.manifest import read_batch
-    from unveil_core.farm.template import TEMPLATES
+    from unveil_core.farm.template import TEMPLATES, fitting
 
     batch = read_batch(arguments.batch)
     name, text = TEMPLATES[arguments.to]
     path: Path = arguments.batch / name
-    write_atomic(path, lambda stream: stream.write(text(batch).encode()))
+    left_out: list[UnveilError] = []
+    content = text(fitting(batch, text, left_out.append)).encode()
+    write_atomic(path, lambda stream: stream.write(content))
+    for error in left_out:
+        say(f"left out: {error}", sys.stderr)
     say(shlex.quote(str(path)))
-    return 0
+    return 1 if left_out else 0

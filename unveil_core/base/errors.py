@@ -81,7 +81,8 @@ class OutOfMemoryError(Exception):
         way_out = f"or run it with {mend}" if mend else "or use a machine with more"
         super().__init__(
             f"{shown(path, tail=True)}: no memory left for {stage}, at {held_mb:.0f} MB "
-            f"(end other programs {way_out}: it goes on where it stopped)"
+            f"(end other programs {way_out}: it goes on "
+            "where it stopped)"
         )
 
 
@@ -101,7 +102,8 @@ class GpuMemoryError(OutOfMemoryError):
         Exception.__init__(
             self,
             f"{shown(path, tail=True)}: no memory left on the GPU for {stage} (end other programs that use it, "
-            "or use --device cpu: it goes on where it stopped; or begin again with a smaller --work-side or fewer --splats)",
+            "or use --device cpu: it goes on where it stopped; "
+            "or begin again with a smaller --work-side or fewer --splats)",
         )
 
 
