@@ -7,6 +7,8 @@ Scene coordinates are those of the workspace, z up with an origin amid the camer
 from __future__ import annotations
 
 import json
+import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -159,6 +161,12 @@ def _number(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
+DEVICES = re.compile(r"(con|prn|aux|nul|clock\$|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(?=[ .]|$)", re.IGNORECASE)
+"""Of Windows: who opens one may wait for ever."""
+UNSEEN = frozenset(("Cc", "Cf", "Cs", "Zl", "Zp"))
+"""Categories of characters that names do not have."""
+
+
 def file_name(text: object) -> str:
     """The name of one file or folder, as import gives them; others would lead out of the workspace's folders.
 
@@ -166,7 +174,9 @@ def file_name(text: object) -> str:
         ValueError: it is none.
     """
     name = str(text)
-    if name != name.strip(" .") or not name or any(c in '<>:"/\\|?*' or ord(c) < 32 for c in name):
+    strange = any(c in '<>:"/\\|?*' or unicodedata.category(c) in UNSEEN for c in name)
+    whole = name == name.strip(" .") != "" and not strange
+    if not whole or DEVICES.match(name):
         raise ValueError(f"{name[:40]!r} is no name of a file")
     return name
 
