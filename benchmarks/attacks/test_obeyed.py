@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -48,7 +49,8 @@ def test_settings_of_numba_beside_a_drive(drive: Path, tmp_path: Path) -> None:
     done = unveil(drive, "import", ".", "-o", "../ws")
     assert done.returncode == 0, done.stderr
     # The rest of a run compiles kernels; here one does.
-    kernel = "from unveil_core.base.kernels.compiled import njit; f = njit(cache=True)(lambda x: x + 1); assert f(1) == 2 and f.signatures"
+    kernel = "f = njit(lambda x: x + 1); assert f(1) == 2 and f.signatures"
+    kernel = f"from unveil_core.base.kernels.compiled import njit; {kernel}"
     done = unveil(drive, python=("-c", f"import unveil_core.raster.cpu.forward; {kernel}"))
     assert done.returncode == 0 and not done.stdout.strip(), done.stdout + done.stderr
     assert not (tmp_path / "trace").exists() and not (drive / ".cache").exists()
@@ -84,7 +86,8 @@ def test_tracklets_as_they_are_released_and_with_entities(tmp_path: Path) -> Non
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_nobody_else_runs_code_in_a_batch(drive: Path, tmp_path: Path) -> None:
-    distributed, psutil = pytest.importorskip("distributed"), pytest.importorskip("psutil")
+    psutil = pytest.importorskip("psutil")
+    pytest.importorskip("distributed")
     assert main(["batch", "plan", str(drive), "-o", str(tmp_path / "batch"), "--quality", "draft"]) == 0
     command = [sys.executable, "-P", "-m", "unveil_core", "batch", "run", str(tmp_path / "batch"), "--workers", "2"]
     with (tmp_path / "said").open("wb") as said:
@@ -97,12 +100,10 @@ def test_nobody_else_runs_code_in_a_batch(drive: Path, tmp_path: Path) -> None:
         family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
         listening = [c.laddr for p in family for c in p.net_connections("tcp") if c.status == "LISTEN"]
         assert {address.ip for address in listening} <= {"127.0.0.1", "::1"}
-        for address in listening:
-            with (
-                pytest.raises((OSError, ValueError, TimeoutError)),
-                distributed.Client(f"tcp://127.0.0.1:{address.port}", timeout="2s") as client,
-            ):
-                client.run(os.getuid)
+        for address in listening:  # pages to look at, and nothing that takes orders
+            with socket.create_connection((address.ip, address.port), timeout=10) as connection:
+                connection.sendall(b"GET /health HTTP/1.0\r\n\r\n")
+                assert connection.recv(5) == b"HTTP/"
     finally:
         process.send_signal(signal.SIGINT)
         process.wait(30)
@@ -178,9 +179,8 @@ def test_the_page_that_is_sent_to_others(tmp_path: Path) -> None:
     assert main(["import", str(drive), "-o", str(home / "ws")]) == 0
     write_report(home / "ws", tmp_path / "page")
     page = (tmp_path / "page/index.html").read_text()
-    assert "alice.secret" not in page and "unveil run street/transforms.json" in "".join(
-        page.replace("<span>", "").split("</span>")
-    )
+    assert "alice.secret" not in page
+    assert "unveil run street/transforms.json" in page.replace("<span>", "").replace("</span>", "")
 
 
 def test_a_password_in_the_address_of_an_index() -> None:
