@@ -106,7 +106,8 @@ def test_nobody_else_runs_code_in_a_batch(drive: Path, tmp_path: Path) -> None:
                 assert connection.recv(5) == b"HTTP/"
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(30)
+        assert process.wait(30) == 130
+    assert not [p for p in family if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
 
 
 def test_a_truth_that_is_somebody_s_home(drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

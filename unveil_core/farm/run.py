@@ -12,7 +12,7 @@ from unveil_core.base.errors import SettingsError
 from unveil_core.base.wording import about_as_long, about_as_much
 from unveil_core.farm.manifest import Batch, BatchDrive, Task
 from unveil_core.farm.state import TaskState, note_state, state_of
-from unveil_core.farm.task import run_task
+from unveil_core.farm.task import end_tasks, run_task, tasks_may_begin
 from unveil_core.forecast.machine import free_memory_mb
 
 __all__ = ["GPU", "MEMORY", "RETRIES", "run_batch", "workers_that_fit"]
@@ -89,7 +89,10 @@ def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell:
             resources={GPU: gpus} if gpus else None,
             silence_logs=logging.CRITICAL,  # what a task says is told by this module
         )
-        yield stack.enter_context(Client(stack.enter_context(cluster)))
+        stack.callback(tasks_may_begin)
+        client = stack.enter_context(Client(stack.enter_context(cluster)))
+        stack.callback(end_tasks)  # first of the three: the cluster waits for its threads
+        yield client
 
 
 def _local_dashboard(client: Any) -> str | None:
