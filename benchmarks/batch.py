@@ -2,7 +2,7 @@
 
     python benchmarks/batch.py [--drives 8] [--quality draft] [--cache DIR]
 
-Each worker runs its tasks as whole processes. Of the run with two workers, the worker of the first task that runs is killed; all
+Each worker runs its tasks as whole processes. Of the run with two workers, the process of the first task that runs is killed; all
 drives must be done all the same, the task be named as tried again, and a second start find nothing to do. Results in
 benchmarks/results/batch.json.
 """
@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
-import signal
 import sys
 import tempfile
 import threading
 import time
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
@@ -50,13 +50,15 @@ def make_drives(count: int, folder: Path) -> list[Path]:
 
 
 def kill_first(batch: Batch, killed: list[str]) -> None:
-    """Kill the worker of the first task that runs, once it has run for a while."""
+    """Kill the process of the first task that runs, once it has run for a while."""
     while not killed:
         for task in batch.tasks:
             state = state_of(batch, task)
             if state.status == "running":
                 time.sleep(5.0)
-                os.kill(state.process, signal.SIGKILL)
+                for process in psutil.Process(state.process).children():
+                    if process.cmdline()[-len(task.arguments) - 1 : -1] == list(task.arguments):
+                        process.kill()
                 killed.append(task.id)
                 return
         time.sleep(0.1)

@@ -8,8 +8,23 @@ The public face, loaded when first used so that the command line starts at once:
 from __future__ import annotations
 
 import os
+import sys
+
+# While Python looks for the module of `python -m unveil_core`, it has put the working folder first on the path: a torch.py beside
+# a drive must not be taken for torch. The name in argv says so, and stands there no longer than that.
+if sys.argv[:1] == ["-m"] and not sys.flags.safe_path:
+    try:
+        if sys.path[:1] == [os.getcwd()]:
+            del sys.path[0]
+    except OSError:  # a folder that is gone: Python has not put it there
+        pass
+
 from importlib import import_module
 from typing import Any
+
+from unveil_core.base.surroundings.guarded_imports import guard_imports
+
+guard_imports()
 
 # On a busy machine spinning OpenMP threads double the time of a training step. It has to be set before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")

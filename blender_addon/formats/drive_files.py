@@ -7,6 +7,8 @@ Scene coordinates are those of the workspace, z up with an origin amid the camer
 from __future__ import annotations
 
 import json
+import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -151,6 +153,8 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
         if not np.isfinite(rotation).all() or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
             raise ValueError("its way to the drive is no rotation")
         rate = _number(data.get("frame_rate"))
+        if rate is not None and not RATES[0] <= rate <= RATES[1]:
+            raise ValueError(f"{rate:g} frames a second")
         drive = ImportedDrive(workspace, str(data["source"]), {}, offset, scale, rotation, rate, metre)
         tracks: dict[str, list[DriveFrame]] = {}
         for entry in data["frames"]:
@@ -162,7 +166,18 @@ def read_drive(workspace: str | Path, metre: float = 1.0) -> ImportedDrive:
 
 
 def _number(value: Any) -> float | None:
-    return None if value is None else float(value)
+    number = None if value is None else float(value)
+    if number is not None and not abs(number) <= LATEST_S:
+        raise ValueError(f"{number:g} seconds, or frames a second")
+    return number
+
+
+LATEST_S, RATES = 1e19, (1e-3, 1e4)
+"""Time stamps, also those of nanoseconds since 1970, and frames a second; others are none."""
+DEVICES = re.compile(r"(con|prn|aux|nul|clock\$|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])(?=[ .]|$)", re.IGNORECASE)
+"""Of Windows: who opens one may wait for ever."""
+UNSEEN = frozenset(("Cc", "Cf", "Cs", "Zl", "Zp"))
+"""Categories of characters that names do not have."""
 
 
 def file_name(text: object) -> str:
@@ -172,7 +187,9 @@ def file_name(text: object) -> str:
         ValueError: it is none.
     """
     name = str(text)
-    if name != name.strip(" .") or not name or any(c in '<>:"/\\|?*' or ord(c) < 32 for c in name):
+    strange = any(c in '<>:"/\\|?*' or unicodedata.category(c) in UNSEEN for c in name)
+    whole = name == name.strip(" .") != "" and not strange
+    if not whole or DEVICES.match(name):
         raise ValueError(f"{name[:40]!r} is no name of a file")
     return name
 

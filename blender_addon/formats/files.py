@@ -26,6 +26,7 @@ __all__ = [
     "one_line",
     "own_folder",
     "patiently",
+    "shown",
     "write_changed",
     "write_whole",
 ]
@@ -183,12 +184,12 @@ def one_line(error: Exception, place: str | Path) -> str:
     if isinstance(error, OSError):
         where = error.filename or place
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return f"{where}: the disk is full (free some space and try again)"
-        return _shown(f"{where}: {error.strerror or error}")
-    return _shown(str(error))
+            return shown(f"{where}: the disk is full (free some space and try again)")
+        return shown(f"{where}: {error.strerror or error}")
+    return shown(str(error))
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
     """One line that Blender can show: text of files may hold anything."""
     whole = " ".join(text.split())
     whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)

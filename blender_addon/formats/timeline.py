@@ -60,7 +60,10 @@ def timeline_of(drive: ImportedDrive, start: int) -> Timeline:
         start: frame of its first picture.
     """
     counted = {track: tuple(range(start, start + len(frames))) for track, frames in drive.tracks.items()}
-    timed = _timed(drive.tracks, drive.frame_rate, start)
+    try:
+        timed = _timed(drive.tracks, drive.frame_rate, start)
+    except (OverflowError, ValueError):  # no numbers of a clock
+        timed = None
     return Timeline(start, timed or counted, drive.frame_rate)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import bpy
 
 from ..formats.drive_files import read_drive
-from ..formats.files import one_line
+from ..formats.files import one_line, shown
 from ..formats.object_files import recorded_drive
 from ..scene import blocks, camera_files, drive_scene
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
@@ -117,7 +117,7 @@ def _write_cameras(workspace: Path, path: Path) -> None:
 
 
 def _refuse(problem: str, code: int = 2) -> int:
-    print(f"unveil: {'error' if code == 2 else 'failed'}: {problem}", file=sys.stderr)
+    print(f"unveil: {'error' if code == 2 else 'failed'}: {shown(problem)}", file=sys.stderr)
     return code
 
 

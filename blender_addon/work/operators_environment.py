@@ -12,7 +12,7 @@ import bpy
 
 from ..scene import versions
 from ..worker import base_python, environment
-from ..worker.interpreter import Candidate, Found, check
+from ..worker.interpreter import Candidate, Found, check, lies_beside_files
 from ..worker.job_state import JobState
 from ..worker.jobs import Job
 from .job.job_operator import JobOperator, UserError
@@ -83,6 +83,8 @@ class UNVEIL_OT_check_python(bpy.types.Operator):
             chosen = preferences(context)
             named = chosen.python if chosen else ""
             problem = f"{named}: there is no such Python" if named else "No Python was found: press Create environment"
+            if lies_beside_files(named):
+                problem = f"{named}: leads to another place with each file: name the whole path of a Python"
             self.report({"ERROR"}, problem)
             return {"CANCELLED"}
         if not found.ok:
@@ -126,7 +128,7 @@ class UNVEIL_OT_create_environment(JobOperator, bpy.types.Operator):
         chosen = preferences(context)
         try:
             wanted = environment.requirement(chosen.install_from)
-            wheels = environment.wheels_folder(bpy.path.abspath(chosen.wheels), wanted)
+            wheels = environment.wheels_folder(chosen.wheels, wanted)
         except LookupError as error:
             raise UserError(str(error)) from error
         minors = (environment.minors_of(wheels) if wheels else ()) or base_python.MINORS

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,18 @@ _known: dict[str, Found] = {}
 """By what the preferences name: the interpreter that was found for it."""
 
 
+def _whole_path(name: str) -> Any:
+    """Blender's file browser writes paths from the open file, as ``//../tools``: they are made whole at once, for the next file may
+    be a stranger's."""
+
+    def made_whole(self: UnveilPreferences, context: bpy.types.Context) -> None:
+        named = str(getattr(self, name))
+        if named.startswith("//") and bpy.data.filepath:
+            setattr(self, name, os.path.abspath(bpy.path.abspath(named)))
+
+    return made_whole
+
+
 class UnveilPreferences(bpy.types.AddonPreferences):
     """Kept with Blender's preferences."""
 
@@ -45,6 +58,7 @@ class UnveilPreferences(bpy.types.AddonPreferences):
     python: StringProperty(
         name="Python",
         subtype="FILE_PATH",
+        update=_whole_path("python"),
         description="The Python that has unveil, or the folder of its virtual environment; empty: looked for in the usual places",
     )
     install_from: StringProperty(
@@ -55,6 +69,7 @@ class UnveilPreferences(bpy.types.AddonPreferences):
     wheels: StringProperty(
         name="Folder of wheels",
         subtype="DIR_PATH",
+        update=_whole_path("wheels"),
         description="Create environment installs from this folder alone, without a network: make wheels fills one; "
         "empty: from the package index",
     )
@@ -139,7 +154,7 @@ def _candidates(context: bpy.types.Context) -> list[Candidate]:
     chosen = preferences(context)
     folder = environment_folder()
     return candidates(
-        bpy.path.abspath(chosen.python) if chosen else "",
+        chosen.python if chosen else "",
         own=venv_python(folder) if folder is not None and environment.is_ready(folder) else None,
     )
 

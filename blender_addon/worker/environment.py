@@ -38,6 +38,7 @@ __all__ = [
     "minors_of",
     "remove_unfinished",
     "requirement",
+    "system_program",
     "wheels_folder",
 ]
 
@@ -86,10 +87,11 @@ def requirement(named: str = "", addon: Path = ADDON) -> str:
     """What pip is to install: what the user has named, else the wheel that came with the add-on.
 
     Raises:
+        LookupError: it lies beside a .blend.
         LookupError: neither is there (whatever a registry calls unveil-core may be another's), or what came is not whole.
     """
     if named.strip():
-        return named.strip()
+        return _of_the_user(named, "Install from")
     wheels = sorted((addon / "core").glob("unveil_core-*.whl"))
     mend = "install the extension again, or name what to install"
     if not wheels:
@@ -99,17 +101,24 @@ def requirement(named: str = "", addon: Path = ADDON) -> str:
     return str(wheels[-1])
 
 
+def _of_the_user(named: str, label: str) -> str:
+    """A path as the user has named it; never one that begins with ``//``, which leads to beside whatever .blend is open."""
+    if named.strip().startswith("//"):
+        raise LookupError(f"{label} begins with //, which leads to beside the open file: name the whole path")
+    return named.strip()
+
+
 def wheels_folder(named: str, wanted: str) -> Path | None:
     """The folder of wheels that the user has named, None for none.
 
     Args:
         wanted: what is to be installed; from a folder of wheels nothing is fetched, so no address.
     Raises:
-        LookupError: it is no folder, or has no wheels.
+        LookupError: it is no folder, has no wheels, or lies beside a .blend.
     """
     if not named.strip():
         return None
-    folder = Path(named.strip()).expanduser()
+    folder = Path(_of_the_user(named, "Folder of wheels")).expanduser()
     if not folder.is_dir():
         raise LookupError(f"{folder}: there is no such folder of wheels")
     if not any(folder.glob("*.whl")):
@@ -330,6 +339,11 @@ def _unveil(wanted: str, locked: Path | None, temporary: Path) -> list[str]:
     return [*STRICT, "-r", str(file)]
 
 
+def system_program(name: str) -> str:
+    """The path of a program of Windows: by its name alone, one in the working folder would be taken."""
+    return os.path.join(os.environ.get("SYSTEMROOT", r"C:\Windows"), "System32", name)
+
+
 def _end_commands() -> None:
     """The command that runs, and what it has started itself."""
     if os.name != "nt":
@@ -337,7 +351,9 @@ def _end_commands() -> None:
         return
     for command in _commands:
         if command.poll() is None:
-            subprocess.run(["taskkill", "/F", "/T", "/PID", str(command.pid)], capture_output=True, check=False)
+            subprocess.run(
+                [system_program("taskkill.exe"), "/F", "/T", "/PID", str(command.pid)], capture_output=True, check=False
+            )
 
 
 def _stop_now(*_: object) -> None:

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from .base_python import lost_base, on_path
 from .environment import ADDON
-from .jobs import worker_environment
+from .jobs import own_folder, worker_environment
 
-__all__ = ["Candidate", "Found", "addon_version", "candidates", "check", "find", "venv_python"]
+__all__ = ["Candidate", "Found", "addon_version", "candidates", "check", "find", "lies_beside_files", "venv_python"]
 
 WINDOWS = os.name == "nt"
 LEAST_PYTHON, LEAST_UNVEIL = (3, 11), (0, 1)
@@ -136,6 +136,12 @@ def venv_python(folder: Path) -> Path:
     return folder / ("Scripts/python.exe" if WINDOWS else "bin/python")
 
 
+def lies_beside_files(named: str) -> bool:
+    """Whether a path leads to another place with each .blend: ``//`` is the folder of the open one, and Blender may work there."""
+    path = named.strip()
+    return bool(path) and (path.startswith("//") or not Path(path).expanduser().is_absolute())
+
+
 def candidates(
     preferred: str = "",
     *,
@@ -164,7 +170,8 @@ def candidates(
 def _places(preferred: str, own: Path | None, environ: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
     """Nothing that lies beside a drive or a .blend: these come from strangers, and what is found here is run."""
     if preferred.strip():
-        yield Path(preferred.strip()).expanduser(), "from the preferences"
+        if not lies_beside_files(preferred):
+            yield Path(preferred.strip()).expanduser(), "from the preferences"
         return  # who names one wants that one, or to hear what is wrong with it
     if environ.get("UNVEIL_PYTHON"):
         yield Path(environ["UNVEIL_PYTHON"]).expanduser(), "from UNVEIL_PYTHON"
@@ -268,6 +275,7 @@ def _ask(command: list[str], timeout_s: float) -> tuple[dict[str, object], str]:
             errors="replace",
             timeout=timeout_s,
             env=worker_environment(),
+            cwd=own_folder(),
             stdin=subprocess.DEVNULL,
         )
     except subprocess.TimeoutExpired:

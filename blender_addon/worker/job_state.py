@@ -4,14 +4,18 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import time
 from collections import deque
 from dataclasses import dataclass, field
 
-__all__ = ["JobState", "duration"]
+__all__ = ["JobState", "discreet", "duration"]
 
 LOG_LINES = 5000
 """Kept of the log; more would be of no use in a text block."""
+PASSWORD = re.compile(r"//(?:[^/?#\s]*@|[^/?#\s:]*:(?!\d*(?:[/?#\s]|$))\S*@)")
+"""What stands before the host of an address; also where the password has a slash in it."""
 NOT_SHOWN = frozenset(("t", "stage", "done", "total", "message", "level", "traceback", "seconds", "left_s"))
 HINTS = {
     0: "",
@@ -30,6 +34,13 @@ def duration(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60:02d} s"
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def discreet(text: str) -> str:
+    """A text without names and passwords in addresses, and without the user's folder."""
+    text = PASSWORD.sub("//", text)
+    home = os.path.expanduser("~")
+    return re.sub(rf"{re.escape(home)}(?![\w.-])", "~", text) if len(home) > 1 else text
 
 
 @dataclass
@@ -102,10 +113,14 @@ class JobState:
                 self._take(event)
                 return
         if line.strip():
-            self.log.append(line)
+            self.note(line)
         for mark in ("unveil: error: ", "unveil: failed: "):
             if line.startswith(mark):
                 self.error = line.removeprefix(mark)
+
+    def note(self, line: str) -> None:
+        """Put a line into the log, which is saved with the .blend and given to others."""
+        self.log.append(discreet(line))
 
     def _take(self, event: dict) -> None:  # type: ignore[type-arg]
         stage, message = event["stage"], str(event.get("message", ""))
@@ -129,9 +144,10 @@ class JobState:
         if message:
             shown = f"{done}/{total}" if total else ""
             parts = (f"{stage:<12}", shown, message, *(f"{k} {v:g}" for k, v in numbers.items()))
-            self.log.append(" ".join(p for p in parts if p))
+            self.note(" ".join(p for p in parts if p))
         if event.get("traceback"):
-            self.log.extend(str(event["traceback"]).splitlines())
+            for line in str(event["traceback"]).splitlines():
+                self.note(line)
 
     def end(self, exit_code: int, *, cancelled: bool = False) -> None:
         """The process has ended."""
@@ -144,7 +160,7 @@ class JobState:
             self.status = "bad input" if exit_code == 2 else "failed"
             if not self.error:
                 self.error = HINTS.get(exit_code) or _killed(exit_code)
-        self.log.append(f"ended with exit code {exit_code}: {self.error or self.status}")
+        self.note(f"ended with exit code {exit_code}: {self.error or self.status}")
 
 
 def _is_number(value: object) -> bool:

@@ -11,16 +11,18 @@ import os
 import queue
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from .environment import system_program
 from .job_state import JobState
 from .workspace_state import stages_of
 
-__all__ = ["Job", "end_all", "unveil_command", "unveil_job", "worker_environment"]
+__all__ = ["Job", "end_all", "own_folder", "unveil_command", "unveil_job", "worker_environment"]
 
 DRAIN_S = 0.002
 """Longest time that one drain takes: a tick of the interface has 0.02 s for all it does."""
@@ -42,12 +44,21 @@ BLENDERS_OWN = (
 )
 
 _running: set[Job] = set()
+_own_folder: tempfile.TemporaryDirectory[str] | None = None
 
 
 def worker_environment(environ: Mapping[str, str] | None = None) -> dict[str, str]:
     """An environment without what would lead another Python into Blender's libraries."""
     found = {k: v for k, v in (os.environ if environ is None else environ).items() if k not in BLENDERS_OWN}
-    return {**found, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"}
+    return {**found, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8", "PYTHONSAFEPATH": "1"}
+
+
+def own_folder() -> str:
+    """An empty folder of this process, in which its jobs work: Blender's own may be that of a stranger's .blend."""
+    global _own_folder
+    if _own_folder is None or not os.path.isdir(_own_folder.name):
+        _own_folder = tempfile.TemporaryDirectory(prefix="unveil-jobs-", ignore_cleanup_errors=True)
+    return _own_folder.name
 
 
 class Job:
@@ -64,13 +75,13 @@ class Job:
 
         Args:
             command: program and arguments.
-            cwd: where; a worker gets absolute paths, so that this rarely matters.
+            cwd: where; by default a folder of its own, so paths have to be absolute.
         Raises:
             OSError: it cannot be started.
         """
         self.command = [str(part) for part in command]
         self.state = JobState()
-        self.state.log.append("$ " + " ".join(self.command))
+        self.state.note("$ " + " ".join(self.command))
         self.started = time.monotonic()
         self._cancelled: float | None = None
         self._ended: float | None = None
@@ -80,7 +91,7 @@ class Job:
         group = {"creationflags": flags} if WINDOWS else {"start_new_session": True}
         self._process = subprocess.Popen(
             self.command,
-            cwd=cwd,
+            cwd=own_folder() if cwd is None else cwd,
             env=worker_environment(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -170,7 +181,11 @@ class Job:
         self._killed = True
         try:
             if WINDOWS:
-                subprocess.run(["taskkill", "/F", "/T", "/PID", str(self.pid)], capture_output=True, check=False)
+                subprocess.run(
+                    [system_program("taskkill.exe"), "/F", "/T", "/PID", str(self.pid)],
+                    capture_output=True,
+                    check=False,
+                )
             else:
                 os.killpg(self.pid, signal.SIGKILL)
         except OSError:

@@ -101,9 +101,9 @@ class Session:
         """The job has ended: nothing runs any more. Its log gets its last lines."""
         assert self.job is not None and self.last is not None
         self.took_s = time.monotonic() - self.job.started
-        self.last.log.append(f"{self.title}: {self.last.status} after {duration(self.took_s)}")
+        self.last.note(f"{self.title}: {self.last.status} after {duration(self.took_s)}")
         if self.ticks.count:
-            self.last.log.append(self.ticks.text())
+            self.last.note(self.ticks.text())
         self.job, self.waiting = None, ""
         return self.last
 

@@ -75,6 +75,31 @@ def test_two_braces_in_a_path_are_refused_in_one_line(
         assert main(["batch", "template", str(planned.root), "--to", other]) == 0
 
 
+@pytest.mark.skipif(os.name == "nt", reason="names are bytes")
+def test_a_drive_that_a_template_cannot_name_is_left_out_alone(
+    tmp_path: Path, planned: Batch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bytes_of_old = Path(os.fsdecode(os.fsencode(tmp_path) + b"/stra\xdfe"))
+    drives = [make_tiny_drive(tmp_path / name / "drive") for name in ("plain", "a{{b}}", "old")]
+    (tmp_path / "old").rename(bytes_of_old)
+    drives[2] = bytes_of_old / "drive/transforms.json"
+    plan_batch(drives, planned.root, RunSettings()).save()
+    for name, missing in (("openjd", 2), ("slurm", 1), ("flamenco", 1)):
+        capsys.readouterr()
+        assert main(["batch", "template", str(planned.root), "--to", name]) == 1
+        said = capsys.readouterr()
+        lines = said.err.splitlines()
+        assert len(lines) == missing and all(line.startswith("left out: ") for line in lines)
+        assert "is not UTF-8" in lines[-1] and "stra\\udcdfe" in lines[-1]
+        text = (planned.root / TEMPLATES[name][0]).read_text(encoding="utf-8")
+        assert "plain" in text or name == "flamenco" and "/transforms.json" in text
+        assert "stra" not in text and ("{{b" in text) is (name != "openjd")
+    plan_batch(drives[2:], planned.root, RunSettings()).save()
+    for name in TEMPLATES:
+        assert main(["batch", "template", str(planned.root), "--to", name]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_templates_name_every_task_or_array(planned: Batch, capsys: pytest.CaptureFixture[str]) -> None:
     for name, (file, _) in TEMPLATES.items():
         assert main(["batch", "template", str(planned.root), "--to", name]) == 0

@@ -412,3 +412,15 @@ def test_a_long_list_of_objects_ends(workspace: Path) -> None:
     assert len(cards) == 500 and "And 200 more" in page.text
     assert [a["class"] for a in cards[:350]] == ["card"] * 350  # the removed ones come first
     assert sum(tag == "img" and a.get("loading") == "lazy" for tag, a in page.found) == 160
+
+
+@pytest.mark.parametrize("home", ["/home/alice.secret/clients", "C:\\Users\\alice.secret"])
+def test_the_page_names_no_folders_of_this_machine(workspace: Path, home: str) -> None:
+    separator = home[-len("/clients")] if home.startswith("/") else "\\"
+    state = json.loads((workspace / "workspace.json").read_text())
+    state["drive"] = f"{home}{separator}street{separator}transforms.json"
+    state["settings"] |= {"segmenter": f"{home}{separator}net.onnx", "keyframes": [f"{home}{separator}3"]}
+    write_json_atomic(workspace / "workspace.json", state)
+    text, page = page_of(workspace)
+    assert "alice" not in text and "clients" not in text
+    assert "street/transforms.json" in page.text and "net.onnx" in page.text

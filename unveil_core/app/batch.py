@@ -10,8 +10,9 @@ import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
+from unveil_core.app.console import say
 from unveil_core.base.errors import SettingsError, UnveilError
-from unveil_core.base.wording import about_as_long, about_as_much, setting_as_option
+from unveil_core.base.wording import about_as_long, about_as_much, setting_as_option, shown
 
 __all__ = ["run_batch_part"]
 
@@ -34,7 +35,7 @@ def _plan(arguments: argparse.Namespace) -> int:
 
     def leave_out(path: Path, error: UnveilError) -> None:
         left_out.append(path)
-        print(f"left out: {error}", file=sys.stderr, flush=True)
+        say(f"left out: {error}", sys.stderr)
 
     batch = plan_batch(
         arguments.drives, arguments.output, given, options, replace=arguments.replace, leave_out=leave_out
@@ -44,7 +45,7 @@ def _plan(arguments: argparse.Namespace) -> int:
     blocks = sum(d.blocks for d in batch.drives)
     time = about_as_long(sum(d.seconds for d in batch.drives))
     memory = about_as_much(max(d.memory_mb for d in batch.drives))
-    print(
+    say(
         f"{len(batch.drives)} drives, {frames} frames, {blocks} blocks, {len(batch.tasks)} tasks: {arguments.output}\n"
         f"about {time} on one worker like this machine, {memory} of memory for each worker"
     )
@@ -69,7 +70,7 @@ def _run(arguments: argparse.Namespace) -> int:
     batch = read_batch(arguments.batch)
 
     def tell(line: str) -> None:
-        print(json.dumps({"message": line}) if arguments.json else line, flush=True)
+        say(json.dumps({"message": line}) if arguments.json else shown(line, longest=None))
 
     return 1 if run_batch(batch, tell, scheduler=arguments.scheduler, workers=arguments.workers) else 0
 
@@ -79,7 +80,7 @@ def _status(arguments: argparse.Namespace) -> int:
     from unveil_core.farm.status import batch_status, status_lines
 
     status = batch_status(read_batch(arguments.batch))
-    print(json.dumps(status) if arguments.json else "\n".join(status_lines(status)))
+    say(json.dumps(status) if arguments.json else "\n".join(status_lines(status)))
     return 0
 
 
@@ -95,26 +96,29 @@ def _merge(arguments: argparse.Namespace) -> int:
         if task.block is not None or not task.after or not ready:
             continue
         try:
-            print(f"{task.id}: done in {run_task(str(batch.root), task.id)['seconds']:.0f} s", flush=True)
+            say(f"{task.id}: done in {run_task(str(batch.root), task.id)['seconds']:.0f} s")
         except TaskFailed as error:
             failed += 1
-            print(f"failed: {error}", file=sys.stderr, flush=True)
+            say(f"failed: {error}", sys.stderr)
     return 1 if failed else 0
 
 
 def _template(arguments: argparse.Namespace) -> int:
     from unveil_core.base.files import write_atomic
     from unveil_core.farm.manifest import read_batch
-    from unveil_core.farm.template import TEMPLATES
+    from unveil_core.farm.template import TEMPLATES, fitting
 
     batch = read_batch(arguments.batch)
     name, text = TEMPLATES[arguments.to]
     path: Path = arguments.batch / name
-    made = text(batch).encode()
+    left_out: list[UnveilError] = []
+    content = text(fitting(batch, text, left_out.append)).encode()
     if os.path.lexists(path) and name not in batch.files and not arguments.replace:
         mend = "move it, or add --replace to write over it"
         raise SettingsError("is there already, and Unveil did not write it", path=path, mend=mend)
     replace(batch, files=tuple({**dict.fromkeys(batch.files), name: None})).save()
-    write_atomic(path, lambda stream: stream.write(made))
-    print(shlex.quote(str(path)))
-    return 0
+    write_atomic(path, lambda stream: stream.write(content))
+    for error in left_out:
+        say(f"left out: {error}", sys.stderr)
+    say(shlex.quote(str(path)))
+    return 1 if left_out else 0

@@ -10,11 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from unveil_core.app.console import say
 from unveil_core.app.parser import command_parser
 from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 from unveil_core.base.kernels.device import check_device, working_on
+from unveil_core.base.surroundings.guarded_imports import leave_working_folder
 
 __all__ = ["CANCELLED", "main"]
 
@@ -24,6 +26,7 @@ NO_MEMORY = "unveil: failed: no memory left (end other programs, or use a machin
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    leave_working_folder()
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # names of files need not be text that a terminal can show
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
@@ -79,7 +82,7 @@ def _of_any(error: Exception, interrupted: bool) -> tuple[str, int]:
 
 def _say(line: str, code: int) -> int:
     with suppress(OSError):  # whoever listened may be gone
-        print(f"unveil: {line}", file=sys.stderr, flush=True)
+        say(f"unveil: {' '.join(line.split())}", sys.stderr)
     return code
 
 

@@ -6,14 +6,20 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
-from unveil_core.base.wording import about_as_long
+from unveil_core.base.wording import about_as_long, shown
 
 if TYPE_CHECKING:  # the stages' module loads NumPy
     from unveil_core.pipeline.stage import Reporter
 
-__all__ = ["reporting"]
+__all__ = ["reporting", "say"]
+
+
+def say(text: object, file: TextIO | None = None) -> None:
+    """Print lines for people, whatever names of strangers are in them; on standard output by default."""
+    lines = [shown(line, longest=None) if not line.isprintable() else line for line in str(text).split("\n")]
+    print("\n".join(lines), file=file or sys.stdout, flush=True)
 
 
 @contextmanager
@@ -28,6 +34,8 @@ def reporting(as_json: bool) -> Iterator[Reporter]:
         yield _plain
 
 
+LONGEST_NOTICE = 2000
+"""Characters of what a stage tells: a list of names, say."""
 NO_METRIC = ("t", "done", "total", "left_s")
 """Numbers of an event that are said otherwise, or not at all."""
 
@@ -36,26 +44,27 @@ def _text(event: dict[str, object]) -> str:
     metrics = "  ".join(f"{k} {v:g}" for k, v in event.items() if isinstance(v, float | int) and k not in NO_METRIC)
     left = event.get("left_s")
     rest = f"{about_as_long(left)} left" if isinstance(left, int) and left > 0 else ""
-    return "  ".join(p for p in (str(event["message"]), metrics, rest) if p)
+    return "  ".join(p for p in (shown(event["message"], longest=LONGEST_NOTICE), metrics, rest) if p)
 
 
 def _plain(event: dict[str, object]) -> None:
     # Of an error the command says itself how it ended, once.
     if event["message"] in ("started", "done", "up to date") or event["level"] in ("warning", "notice"):
-        print(f"{event['stage']:<12} {_text(event)}", file=sys.stderr, flush=True)
+        say(f"{event['stage']:<12} {_text(event)}", sys.stderr)
 
 
 @contextmanager
 def _bar() -> Iterator[Reporter]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.text import Text
 
     columns = (
-        TextColumn("[bold]{task.description:<12}"),
+        TextColumn("{task.description:<12}", style="bold", markup=False),
         BarColumn(32),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", style="dim", markup=False),
     )
     with Progress(*columns, console=Console(stderr=True), refresh_per_second=8) as progress:
         tasks = {}
@@ -63,7 +72,7 @@ def _bar() -> Iterator[Reporter]:
         def report(event: dict[str, object]) -> None:
             stage = str(event["stage"])
             if event["level"] in ("warning", "notice"):
-                progress.console.print(_text(event), highlight=False, soft_wrap=True)
+                progress.console.print(Text(_text(event)), highlight=False, soft_wrap=True)
                 return
             if stage not in tasks:
                 tasks[stage] = progress.add_task(stage, total=None, note="")

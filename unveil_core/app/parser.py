@@ -9,6 +9,7 @@ from typing import Any
 
 from unveil_core import __version__
 from unveil_core.base.kernels.device import DEVICES
+from unveil_core.base.wording import shown
 from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
 
 __all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
@@ -55,7 +56,7 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_known_args(words, namespace)
 
     def error(self, message: str) -> Any:
-        print(f"unveil: error: {message} (see {self.prog} --help)", file=sys.stderr)
+        print(f"unveil: error: {shown(message)} (see {self.prog} --help)", file=sys.stderr)
         raise SystemExit(2)
 
 

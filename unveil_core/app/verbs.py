@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from unveil_core.app.batch import run_batch_part
-from unveil_core.app.console import reporting
+from unveil_core.app.console import reporting, say
 from unveil_core.app.given_settings import settings_of
 from unveil_core.app.parser import STAGE_VERBS
 from unveil_core.base.errors import DriveError, SettingsError
@@ -83,9 +83,9 @@ def _import(arguments: argparse.Namespace) -> int:
         from unveil_core.labelling.preview import write_preview
 
         pictures = write_preview(read_imported(workspace.drive_dir), workspace.root / "preview")
-        print(
+        say(
             f"{len(pictures)} pictures in {workspace.root / 'preview'}",
-            file=sys.stderr if arguments.json else sys.stdout,
+            sys.stderr if arguments.json else sys.stdout,
         )
     return 0
 
@@ -122,7 +122,7 @@ def _status(arguments: argparse.Namespace) -> int:
         print(json.dumps({"stages": states}))
     else:
         for name, state in states.items():
-            print(f"{name:<12} {state}")
+            say(f"{name:<12} {state}")
     return 0
 
 
@@ -229,7 +229,7 @@ def _doctor(arguments: argparse.Namespace) -> int:
         print(json.dumps(found))
     else:
         for key, value in found.items():
-            print(f"{key:<32} {value}")
+            say(f"{key:<32} {value}")
     return 0 if found["ok"] else 1
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-LONGEST_PART = 600
-"""Characters of the path, the problem and the mend: what files of strangers hold is quoted in part."""
+from unveil_core.base.wording import shown
 
 __all__ = [
     "Cancelled",
@@ -34,24 +33,10 @@ class UnveilError(Exception):
 
     def __init__(self, problem: str, *, path: Path | str | None = None, mend: str | None = None) -> None:
         self.problem, self.path, self.mend = problem, path, mend
-        line = f"{_shown(str(path), tail=True)}: {_shown(problem)}" if path is not None else _shown(problem)
+        line = f"{shown(path, tail=True)}: {shown(problem)}" if path is not None else shown(problem)
         if mend:
-            line = f"{line} ({_shown(mend)})"
+            line = f"{line} ({shown(mend)})"
         super().__init__(line)
-
-
-def _shown(text: str, *, tail: bool = False) -> str:
-    """A part of a message as a terminal can show it: one line, not too long, and no orders to the terminal in it.
-
-    Args:
-        tail: the end tells more than the beginning.
-    """
-    whole = " ".join(text.split())
-    if not whole.isprintable():
-        whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
-    if len(whole) > LONGEST_PART:
-        return f"…{whole[-LONGEST_PART:]}" if tail else f"{whole[:LONGEST_PART]}…"
-    return whole
 
 
 class DriveError(UnveilError):
@@ -79,7 +64,7 @@ class DiskFullError(Exception):
 
     def __init__(self, path: Path | str) -> None:
         self.path = path
-        super().__init__(f"{path}: the disk is full (free some space and run it again: it goes on)")
+        super().__init__(f"{shown(path, tail=True)}: the disk is full (free some space and run it again: it goes on)")
 
 
 class OutOfMemoryError(Exception):
@@ -95,8 +80,9 @@ class OutOfMemoryError(Exception):
         self.path = path
         way_out = f"or run it with {mend}" if mend else "or use a machine with more"
         super().__init__(
-            f"{path}: no memory left for {stage}, at {held_mb:.0f} MB "
-            f"(end other programs {way_out}: it goes on where it stopped)"
+            f"{shown(path, tail=True)}: no memory left for {stage}, at {held_mb:.0f} MB "
+            f"(end other programs {way_out}: it goes on "
+            "where it stopped)"
         )
 
 
@@ -115,8 +101,9 @@ class GpuMemoryError(OutOfMemoryError):
         self.path = path
         Exception.__init__(
             self,
-            f"{path}: no memory left on the GPU for {stage} (end other programs that use it, or use --device cpu: it goes on "
-            "where it stopped; or begin again with a smaller --work-side or fewer --splats)",
+            f"{shown(path, tail=True)}: no memory left on the GPU for {stage} (end other programs that use it, "
+            "or use --device cpu: it goes on where it stopped; "
+            "or begin again with a smaller --work-side or fewer --splats)",
         )
 
 

@@ -1,8 +1,28 @@
-"""Numbers as people say them, and settings as the command takes them."""
+"""Numbers as people say them, settings as the command takes them, and texts of strangers as a terminal can show them."""
 
 from __future__ import annotations
 
-__all__ = ["about_as_long", "about_as_much", "setting_as_option"]
+__all__ = ["LONGEST_PART", "about_as_long", "about_as_much", "setting_as_option", "shown"]
+
+LONGEST_PART = 600
+"""Characters of a path, a problem and a mend: what files of strangers hold is quoted in part."""
+
+
+def shown(text: object, *, longest: int | None = LONGEST_PART, tail: bool = False) -> str:
+    """A text as a terminal can show it: one line, not too long, and no orders to the terminal in it.
+
+    Escapes, other control characters, and those that turn the direction of writing or are not seen, are written as ``\\x1b``.
+
+    Args:
+        longest: characters that are kept; None = all.
+        tail: the end tells more than the beginning.
+    """
+    whole = " ".join(str(text).split())
+    if not whole.isprintable():
+        whole = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in whole)
+    if longest is not None and len(whole) > longest:
+        return f"…{whole[-longest:]}" if tail else f"{whole[:longest]}…"
+    return whole
 
 
 def about_as_long(seconds: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,11 @@ def spread(places: Sequence[float], least: float) -> list[float]:
 
 
 def _draw(points: Sequence[Point], front: Sequence[Point], path: Path, **looks: Any) -> None:
+    settings = Path("matplotlibrc")
+    if settings.exists() and "matplotlib" not in sys.modules:
+        raise UnveilError(
+            "matplotlib would obey it", path=settings.absolute(), mend="run this in another folder, with whole paths"
+        )
     try:
         import matplotlib
 

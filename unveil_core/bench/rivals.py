@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from unveil_core.base.errors import UnveilError
+from unveil_core.base.surroundings.programs import program
 from unveil_core.geometry.camera import Camera
 from unveil_core.raster import records as rec
 from unveil_core.raster.reference import render_reference_in_tiles
@@ -56,12 +57,12 @@ class Yardstick:
                 raise UnveilError(f"no {name} there", path=folder, mend="name the folder of the C++ yardstick")
         self._built = tempfile.TemporaryDirectory()
         library = Path(self._built.name) / "libraster.so"
-        try:
-            done = subprocess.run(
-                ["g++", *FLAGS, str(folder / "raster.cpp"), "-o", str(library)], capture_output=True, text=True
-            )
-        except FileNotFoundError:
-            raise UnveilError("there is no g++", path=folder, mend="install a C++ compiler") from None
+        compiler = program("g++")
+        if compiler is None:
+            raise UnveilError("there is no g++", path=folder, mend="install a C++ compiler")
+        done = subprocess.run(
+            [compiler, *FLAGS, str(folder / "raster.cpp"), "-o", str(library)], capture_output=True, text=True
+        )
         if done.returncode:
             raise UnveilError(f"g++ says: {done.stderr.strip().splitlines()[0]}", path=folder, mend="see the compiler")
         sys.path.insert(0, str(folder.resolve()))

@@ -15,6 +15,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from unveil_core.base.surroundings.programs import program
+
 __all__ = ["alternate", "forget_peak_memory", "machine", "program_commit", "second_process_seconds"]
 
 
@@ -79,7 +81,16 @@ def program_commit(repository: Path) -> str | None:
 
     Results of benchmarks do not count as a difference: a script that writes one row after another makes it itself.
     """
-    git = ["git", "-C", str(repository)]
+    # Files of the repository's own that git would run are left alone.
+    git = [
+        program("git") or "git",
+        "-C",
+        str(repository),
+        "-c",
+        "core.fsmonitor=false",
+        "-c",
+        f"core.hooksPath={os.devnull}",
+    ]
     try:
         commit = subprocess.run([*git, "rev-parse", "--short", "HEAD"], check=True, capture_output=True, text=True)
         asked = [*git, "status", "--porcelain", "--untracked-files=no", "--", ".", ":!benchmarks/results"]

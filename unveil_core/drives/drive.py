@@ -20,6 +20,8 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 
 __all__ = [
+    "LATEST_S",
+    "RATES",
     "Distortion",
     "Drive",
     "Footage",
@@ -29,9 +31,15 @@ __all__ = [
     "Sweep",
     "SweepPoints",
     "frames_per_second",
+    "is_frame_rate",
     "instants",
     "tracks",
 ]
+
+LATEST_S = 1e19
+"""Time stamps lie within: those in nanoseconds since 1970, too."""
+RATES = 1e-3, 1e4
+"""Frames a second that cameras take."""
 
 
 @dataclass(frozen=True)
@@ -252,4 +260,10 @@ def frames_per_second(frames: Sequence[Frame]) -> float | None:
     if len(stamps) < len(frames):
         return None
     steps = [b - a for a, b in zip(stamps[:-1], stamps[1:], strict=True) if b > a]
-    return round(1.0 / float(np.median(steps)), 3) if steps else None
+    rate = round(1.0 / float(np.median(steps)), 3) if steps else 0.0
+    return rate if is_frame_rate(rate) else None
+
+
+def is_frame_rate(rate: float) -> bool:
+    """Whether a camera may take so many frames a second; what follows from time stamps that are none may be anything."""
+    return RATES[0] <= rate <= RATES[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -14,7 +13,7 @@ from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_own_json
 from unveil_core.drives.boxes import read_boxes
-from unveil_core.drives.drive import Distortion, Drive, Footage, Frame, PointCloud
+from unveil_core.drives.drive import LATEST_S, RATES, Distortion, Drive, Footage, Frame, PointCloud, is_frame_rate
 from unveil_core.drives.points import read_points
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
@@ -45,7 +44,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
                 mask_path=_inside(folder, e["mask"]) if "mask" in e else None,
                 ego_path=_inside(folder, e["ego"]) if "ego" in e else None,
                 footage=_footage(e, folder),
-                timestamp=_finite(e.get("timestamp"), "timestamp"),
+                timestamp=_finite(e.get("timestamp"), "timestamp", LATEST_S),
                 boxes=read_boxes(e.get("boxes"), path, e["name"]),
             )
             for e in data["frames"]
@@ -57,7 +56,7 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
             to_world=Similarity.from_json(data["to_world"]),
             scale_source=str(data["scale_source"]),
             up_source=str(data["up_source"]),
-            frame_rate=_finite(data.get("frame_rate"), "frame_rate"),
+            frame_rate=_rate(data.get("frame_rate")),
             front_cameras=tuple(str(n) for n in data.get("front_cameras") or ()),
             semantic_classes=data["semantic_classes"],
             truth_root=None if data["truth_root"] is None else Path(data["truth_root"]),
@@ -117,12 +116,17 @@ def _inside(folder: Path, name: object) -> Path:
     return folder.joinpath(*parts)
 
 
-def _finite(value: object, key: str) -> float | None:
+def _finite(value: object, key: str, most: float) -> float | None:
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{key} is no finite number")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
+        raise ValueError(f"{key} is no number up to {most:g}")
     return value
+
+
+def _rate(value: object) -> float | None:
+    rate = _finite(value, "frame_rate", RATES[1])
+    return rate if rate is not None and is_frame_rate(rate) else None
 
 
 def _camera(numbers: dict[str, Any], entry: dict[str, Any]) -> Camera:

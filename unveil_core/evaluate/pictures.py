@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.files import read_label_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
+from unveil_core.drives.importing.truth_files import truth_file
 from unveil_core.workspace.files import frame_file
 
 __all__ = ["REGIONS", "fitted", "fitted_mask", "regions_of", "truth_file", "truth_mask", "workspace_mask"]
@@ -30,16 +31,6 @@ def truth_mask(folder: Path, frame: Frame, shape: tuple[int, ...]) -> Mask | Non
     """(H, W) a frame's mask of the truth, None where it is not there."""
     path = truth_file(folder, frame)
     return None if path is None else fitted_mask(read_label_image(path), shape)
-
-
-def truth_file(folder: Path, frame: Frame) -> Path | None:
-    """``<folder>/<camera>/<frame>.*`` before ``<folder>/<frame>.*``: drives of several cameras repeat frame names."""
-    for parent in (folder / frame.camera_name, folder):
-        for suffix in (".png", ".jpg", ".jpeg", ".PNG", ".JPG"):
-            path = parent / f"{frame.name}{suffix}"
-            if path.is_file():
-                return path
-    return None
 
 
 def fitted(image: Picture, shape: tuple[int, ...]) -> Picture:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from unveil_core.base.checks.fields import checked
-from unveil_core.base.checks.names import is_file_name
+from unveil_core.base.checks.names import file_name, is_file_name, name_key
 from unveil_core.base.errors import DriveError, SettingsError, UnveilError, WorkspaceError
 from unveil_core.base.files import read_json, write_json_atomic
 from unveil_core.base.kernels.device import CPU, name_of_device
@@ -127,7 +127,7 @@ def read_batch(root: Path) -> Batch:
         drives = tuple(checked(BatchDrive, d) for d in data["drives"])
         tasks = tuple(checked(Task, t) for t in data["tasks"])
         names = {drive.name for drive in drives}
-        if len(names) < len(drives) or not all(map(is_file_name, names)):
+        if len({name_key(name) for name in names}) < len(drives) or not all(map(is_file_name, names)):
             raise ValueError("two drives of one name, or a name that is no file's")
         known: set[str] = set()
         for task in tasks:
@@ -240,9 +240,10 @@ def _name(path: Path, taken: Sequence[str], workspaces: Path) -> str:
     """A name for a drive's workspace that is no other's, in this plan or one before."""
     whole = path.absolute()
     stem = whole.parent.name if whole.suffix == ".json" else whole.name
-    plain = re.sub(r"[^\w-]+", "_", stem).strip("_")[:80] or "drive"
+    plain = file_name(re.sub(r"[^\w-]+", "_", stem).strip("_")[:80] or "drive")
     name, number = plain, 2
-    while name in taken or _is_others(workspaces / name, path):
+    keys = {name_key(other) for other in taken}
+    while name_key(name) in keys or _is_others(workspaces / name, path):
         name, number = f"{plain}_{number}", number + 1
     return name
 

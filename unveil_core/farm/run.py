@@ -1,7 +1,8 @@
-"""A batch on a Dask cluster: an existing one by its address, or one of local processes."""
+"""A batch on a Dask cluster: an existing one by its address, or this machine."""
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -11,7 +12,7 @@ from unveil_core.base.errors import SettingsError
 from unveil_core.base.wording import about_as_long, about_as_much
 from unveil_core.farm.manifest import Batch, BatchDrive, Task
 from unveil_core.farm.state import TaskState, note_state, state_of
-from unveil_core.farm.task import run_task
+from unveil_core.farm.task import end_tasks, run_task, tasks_may_begin
 from unveil_core.forecast.machine import free_memory_mb
 
 __all__ = ["GPU", "MEMORY", "RETRIES", "run_batch", "workers_that_fit"]
@@ -23,6 +24,7 @@ PATIENCE = "20s"
 MEMORY, GPU = "unveil_mb", "unveil_gpu"
 """Names of the resources by which workers of a cluster declare their memory, MB, and their GPUs:
 ``dask worker --resources "unveil_mb=8000 unveil_gpu=1"``. No more tasks than fit run on such a worker at a time."""
+LOOPBACK = "127.0.0.1"
 BEGUN = "unveil-begun"
 """Topic under which workers tell what they begin."""
 Teller = Callable[[str], None]
@@ -35,8 +37,8 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
 
     Args:
         tell: gets one line for each task that begins or ends.
-        scheduler: address of a running Dask scheduler, whose workers see the same files; None = a cluster of ``workers`` local
-            processes, for this call only.
+        scheduler: address of a running Dask scheduler, whose workers see the same files; None = ``workers`` tasks at a time on this
+            machine, for this call only.
     Raises:
         SettingsError: Dask is not installed, no scheduler answers, or no worker has the memory or the GPU that a task needs.
     """
@@ -51,16 +53,16 @@ def run_batch(batch: Batch, tell: Teller, *, scheduler: str | None = None, worke
     waiting = {task.drive for task in open_tasks}
     drives = [drive for drive in batch.drives if drive.name in waiting]
     with _client(scheduler, workers, drives, tell) as client:
-        tell(f"dashboard: {client.dashboard_link}")
+        tell(f"dashboard: {client.dashboard_link if scheduler else _local_dashboard(client)}")
         needs = {drive.name: _asked(client, drive, tell) for drive in drives}
-        client.subscribe_topic(BEGUN, lambda event: tell(f"{event[1]['task']}: begun on {event[1]['worker']}"))
+        client.subscribe_topic(BEGUN, lambda event: tell(f"{event[1]['task']}: begun on {event[1]['where']}"))
         futures = _submitted(client, batch, open_tasks, needs)
         return _watched(batch, as_completed(futures.values()), futures, tell)
 
 
 @contextmanager
 def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell: Teller) -> Iterator[Any]:
-    """A client of the cluster at an address, or of local processes that end with it."""
+    """A client of the cluster at an address, or of workers in this process."""
     from distributed import Client, LocalCluster
 
     with ExitStack() as stack:
@@ -76,14 +78,27 @@ def _client(scheduler: str | None, workers: int, drives: list[BatchDrive], tell:
         if gpus and workers > 1:
             tell("workers: 1, for the tasks use the GPU")
         count = 1 if gpus else workers_that_fit(workers, max(drive.memory_mb for drive in drives), tell)
+        # Workers are threads, for each task is a process of its own: so there is no port at which another user of this machine
+        # could run code. The dashboard only shows what is done.
         cluster = LocalCluster(
             n_workers=count,
             threads_per_worker=1,
-            processes=True,
-            dashboard_address=":0",
+            processes=False,
+            dashboard_address=f"{LOOPBACK}:0",
+            worker_dashboard_address=f"{LOOPBACK}:0",
             resources={GPU: gpus} if gpus else None,
+            silence_logs=logging.CRITICAL,  # what a task says is told by this module
         )
-        yield stack.enter_context(Client(stack.enter_context(cluster)))
+        stack.callback(tasks_may_begin)
+        client = stack.enter_context(Client(stack.enter_context(cluster)))
+        stack.callback(end_tasks)  # first of the three: the cluster waits for its threads
+        yield client
+
+
+def _local_dashboard(client: Any) -> str | None:
+    """Address of the dashboard of workers in this process; Dask itself says an address that the network would know. None = none."""
+    port = client.scheduler_info()["services"].get("dashboard")
+    return f"http://{LOOPBACK}:{port}/status" if port else None
 
 
 def workers_that_fit(wanted: int, memory_mb: int, tell: Teller) -> int:
@@ -150,7 +165,8 @@ def _run_after(root: str, task_id: str, before: list[dict[str, Any]]) -> dict[st
     from distributed import get_worker
 
     worker = get_worker()
-    worker.log_event(BEGUN, {"task": task_id, "worker": worker.address})
+    where = f"worker {worker.name}" if worker.address.startswith("inproc:") else worker.address
+    worker.log_event(BEGUN, {"task": task_id, "where": where})  # Dask itself notes the address as "worker"
     return run_task(root, task_id)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from unveil_core.base.wording import shown
 from unveil_core.farm.manifest import Batch
 from unveil_core.farm.state import TaskState, seen_state
 
@@ -40,9 +41,9 @@ def status_lines(status: dict[str, Any]) -> list[str]:
     lines = []
     for drive in status["drives"]:
         count, total = drive["tasks"], sum(drive["tasks"].values())
-        line = f"{drive['name']:<24} {count['done']}/{total} tasks done, {drive['seconds']:.0f} s"
+        line = f"{shown(drive['name']):<24} {count['done']}/{total} tasks done, {drive['seconds']:.0f} s"
         line += f", {count['running']} running" if count["running"] else ""
         line += f", tried again: {', '.join(drive['tried_again'])}" if drive["tried_again"] else ""
         lines.append(line)
-        lines += [f"  {task} failed: {text}" for task, text in drive["failed"].items()]
+        lines += [f"  {task} failed: {shown(text)}" for task, text in drive["failed"].items()]
     return lines

@@ -6,7 +6,9 @@ import os
 import platform
 import subprocess
 import sys
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +16,32 @@ from unveil_core.base.disk.open_safely import open_file, open_in_place
 from unveil_core.farm.manifest import read_batch
 from unveil_core.farm.state import TaskState, note_state, state_of
 
-__all__ = ["TaskFailed", "run_task"]
+__all__ = ["TaskFailed", "end_tasks", "run_task", "tasks_may_begin"]
 
 BUSY_S = 120.0
 """How long a task waits for a workspace that another process has, seconds: a killed one's is free at once."""
+
+
+_running: set[subprocess.Popen[bytes]] = set()
+_stopping = threading.Event()
+
+
+def end_tasks() -> None:
+    """End what runs in threads of this process; none begins any more, until :func:`tasks_may_begin`."""
+    _stopping.set()
+    for process in list(_running):
+        _end(process)
+
+
+def tasks_may_begin() -> None:
+    """After :func:`end_tasks`, once the threads are gone."""
+    _stopping.clear()
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with suppress(OSError, ValueError):  # its standard input: with that it stops
+        if process.stdin is not None:
+            process.stdin.close()
 
 
 class TaskFailed(Exception):
@@ -37,6 +61,8 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
     before = state_of(batch, task)
     if before.status == "done":
         return {"id": task.id, "tries": before.tries, "seconds": before.seconds}
+    if _stopping.is_set():
+        raise TaskFailed(f"{task.id}: cancelled")
     tries, begun = before.tries + 1, time.monotonic()
 
     def note(status: str, line: str = "") -> None:
@@ -52,11 +78,19 @@ def run_task(root: str, task_id: str) -> dict[str, Any]:
     while True:
         with os.fdopen(open_in_place(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as stream:
             process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=stream, stderr=stream, env=environment)
-            code = process.wait()
+            _running.add(process)
+            try:
+                if _stopping.is_set():
+                    _end(process)
+                code = process.wait()
+            finally:
+                _running.discard(process)
         line = _last_line(log)
         if code == 0:
             note("done", line)
             return {"id": task.id, "tries": tries, "seconds": round(time.monotonic() - begun, 2)}
+        if _stopping.is_set():  # it has not failed: with this process gone it is to do
+            raise TaskFailed(f"{task.id}: cancelled")
         # The process of a worker that died may live on for a moment.
         if "in use by another process" not in line or time.monotonic() - begun > BUSY_S:
             note("failed", line)

@@ -7,13 +7,14 @@ import json
 import os
 import shlex
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from unveil_core.base.errors import SettingsError
 from unveil_core.farm.manifest import Batch, BatchDrive, Task
 
-__all__ = ["TEMPLATES", "flamenco_job", "openjd_template", "slurm_script"]
+__all__ = ["TEMPLATES", "fitting", "flamenco_job", "openjd_template", "slurm_script"]
 
 
 def _groups(batch: Batch) -> list[tuple[str, list[Task]]]:
@@ -31,6 +32,45 @@ def _groups_before(batch: Batch, tasks: list[Task]) -> list[str]:
 
 def _drive_of(batch: Batch, tasks: list[Task]) -> BatchDrive:
     return next(d for d in batch.drives if d.name == tasks[0].drive)
+
+
+def fitting(batch: Batch, text: Callable[[Batch], str], leave_out: Callable[[SettingsError], None]) -> Batch:
+    """A batch without the drives that a template cannot name.
+
+    Args:
+        text: writes the template; leave_out: gets what is wrong with a drive.
+    Raises:
+        SettingsError: no drive is left.
+    """
+    problems: dict[str, SettingsError] = {}
+    for drive in batch.drives:
+        tasks = tuple(t for t in batch.tasks if t.drive == drive.name)
+        try:
+            for argument in (a for task in tasks for a in task.arguments):
+                _as_text(argument, drive.name)
+            text(replace(batch, drives=(drive,), tasks=tasks))
+        except SettingsError as error:
+            problems[drive.name] = error
+    if len(problems) == len(batch.drives):
+        raise next(iter(problems.values()))
+    for problem in problems.values():
+        leave_out(problem)
+    return replace(
+        batch,
+        drives=tuple(d for d in batch.drives if d.name not in problems),
+        tasks=tuple(t for t in batch.tasks if t.drive not in problems),
+    )
+
+
+def _as_text(argument: str, drive: str) -> None:
+    """Refuse a name that is no text in UTF-8, as file systems may have: templates are text."""
+    try:
+        argument.encode()
+    except UnicodeEncodeError:
+        raise SettingsError(
+            f"{drive}: {argument!r} is not UTF-8, which a template cannot name",
+            mend="rename the folder or file and plan again, or use `unveil batch run`",
+        ) from None
 
 
 def openjd_template(batch: Batch) -> str:

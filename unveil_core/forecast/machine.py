@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
 import shutil
 import time
@@ -16,6 +15,7 @@ from typing import Any
 
 from unveil_core.base.disk.open_safely import LARGEST_STATE, read_bytes
 from unveil_core.base.files import parsed_json, write_json_atomic
+from unveil_core.base.surroundings.user_cache import user_cache_folder
 
 __all__ = ["Machine", "free_disk_mb", "free_memory_mb", "measured_seconds", "this_machine"]
 
@@ -92,7 +92,7 @@ def this_machine(folder: Path | None = None, device: str = "cpu") -> Machine:
     from unveil_core import __version__
     from unveil_core.base.parallel import thread_count
 
-    path = (folder or _cache_folder()) / FILE
+    path = (folder or user_cache_folder()) / FILE
     name = f"{platform.node()} {platform.machine()} {thread_count()} {__version__}"
     if device != "cpu":
         name += f" {device}"
@@ -106,15 +106,6 @@ def this_machine(folder: Path | None = None, device: str = "cpu") -> Machine:
             if good:
                 machine.ratios[str(key)] = good[-KEPT:]
     return machine
-
-
-def _cache_folder() -> Path:
-    given = os.environ.get("UNVEIL_CACHE")
-    if given:
-        return Path(given)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("unveil", appauthor=False)
 
 
 def _entries(path: Path) -> dict[str, Any]:

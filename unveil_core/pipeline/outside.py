@@ -8,6 +8,7 @@ from unveil_core.base.onnx_files import files_of
 from unveil_core.corrections.files import read_corrections
 from unveil_core.drives import open_drive
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.truth_files import truth_files
 from unveil_core.drives.marked import files_named, read_marked
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
@@ -81,7 +82,8 @@ def check_networks(settings: RunSettings) -> None:
 
 def files_of_truth(workspace: Workspace, settings: RunSettings, drive: Path) -> list[tuple[str, Path]]:
     """The true empty street, where the drive has one."""
-    truth = read_imported(workspace.drive_dir, points=False).truth_root
+    imported = read_imported(workspace.drive_dir, points=False)
+    truth = imported.truth_root
     if truth is None or not truth.is_dir():
         return []
-    return [(p.relative_to(truth).as_posix(), p) for p in sorted(truth.rglob("*")) if p.is_file()]
+    return [(p.relative_to(truth).as_posix(), p) for p in truth_files(truth, imported)]

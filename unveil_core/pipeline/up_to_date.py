@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 from unveil_core.base.disk.open_safely import LARGEST_TEXT, open_file
 from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.surroundings.user_cache import user_cache_folder
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import Stage
@@ -24,18 +26,26 @@ CONTENT_MARKS = 3
 rights and names, too: a stage may link to what it reads."""
 
 
+LONGEST_UNUSED_S = 90 * 86400.0
+"""After that what is remembered for a workspace is forgotten: perhaps there is none any more."""
+
+
 class Digests:
     """Content digests of files, remembered by what tells that a file is another one: size, time of change, the system's own time
     of change and its number of the file. Programs that copy set the first two as they were; where any of the four is another,
-    as in a copy of the workspace, the content is read again, and it alone counts."""
+    as in a copy of the workspace, the content is read again, and it alone counts.
+
+    Those of the workspace's own files lie in it. Those of files outside, which may be private and which strangers may name, lie in
+    the user's cache: who gets the workspace is not told what lies where on this machine.
+    """
 
     def __init__(self, workspace: Workspace) -> None:
         self.root = workspace.root
         self.path = workspace.root / ".digests.json"
-        self.known: dict[str, list] = {}  # type: ignore[type-arg]
-        with suppress(OSError, ValueError):
-            known = read_own_json(self.path, LARGEST_TEXT)
-            self.known = {k: v for k, v in known.items() if _is_digest(v)} if isinstance(known, dict) else {}
+        name = hashlib.blake2b(os.fsencode(os.path.realpath(self.root)), digest_size=16).hexdigest()
+        self.outside_path = user_cache_folder() / "outside" / f"{name}.json"
+        self.known = {k: v for k, v in _remembered(self.path).items() if _lies_inside(k)}
+        self.known |= {k: v for k, v in _remembered(self.outside_path).items() if os.path.isabs(k)}
         self.used: set[str] = set()
         self._read: dict[Path, list[int]] = {}
 
@@ -84,7 +94,29 @@ class Digests:
     def save(self) -> None:
         """Write what is remembered; files that are gone are forgotten."""
         kept = {k: v for k, v in self.known.items() if k in self.used or os.path.isfile(self.root / k)}
-        write_json_atomic(self.path, kept)
+        write_json_atomic(self.path, {k: v for k, v in kept.items() if _lies_inside(k)})
+        outside = {k: v for k, v in kept.items() if os.path.isabs(k)}
+        with suppress(OSError):  # without it they are read again
+            folder = self.outside_path.parent
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if outside:
+                write_json_atomic(self.outside_path, outside)
+            for file in folder.glob("*.json"):
+                if file.stat().st_mtime < time.time() - LONGEST_UNUSED_S:
+                    file.unlink()
+
+
+def _remembered(path: Path) -> dict[str, list]:  # type: ignore[type-arg]
+    """What a file of digests holds; nothing where it is not there or damaged."""
+    with suppress(OSError, ValueError):
+        known = read_own_json(path, LARGEST_TEXT)
+        return {k: v for k, v in known.items() if _is_digest(v)} if isinstance(known, dict) else {}
+    return {}
+
+
+def _lies_inside(key: str) -> bool:
+    """Whether a key is that of a file of the workspace."""
+    return not os.path.isabs(key) and ".." not in Path(key).parts
 
 
 def _marks(stat: os.stat_result) -> list[int]:

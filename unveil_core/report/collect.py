@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.ground.track import longest_track
 from unveil_core.mesh import read_ply, render_mesh_picture
+from unveil_core.report.command import name_of_path
 from unveil_core.report.pictures import FRAME_BYTES, fitted, jpeg_uri, page_size, pick, region_overlay_uri
 from unveil_core.report.provenance import draw_provenance
 from unveil_core.report.scene.gathered import ScenePictures, gather_scene
@@ -162,7 +163,7 @@ def gather(root: Path, metrics: dict[str, Any] | None, progress: Progress) -> Sh
 
 
 def _drive_name(root: Path, state: dict[str, Any]) -> str:
-    path = Path(str(state.get("drive", "")))
+    path = PurePosixPath(name_of_path(str(state.get("drive", "")), of_drive=True))
     if path.suffix == ".json":
         path = path.parent
     return path.name or root.resolve().name

@@ -22,7 +22,7 @@ from unveil_core.base.progress import Progress, no_progress
 from unveil_core.evaluate import FREE_REGIONS, METHODS
 from unveil_core.report.chart import psnr_chart
 from unveil_core.report.collect import MeshPictures, Shown, gather, understood
-from unveil_core.report.command import repeating_command
+from unveil_core.report.command import name_of_path, repeating_command
 from unveil_core.report.pictures import REGION_NAMES
 from unveil_core.report.provenance import certainty_cards, mode_legend, origin_shares
 from unveil_core.report.scene.parts import inert_json, map_part, scene_part
@@ -392,11 +392,11 @@ def _settings(shown: Shown) -> list[tuple[str, str]]:
         rows = [(k, "all that can be removed" if k == "remove" else v) for k, v in rows]
     rows += [(f"version of {k}", _value(v)) for k, v in shown.state.get("versions", {}).items()]
     if shown.state.get("drive"):
-        rows.insert(0, ("drive", str(shown.state["drive"])))
+        rows.insert(0, ("drive", name_of_path(str(shown.state["drive"]), of_drive=True)))
     return rows
 
 
 def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return ", ".join(str(v) for v in value) or "–"
-    return "–" if value is None else str(value)
+        return ", ".join(name_of_path(str(v)) for v in value) or "–"
+    return "–" if value is None else name_of_path(str(value))

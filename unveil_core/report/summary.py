@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, TextIO
 
+from unveil_core.base.wording import shown
 from unveil_core.evaluate import METHODS
 from unveil_core.report.collect import read_json, understood
 from unveil_core.report.provenance import certainty_cards
@@ -57,7 +58,8 @@ def print_summary(workspace_root: Path, file: TextIO) -> None:
     with understood(state):
         recorded = read_json(state, {})
         blocks = [_results(root), quality + _movers(recorded), _cost(recorded)]
-    file.write("\n" + "\n\n".join("\n".join(lines) for lines in blocks if lines) + "\n")
+    texts = ("\n".join(line if line.isprintable() else shown(line) for line in lines) for lines in blocks if lines)
+    file.write("\n" + "\n\n".join(texts) + "\n")
 
 
 def _results(root: Path) -> list[str]:

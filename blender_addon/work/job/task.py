@@ -47,7 +47,7 @@ class Task:
             problem = self.show(context)
             if problem:
                 state.status, state.error = "failed", problem
-                state.log.append(problem)
+                state.note(problem)
         logs.write_log(state)
         return state
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import PurePosixPath, PureWindowsPath
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from unveil_core.base.checks.names import LONGEST_BYTES, distinct_file_names, file_name, is_file_name
+from unveil_core.base.checks.names import LONGEST_BYTES, distinct_file_names, file_name, is_file_name, name_key
+
+DEVICES = ["COM¹", "lpt³.png", "CONIN$", "conout$.txt", "con .txt", "nul  ", "Aux b", "LPT0"]
+UNSEEN = ["a\u200fb", "a\u2028b", "a\u2029b", "a\u202eb", "a\u2060", "\ufeffa", "a\udcff", "a\x85b", "a\u00adb"]
 
 
 @given(st.text())
+@example("COM\u00b9")
+@example("conin$ .x")
+@example("a\u200fb\u2028")
 @example("../../../home/x")
 @example("C:\\Windows")
 @example("nul.png")
@@ -34,7 +41,9 @@ def test_what_is_a_name_stays(text: str) -> None:
     assert file_name(text) == text and is_file_name(text)
 
 
-@pytest.mark.parametrize("text", ["", ".", "..", "a/b", "a\\b", " a", "con", "Aux.png", "x:y", 7, None])
+@pytest.mark.parametrize(
+    "text", ["", ".", "..", "a/b", "a\\b", " a", "con", "Aux.png", "x:y", 7, None, *DEVICES, *UNSEEN]
+)
 def test_what_is_none_is_told(text: object) -> None:
     assert not is_file_name(text)
 
@@ -43,7 +52,15 @@ def test_what_is_none_is_told(text: object) -> None:
 def test_different_texts_have_different_names(texts: list[str]) -> None:
     names = distinct_file_names(texts)
     assert set(names) == set(texts) and all(is_file_name(n) for n in names.values())
-    assert len({n.casefold() for n in names.values()}) == len(names)
+    for form in ("NFC", "NFD"):
+        written = [unicodedata.normalize(form, n) for n in names.values()]
+        assert len({n.casefold() for n in written}) == len({n.upper() for n in written}) == len(names)
+
+
+def test_what_some_system_takes_for_one_is_told_apart() -> None:
+    texts = ["cafe\u0301", "caf\u00e9", "CAFE\u0301", "stra\u00dfe", "STRASSE", "\u212b", "\u00c5", "i", "\u0131"]
+    names = distinct_file_names(texts)
+    assert len(set(map(name_key, names.values()))) == len(texts) and names["cafe\u0301"] == "cafe\u0301"
 
 
 def test_who_has_a_name_keeps_it() -> None:

@@ -88,6 +88,9 @@ def test_a_missing_or_damaged_drive_is_one_line(tmp_path: Path) -> None:
         ("width", 0),
         ("fx", float("nan")),
         ("fy", -1.0),
+        ("timestamp", 1e300),
+        ("name", "COM\u00b9"),
+        ("camera", "a\u202eb"),
     ],
 )
 def test_a_drive_that_leads_out_of_its_workspace_is_one_line(tmp_path: Path, field: str, value: object) -> None:
@@ -96,4 +99,12 @@ def test_a_drive_that_leads_out_of_its_workspace_is_one_line(tmp_path: Path, fie
     assert read_drive(tmp_path / "ws").tracks
     edit(folder / "cameras.json", lambda d: d["frames"][0].update({field: value}))
     with pytest.raises(ValueError, match="cameras.json: is no imported drive"):
+        read_drive(tmp_path / "ws")
+
+
+@pytest.mark.parametrize("rate", [1e308, 0.0, -1.0, 1e-9])
+def test_a_rate_that_no_camera_has_is_one_line(tmp_path: Path, rate: float) -> None:
+    import_drive(open_drive(make_tiny_drive(tmp_path / "drive")), tmp_path / "ws/drive")
+    edit(tmp_path / "ws/drive/cameras.json", lambda d: d.update(frame_rate=rate))
+    with pytest.raises(ValueError, match="frames a second"):
         read_drive(tmp_path / "ws")

@@ -29,6 +29,12 @@ def test_a_lost_picture_leaves_a_gap_that_the_one_before_fills() -> None:
     assert found.held("left", "abcde") == list("abbcde") and found.end == 1006 and found.rate == 10.0
 
 
+@pytest.mark.parametrize("times", [[0.0, 1e300, 2e300], [-1.7e308, 0.0, 1.7e308], [0.0, 1e-308, 2e-308]])
+@pytest.mark.parametrize("rate", [1e308, 1e-308, 10.0])
+def test_numbers_that_are_none_count_pictures(times: list[float], rate: float) -> None:
+    assert timeline_of(drive({"front": times}, rate), 1).end == 3
+
+
 def test_what_a_frame_shows() -> None:
     found = timeline_of(drive({"left": [0.0, 0.1, 0.3]}, 10.0), 1001)
     assert [found.at("left", f) for f in (5, 1001, 1002, 1003, 1004, 2000)] == [0, 0, 1, 1, 2, 2]

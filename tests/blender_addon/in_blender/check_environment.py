@@ -35,6 +35,36 @@ def online() -> None:  # type: ignore[no-untyped-def]
     assert bpy.app.online_access
 
 
+@pytest.mark.parametrize("saved", [True, False])
+def test_a_path_from_the_open_file_is_made_whole_or_refused(addon, chosen, tmp_path: Path, saved: bool) -> None:
+    import bpy
+
+    for folder in ("own", "strange"):
+        (tmp_path / folder / "tools").mkdir(parents=True)
+        (tmp_path / folder / "tools/python").write_text(f"#!/bin/sh\ntouch {tmp_path / folder}/run\n")
+        (tmp_path / folder / "tools/python").chmod(0o755)
+        (tmp_path / folder / "shot").mkdir()
+    if saved:
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "own/shot/a.blend"))
+    chosen.python, chosen.wheels = "//../tools/python", "//../tools"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "strange/shot/a.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "strange/shot/a.blend"))
+    if saved:
+        assert (chosen.python, chosen.wheels) == (str(tmp_path / "own/tools/python"), str(tmp_path / "own/tools"))
+    preferences = addon.module("work.preferences")
+    preferences.forget()
+    found = preferences.unveil_interpreter(bpy.context)
+    assert (found is not None) is saved and not (tmp_path / "strange/run").exists()
+    if not saved:
+        with pytest.raises(RuntimeError, match="name the whole path of a Python"):
+            bpy.ops.unveil.check_python()
+        online()
+        chosen.install_from = "/nowhere/unveil_core-0.1.0-py3-none-any.whl"
+        with pytest.raises(RuntimeError, match="Folder of wheels begins with //"):
+            bpy.ops.unveil.create_environment()
+    chosen.python = ""
+
+
 def test_offline_it_is_not_offered(addon, chosen) -> None:
     import bpy
 

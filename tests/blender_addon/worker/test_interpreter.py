@@ -43,6 +43,8 @@ def test_what_lies_in_the_working_folder_is_not_run(tmp_path: Path, monkeypatch:
     (tmp_path / "street/drive").mkdir()
     monkeypatch.chdir(tmp_path / "street/drive")
     assert candidates(environ={}) == []
+    for named in ("python", "./python", "//python", f"//{tmp_path}/python"):
+        assert candidates(named, environ={}) == []
     for name in ("unveil", "python3"):
         fake(tmp_path / "street/drive" / name)
     assert candidates(environ={"PATH": os.pathsep.join((".", "", str(tmp_path / "none")))}) == []

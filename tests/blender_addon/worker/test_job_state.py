@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 
 import pytest
@@ -27,6 +28,29 @@ def test_events_and_log_are_told_apart() -> None:
     assert state.metrics == {"loss": 0.25}
     assert list(state.log)[:3] == ["some warning", "{no json", '{"t": 1}']
     assert "20/80" in state.log[-1] and "loss 0.25" in state.log[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "kept"),
+    [
+        ("$ pip --index-url https://user:pw@pip.x.org/whl/cpu", "$ pip --index-url https://pip.x.org/whl/cpu"),
+        (
+            "Looking in https://token@x.org:8080/simple, https://a:b@c@y.org/",
+            "Looking in https://x.org:8080/simple, https://y.org/",
+        ),
+        ("https://user:p/w@x.org/simple", "https://x.org/simple"),
+        ("git+https://x.org:8080/a/unveil.git@v1.2", "git+https://x.org:8080/a/unveil.git@v1.2"),
+        ("https://x.org/simple unveil@v1", "https://x.org/simple unveil@v1"),
+        (f"{os.path.expanduser('~')}/shots/a.blend", "~/shots/a.blend"),
+        (os.path.expanduser("~") + "2/a", os.path.expanduser("~") + "2/a"),
+    ],
+)
+def test_the_log_has_no_passwords_and_no_home_folder(line: str, kept: str) -> None:
+    state = JobState()
+    state.read(line + "\n")
+    state.read(event(message=line, traceback=line))
+    state.note(line)
+    assert [text.removeprefix("reconstruct  ") for text in state.log] == [kept] * 4
 
 
 def test_stages_end() -> None:

@@ -55,6 +55,18 @@ def test_output_errors_and_exit_code() -> None:
     assert state.error == "x.png: is cut short"
 
 
+def test_jobs_work_in_a_folder_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blender's working folder is that of a .blend, perhaps a stranger's."""
+    (tmp_path / "json.py").write_text("raise SystemExit('imported from the working folder')")
+    monkeypatch.chdir(tmp_path)
+    state = script("import json, os; print(os.getcwd(), os.listdir())").wait(20)
+    assert state.status == "done", list(state.log)
+    folder, _, found = state.log[1].partition(" ")
+    assert found == "[]" and Path(folder) != tmp_path and Path(folder).stat().st_mode & 0o077 == 0
+    Path(folder).rmdir()  # as those that clean up do
+    assert script("pass").wait(20).status == "done"
+
+
 def test_a_program_that_is_not_there() -> None:
     with pytest.raises(OSError):
         Job(["/nowhere/python"])

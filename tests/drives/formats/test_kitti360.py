@@ -226,6 +226,7 @@ def test_boxes_have_the_numbers_of_the_pictures(tmp_path: Path) -> None:
     ("change", "said"),
     [
         (lambda t: t.replace("<opencv_storage>", "<!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage>"), "document type"),
+        (lambda t: t.replace("<opencv_storage>", "<!DOCTYPE a SYSTEM 'a.dtd'><opencv_storage>"), "document type"),
         (lambda t: t[:-40], "no complete XML"),
         (lambda t: t.replace("<timestamp>-1</timestamp>", ""), "object1: lacks timestamp"),
         (lambda t: t.replace("<cols>4</cols><dt>f</dt><data>", "<cols>4</cols><dt>f</dt><data>1 "), "no matrix of 4"),

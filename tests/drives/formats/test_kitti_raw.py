@@ -162,7 +162,7 @@ def tracklets(poses: str, kind: str = "Van", extra: str = "") -> str:
     head = "<?xml version='1.0' encoding='UTF-8' standalone='yes' ?>\n"
     doctype = "<!DOCTYPE boost_serialization>\n"
     return (
-        f"{head}{extra or doctype * 0}<boost_serialization signature='serialization::archive' version='9'><tracklets class_id='0'>"
+        f"{head}{extra or doctype}<boost_serialization signature='serialization::archive' version='9'><tracklets class_id='0'>"
         f"<count>2</count><item_version>1</item_version>{misc}{item}</tracklets></boost_serialization>\n"
     )
 
@@ -187,8 +187,16 @@ def test_tracklets_are_boxes_in_the_world(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (tracklets("", extra='<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]>'), "document type"),
-        (tracklets("", extra='<!DOCTYPE a SYSTEM "file:///etc/passwd">'), "document type"),
+        (tracklets("", extra='<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;">]>'), "entities in its document type"),
+        (
+            tracklets("", extra='<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>'),
+            "entities in its document type",
+        ),
+        (tracklets("", extra='<!DOCTYPE a [<!ENTITY % b SYSTEM "b.dtd"> %b;]>'), "entities in its document type"),
+        (tracklets("", extra='<!DOCTYPE a SYSTEM "file:///etc/passwd">'), "another file as its document type"),
+        (tracklets("", extra='<!DOCTYPE a PUBLIC "b" "http://c/d.dtd">'), "another file as its document type"),
+        (tracklets("", extra='<!DOCTYPE a [<!ATTLIST item b CDATA "ccc">]>'), "values in its document type"),
+        (tracklets("<item>&b;</item>"), "no complete XML: undefined entity"),
         (tracklets("<item>" * 40 + "</item>" * 40), "within one another"),
         (tracklets(pose_item(1, 0))[:-60], "no complete XML"),
         (tracklets("<item><tx>1</tx></item>"), "object 1: lacks ty"),

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.drives.tiny_drive import edit, make_tiny_drive
 from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_image, read_instance_image, read_label_image
@@ -104,6 +105,24 @@ def test_a_rig_keeps_its_rate_its_sizes_and_its_front_camera(tmp_path: Path) -> 
     bare = read_imported(drive.root, points=False)
     assert len(drive.points.positions) and not len(bare.points.positions)
     assert [f.image_path for f in bare.frames] == [f.image_path for f in drive.frames]
+
+
+@pytest.mark.parametrize("step", [1e300, 1e-308, 1e-5])
+def test_time_stamps_of_no_clock_give_no_rate(tmp_path: Path, step: float) -> None:
+    path = make_tiny_drive(tmp_path / "drive")
+    edit(path, lambda d: [f.update(timestamp=i * step) for i, f in enumerate(d["frames"])])
+    if step > 1:
+        with pytest.raises(DriveError, match=r"1e\+300 is no time stamp \(frame 01\)"):
+            import_drive(open_drive(path), tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+        return
+    assert import_drive(open_drive(path), tmp_path / "out").frame_rate is None
+    edit(tmp_path / "out/cameras.json", lambda d: d.update(frame_rate=1e-308))  # as a stranger says
+    assert read_imported(tmp_path / "out").frame_rate is None
+    for spoilt in (lambda d: d.update(frame_rate=1e308), lambda d: d["frames"][0].update(timestamp=1e300)):
+        edit(tmp_path / "out/cameras.json", spoilt)
+        with pytest.raises(DriveError, match="is no number up to"):
+            read_imported(tmp_path / "out")
 
 
 class Killed(BaseException):

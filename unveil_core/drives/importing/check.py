@@ -9,7 +9,7 @@ import numpy as np
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.drive import Drive, Frame
+from unveil_core.drives.drive import LATEST_S, Drive, Frame
 from unveil_core.drives.photographs import photograph
 from unveil_core.geometry.transforms import nearest_rotation
 
@@ -20,7 +20,7 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
     """Decode every file of a drive and compare it with what the drive says of it.
 
     Raises:
-        DriveError: no frames or points, names used twice, a pose that is not rigid, a lens that is no numbers, a missing or
+        DriveError: no frames or points, names used twice, a pose that is not rigid, a lens or time stamp that is none, a missing or
             unreadable image, or an image whose size differs from its camera's.
     """
     if not drive.frames:
@@ -40,6 +40,9 @@ def check_drive(drive: Drive, progress: Progress = no_progress) -> None:
         seen.add(key)
         _check_pose(frame, drive.root)
         _check_lens(frame, drive.root)
+        if frame.timestamp is not None and not abs(frame.timestamp) <= LATEST_S:
+            mend = "give seconds, or leave time stamps out"
+            raise DriveError(f"{frame.timestamp:g} is no time stamp (frame {frame.name})", path=drive.root, mend=mend)
         size = (frame.camera.width, frame.camera.height)
         photograph(frame)
         for path in (frame.semantic_path, frame.mask_path):

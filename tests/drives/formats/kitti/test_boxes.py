@@ -10,7 +10,7 @@ import pytest
 from tests.drives.formats.kitti.files import rigid, rotation
 from unveil_core.base.errors import DriveError
 from unveil_core.drives.boxes import TrackedBox
-from unveil_core.drives.formats.kitti.boxes import moved, xml_items
+from unveil_core.drives.formats.kitti.boxes import LARGEST_ITEM_BYTES, moved, xml_items
 
 
 def test_items_of_a_depth_come_one_by_one_with_what_they_hold(tmp_path: Path) -> None:
@@ -39,6 +39,38 @@ def test_damaged_files_say_so(tmp_path: Path, text: str) -> None:
         list(xml_items(path, 1))
     path.unlink()
     with pytest.raises(DriveError, match="cannot be read"):
+        list(xml_items(path, 1))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<!DOCTYPE boost_serialization>\n<a><b>1</b></a>",
+        "<!DOCTYPE a []><a><b>1</b></a>",
+        "<!DOCTYPE a [<!ELEMENT a ANY><!-- c -->]><a><b>1</b></a>",
+    ],
+)
+def test_a_document_type_without_entities_is_borne(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.xml"
+    path.write_text(text)
+    assert [i.text for i in xml_items(path, 1)] == ["1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (f"<a><b>{'c' * LARGEST_ITEM_BYTES}</b></a>", "an element of more than 8 MiB"),
+        (f"<a><b>{'<c/>' * (LARGEST_ITEM_BYTES // 4 + 8)}</b></a>", "an element of more than 8 MiB"),
+        (f"<a><!--{'c' * (LARGEST_ITEM_BYTES + (2 << 20))}--></a>", "a tag of more than 8 MiB"),
+        (f"<a b='{'c' * (LARGEST_ITEM_BYTES + (2 << 20))}'></a>", "a tag of more than 8 MiB"),
+        ("<?xml version='1.0' encoding='rot13'?><a/>", "no XML that can be read|no complete XML"),
+    ],
+    ids=["text", "elements", "comment", "attribute", "encoding"],
+)
+def test_what_has_no_bounds_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "a.xml"
+    path.write_text(text)
+    with pytest.raises(DriveError, match=said):
         list(xml_items(path, 1))
 
 

@@ -26,6 +26,8 @@ LARGEST_BYTES = 1 << 30
 """The longest XML file that is read: that of the longest sequence of KITTI-360 is far below it."""
 DEEPEST = 24
 """Elements within one another at most; tracklets have 6."""
+LARGEST_ITEM_BYTES = 8 << 20
+"""The longest element that is kept, and the longest tag or comment: a tracklet through the longest drive takes 3 MB."""
 TRACKLET_CLASSES = {
     "Car": "car",
     "Van": "car",
@@ -50,20 +52,34 @@ SPARE_IDS = 45000
 def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
     """The elements at a depth of an XML file, root 0, one after the other; none is kept.
 
+    A document type that only names the root is usual: boost writes one into tracklets. One that declares entities or values of
+    attributes, or that names another file, is refused: a few bytes would stand for many, or for what lies elsewhere.
+
     Raises:
-        DriveError: missing, too large, too deep, damaged, or with a document type: entities have no place in data.
+        DriveError: missing, too large, too deep, damaged, or with such a document type.
     """
     builder, done = ElementTree.TreeBuilder(), list[ElementTree.Element]()
-    level = 0
+    level = begin = 0
 
-    def refuse(*_: object) -> None:
-        raise DriveError("declares a document type, which data need not", path=path, mend=MEND)
+    def doctype(_name: str, system: str | None, public: str | None, _subset: int) -> None:
+        if system is not None or public is not None:
+            raise DriveError("names another file as its document type, which data need not", path=path, mend=MEND)
+
+    def entity(*_: object) -> int:
+        raise DriveError("declares entities in its document type, which data need not", path=path, mend=MEND)
+
+    def attribute(_element: str, _name: str, _kind: str, default: str | None, _required: int) -> None:
+        if default is not None:
+            raise DriveError("declares values in its document type, which data need not", path=path, mend=MEND)
 
     def start(tag: str, _: dict[str, str]) -> None:
-        nonlocal level
+        nonlocal level, begin
         if level > DEEPEST:
             raise DriveError(f"has more than {DEEPEST} elements within one another", path=path, mend=MEND)
+        if level == depth:
+            begin = parser.CurrentByteIndex
         if level >= depth:
+            bounded()
             builder.start(tag, {})
         level += 1
 
@@ -78,11 +94,17 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
 
     def text(content: str) -> None:
         if level > depth:
+            bounded()
             builder.data(content)
+
+    def bounded() -> None:
+        if parser.CurrentByteIndex - begin > LARGEST_ITEM_BYTES:
+            raise DriveError(f"has an element of more than {LARGEST_ITEM_BYTES >> 20} MiB", path=path, mend=MEND)
 
     parser = expat.ParserCreate()
     parser.buffer_text = True
-    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+    parser.StartDoctypeDeclHandler, parser.AttlistDeclHandler = doctype, attribute
+    parser.EntityDeclHandler = parser.ExternalEntityRefHandler = parser.SkippedEntityHandler = entity
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = start, end, text
     try:
         if path.stat().st_size > LARGEST_BYTES:
@@ -92,10 +114,14 @@ def xml_items(path: Path, depth: int) -> Iterator[ElementTree.Element]:
                 parser.Parse(chunk, False)
                 yield from done
                 done.clear()
+                if stream.tell() - parser.CurrentByteIndex > LARGEST_ITEM_BYTES:  # it waits for the end of a tag
+                    raise DriveError(f"has a tag of more than {LARGEST_ITEM_BYTES >> 20} MiB", path=path, mend=MEND)
         parser.Parse(b"", True)
         yield from done
     except expat.ExpatError as error:
         raise DriveError(f"is no complete XML: {error}", path=path, mend=MEND) from error
+    except (ValueError, LookupError, UnicodeError) as error:  # an encoding that Python does not know, or cannot use
+        raise DriveError(f"is no XML that can be read: {error}", path=path, mend=MEND) from error
     except OSError as error:
         raise DriveError(f"cannot be read: {error.strerror}", path=path, mend=MEND) from error
 

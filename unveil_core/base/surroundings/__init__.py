@@ -1,0 +1,1 @@
+"""What lies around a drive is not obeyed: the working folder may be a stranger's."""
