@@ -71,7 +71,7 @@ def begin(scene: bpy.types.Scene) -> UnveilFix:
         raise ValueError(f"{delivered}: is no PNG (run the stage Deliver again)")
     folder = own_folder(drive.workspace, FOLDER, track)
     for name in (frame.name, frame.name + BEFORE):
-        write_whole(folder / f"{name}.png", content)
+        write_whole(folder / f"{name}.png", content, like=delivered)
     return _listed(scene, drive, timeline, track, frame, invent=False)
 
 

@@ -106,15 +106,20 @@ def own_folder(workspace: Path, *names: str) -> Path:
 LONGEST_LINE = 800
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_whole(path: Path, content: bytes, *, like: Path | None = None) -> None:
     """Write a file under another name and rename it: on a full disk nothing is left of it, and the old one stays.
 
+    Args:
+        like: what it is a copy of: who may not read that may not read this either.
     Raises:
         OSError: it cannot be written.
     """
     partial = _partial(path)
+    rights = 0o666 if like is None else stat.S_IMODE(os.stat(like).st_mode) & 0o666 | 0o600
     try:
-        with partial.open("xb") as file:  # never through a link
+        with open(
+            partial, "xb", opener=lambda name, flags: os.open(name, flags, rights)
+        ) as file:  # never through a link
             file.write(content)
         move(partial, path)
     except BaseException:
@@ -138,7 +143,7 @@ def make_own(path: Path) -> None:
     """
     with open_file(path, LARGEST_PICTURE) as file:
         if os.fstat(file.fileno()).st_nlink > 1:
-            write_whole(path, file.read())
+            write_whole(path, file.read(), like=path)
 
 
 def copied(source: Path, target: Path) -> None:

@@ -21,9 +21,9 @@ from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["Digests", "depends_on", "input_hash", "is_current"]
 
-CONTENT_MARKS = 3
-"""Of a file's marks those that change with its content: size, time, and number of the file. The system's time changes with its
-rights and names, too: a stage may link to what it reads."""
+CONTENT_MARKS = 2
+"""Of a file's marks those by which a stage's inputs are watched: size and time. The system's time changes with rights and names,
+too, for a stage may link to what it reads, and network file systems may number a file anew while hours of work go on."""
 
 
 LONGEST_UNUSED_S = 90 * 86400.0

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from blender_addon.formats.files import copied, file_stamp, files_stamp, write_whole
+from blender_addon.formats.files import copied, file_stamp, files_stamp, make_own, write_changed, write_whole
+from blender_addon.formats.open_safely import LARGEST_TEXT, read_bytes, refuse_links
 
 
 class Holder:
@@ -64,3 +65,59 @@ def test_a_stamp_is_another_when_a_file_is_written_anew(tmp_path: Path) -> None:
     os.utime(paths[0], ns=(0, 5))
     assert len(found | {files_stamp(paths)}) == 5 and file_stamp(paths[0]) == "2 5"
     assert files_stamp(paths) == files_stamp(iter(paths))
+
+
+needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+
+
+@needs_pipes
+def test_only_regular_files_are_read_and_none_without_an_end(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("content")
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    (tmp_path / "zero").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe")
+    with (tmp_path / "large").open("wb") as stream:
+        stream.truncate(1 << 40)
+    assert read_bytes(tmp_path / "a", 7) == b"content"
+    for name, says in (("link", "a link"), ("zero", "a link"), ("pipe", "pipe or a device"), ("large", "larger than")):
+        with pytest.raises(OSError, match=says):
+            read_bytes(tmp_path / name, LARGEST_TEXT)
+    with pytest.raises(OSError, match="larger than 6 bytes"):
+        read_bytes(tmp_path / "a", 6)
+    assert file_stamp(tmp_path / "pipe") == "" != file_stamp(tmp_path / "a")
+
+
+@needs_pipes
+@pytest.mark.parametrize("make", ["link", "link to a folder", "pipe"])
+def test_a_workspace_with_a_link_or_a_pipe_is_refused(make: str, tmp_path: Path) -> None:
+    (tmp_path / "w/frames").mkdir(parents=True)
+    (tmp_path / "w/frames/a.png").write_text("")
+    refuse_links(tmp_path / "w")
+    path = tmp_path / "w/frames/b.png"
+    if make == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to(tmp_path if make == "link to a folder" else tmp_path / "w/frames/a.png")
+    with pytest.raises(ValueError, match=r"b\.png: is (a link|no file but a pipe)"):
+        refuse_links(tmp_path / "w")
+
+
+def test_two_blenders_that_write_one_file_do_not_meet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names: list[str] = []
+    real = os.replace
+    monkeypatch.setattr(os, "replace", lambda source, target: (names.append(Path(source).name), real(source, target)))
+    for content in (b"1", b"2", b"2"):
+        write_changed(tmp_path / "marked.json", content)
+    assert len(set(names)) == len(names) == 2 and (tmp_path / "marked.json").read_bytes() == b"2"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
+def test_a_copy_of_a_private_picture_is_private_and_has_one_name(tmp_path: Path) -> None:
+    (tmp_path / "frame").write_text("clean")
+    (tmp_path / "frame").chmod(0o600)
+    write_whole(tmp_path / "copy", b"clean", like=tmp_path / "frame")
+    assert (tmp_path / "copy").stat().st_mode & 0o777 == 0o600
+    os.link(tmp_path / "copy", tmp_path / "elsewhere")
+    make_own(tmp_path / "copy")
+    assert (tmp_path / "copy").stat().st_nlink == 1 and (tmp_path / "copy").read_bytes() == b"clean"
+    assert (tmp_path / "copy").stat().st_mode & 0o777 == 0o600

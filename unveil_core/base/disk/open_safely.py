@@ -141,8 +141,8 @@ def is_link(found: os.stat_result) -> bool:
 
 
 def check_one_name(path: Path | str, found: os.stat_result) -> None:
-    """Raise a RefusedFileError where a file has a second name."""
-    if found.st_nlink > 1:
+    """Raise a RefusedFileError where a file has a second name; folders have several."""
+    if stat.S_ISREG(found.st_mode) and found.st_nlink > 1:
         raise RefusedFileError(
             errno.EMLINK, "it is a hard link, and what is written to it would be written elsewhere, too", str(path)
         )
