@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 
 PICTURE = np.random.default_rng(0).integers(0, 255, (24, 32, 3), dtype=np.uint8)
 JPEG = cv2.imencode(".jpg", PICTURE)[1].tobytes()

@@ -13,7 +13,7 @@ from tests.inpaint.networks import FLOAT, UINT8, save
 from tests.labelling import segmentation_networks as nets
 from tests.labelling.segmentation_networks import BUILDING, CAR, PERSON, ROAD, SKY, TRUCK, VEGETATION
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives import open_drive
 from unveil_core.labelling.segmenter import NO_LABELS_HELP, label_by_network, load_segmenter, segmenter_files
 from unveil_core.semantics.classes import REMOVABLE

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import decode_image, link_or_copy, read_image, read_image_as_it_is, write_bytes_atomic
+from unveil_core.base.files import link_or_copy, write_bytes_atomic
+from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
 from unveil_core.drives.drive import Footage, Frame
 
 __all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]

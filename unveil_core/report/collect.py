@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import parsed_json, read_image, read_label_image
+from unveil_core.base.files import parsed_json
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Drive, Frame

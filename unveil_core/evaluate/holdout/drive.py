@@ -16,8 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask, Picture
 from unveil_core.delivery.lens import work_positions
