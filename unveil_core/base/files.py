@@ -60,6 +60,8 @@ HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
 WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
 """Between attempts at what such a program prevents, seconds: one in all, after which it is no passing look."""
+MOST_JSON = 1 << 21
+"""Values of a JSON text. The poses and names of 20,000 photographs are a third of it."""
 LONGEST_START = 100
 """Of a file's name, bytes that its temporary name begins with: file systems allow 255 in all."""
 
@@ -194,8 +196,13 @@ def parsed_json(text: str | bytes) -> Any:
     """What a JSON text holds. Whole numbers of more digits than 64 bits have become floats, as in other programs.
 
     Raises:
-        ValueError: it is no JSON, or lists lie too deep within one another.
+        ValueError: it is no JSON, holds more values than any file that is read, or lists lie too deep within one another.
     """
+    if len(text) > MOST_JSON:  # a list of nothing takes two bytes, and a hundred in memory
+        marks: Any = (b"[", b"{", b",") if isinstance(text, bytes) else ("[", "{", ",")
+        parts = sum(text.count(mark) for mark in marks)
+        if parts > MOST_JSON:
+            raise ValueError(f"it holds {parts:,} values, of which {MOST_JSON:,} are read")
     try:
         return json.loads(text, parse_int=_whole)
     except RecursionError:
