@@ -125,7 +125,9 @@ def test_a_stop_ends_a_network_at_work_in_any_thread(tmp_path: Path) -> None:
 
 
 WAITS = """
+import signal
 import sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 from pathlib import Path
 from unveil_core.base.onnx_files import open_onnx
 import numpy as np

@@ -135,7 +135,7 @@ def _pixels_of(
 
 def _reach(view: SceneView, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
     """(M,) depth up to which points at some pixels are visible."""
-    return view.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
+    return view.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M  # type: ignore[return-value]
 
 
 def moved_points(

@@ -185,7 +185,7 @@ class _Network:
         for port in self._ports:
             if port.role == REFERENCE:
                 given[REFERENCE] = _fitted(reference, port, shown, hole.shape)
-            tensors[port.name] = port.tensor(given[port.role])
+            tensors[port.name] = port.tensor(given[port.role])  # type: ignore[arg-type]
         try:
             return self._session.run(tensors)
         except Exception as error:  # a model may fail in any way of its own
@@ -260,4 +260,4 @@ def _fitted(
     if size != reference.shape[:2]:
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         reference = cv2.resize(reference, size[::-1], interpolation=way)
-    return _continued(reference, wanted).astype(np.float32) / 255
+    return _continued(reference, wanted).astype(np.float32) / 255  # type: ignore[return-value]
