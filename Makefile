@@ -13,14 +13,15 @@ unexport PYTHONDONTWRITEBYTECODE
 demo: $(VENV)/.installed
 	$(BIN)/unveil demo
 
-test: $(VENV)/.installed-test
+# The add-on's tests need a Blender, and a few run with the oldest NumPy: each of these has an environment of its own.
+test: $(VENV)/.installed-test .venv-bpy-5.0/.installed .venv-numpy-1/.installed
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # Slow checks, with the same kind of assertions as tests have.
 quality: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile benchmarks/quality
 
-# The add-on's tests under the two long-term Blenders before 5.0, whose bpy `make test` has.
+# The add-on's tests under the two long-term Blenders before 5.0, with which `make test` runs them.
 test-blender: $(VENV)/.installed-test .venv-bpy-4.2/.installed .venv-bpy-4.5/.installed
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.2/bin/python
 	$(BIN)/python tests/blender_addon/run_in_blender.py .venv-bpy-4.5/bin/python
@@ -35,8 +36,8 @@ test-window: extension
 
 # The Blender extension with the wheel of unveil_core that it installs, and a repository that Blender can be pointed at.
 # Blender's own tool builds and checks it.
-extension: BLENDER_EXT = $(shell $(BIN)/python -c "import importlib.util as u, pathlib as p; print(next(p.Path(u.find_spec('bpy').origin).parent.glob('*/scripts/addons_core/bl_pkg/cli/blender_ext.py')))")
-extension: $(VENV)/.installed-test
+extension: BLENDER_EXT = $(shell .venv-bpy-5.0/bin/python -c "import importlib.util as u, pathlib as p; print(next(p.Path(u.find_spec('bpy').origin).parent.glob('*/scripts/addons_core/bl_pkg/cli/blender_ext.py')))")
+extension: $(VENV)/.installed-test .venv-bpy-5.0/.installed
 	rm -rf build/extension dist/extension && mkdir -p build dist/extension
 	cp -R blender_addon build/extension
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/extension/core .
@@ -60,7 +61,7 @@ lint: $(VENV)/.installed-test
 
 # What this Makefile made, and nothing else: demo_workspace/ may hold what somebody painted, and stays.
 clean:
-	rm -rf $(VENV) .venv-bpy-* build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf $(VENV) .venv-bpy-* .venv-numpy-1 build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
 # Packages come from requirements/ alone: each has its version and its hashes there, and nothing else is taken.
 LOCKED := -m pip install --quiet --require-hashes --no-deps
@@ -76,7 +77,7 @@ $(VENV)/.installed: pyproject.toml $(wildcard requirements/*.txt)
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
-	$(BIN)/python $(LOCKED) -r requirements/dev.txt -r requirements/bpy-5.0.txt
+	$(BIN)/python $(LOCKED) -r requirements/dev.txt
 	$(BIN)/python -m pip check
 	touch $@
 
@@ -84,6 +85,14 @@ $(VENV)/.installed-test: $(VENV)/.installed
 .venv-bpy-%/.installed: requirements/bpy-%.txt
 	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
 	$(@D)/bin/python $(LOCKED) -r $<
+	touch $@
+
+# NumPy of the series 1 before all else that $(VENV) has: its packages run with both.
+.venv-numpy-1/.installed: requirements/numpy-1.txt $(VENV)/.installed-test
+	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
+	$(@D)/bin/python $(LOCKED) -r $<
+	$(BIN)/python -c "import sysconfig; print(f'import site; site.addsitedir({sysconfig.get_path(\"purelib\")!r})')" > "$$($(@D)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/others.pth"
+	$(@D)/bin/python -c "import numpy, cv2, unveil_core; assert numpy.__version__ < '2', numpy"
 	touch $@
 
 # The lock files anew, from constraints.txt and pyproject.toml; uv asks the package index for the hashes.

@@ -32,7 +32,8 @@ from numpy.typing import NDArray
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from unveil_core.base.files import read_image, read_label_image, write_json_atomic  # noqa: E402
+from unveil_core.base.files import write_json_atomic  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image, read_label_image  # noqa: E402
 from unveil_core.base.types import Float32, Float64, Mask  # noqa: E402
 from unveil_core.drives.drive import Drive, Frame  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402

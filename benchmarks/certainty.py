@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from unveil_core.base.files import read_image
 from unveil_core.base.frame_cache import FrameCache
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.bench.timing import machine
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered

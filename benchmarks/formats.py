@@ -26,7 +26,8 @@ sys.path.insert(0, str(HERE.parent))
 
 from tests.drives.formats.street.all_formats import WRITERS  # noqa: E402
 from tests.drives.formats.street.street import Street  # noqa: E402
-from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
+from unveil_core.base.files import write_json_atomic  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives import open_drive  # noqa: E402
 from unveil_core.drives.boxes import TrackedBox  # noqa: E402

@@ -26,7 +26,8 @@ sys.path.insert(0, str(HERE.parent))
 
 from benchmarks.staged_streets import Box, Car, GlassFront, Person, Staged, empty_street, stage  # noqa: E402
 from unveil_core.base.errors import UnveilError  # noqa: E402
-from unveil_core.base.files import read_image, read_label_image, write_json_atomic  # noqa: E402
+from unveil_core.base.files import write_json_atomic  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image, read_label_image  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402
 from unveil_core.evaluate.detail.scores import DETAIL_FIGURES  # noqa: E402

@@ -29,7 +29,8 @@ sys.path.insert(0, str(HERE.parent))
 
 from sample_scenes.box_worlds import make_box_world  # noqa: E402
 from sample_scenes.long_street import long_street, long_way  # noqa: E402
-from unveil_core.base.files import read_image, write_json_atomic  # noqa: E402
+from unveil_core.base.files import write_json_atomic  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate.detail.scores import StreetDetail, detail_figures  # noqa: E402

@@ -17,13 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from unveil_core.base.files import (
-    read_image,
-    read_instance_image,
-    read_label_image,
-    write_image_atomic,
-    write_json_atomic,
-)
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.base.types import Float64, Picture
 from unveil_core.drives.drive import PointCloud
 from unveil_core.drives.formats.transforms_json import read_transforms_json

@@ -35,7 +35,8 @@ sys.path.insert(0, str(HERE.parent))
 from benchmarks.street_figures import BASELINES, FIGURES, Row, may_be_shown, plot, recorded, summarized  # noqa: E402
 from sample_scenes.streets.cache import street_folder, version  # noqa: E402
 from sample_scenes.streets.make_streets import make, seeds_of  # noqa: E402
-from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic  # noqa: E402
+from unveil_core.base.files import write_image_atomic, write_json_atomic  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine, program_commit  # noqa: E402
 from unveil_core.drives.imported import read_imported  # noqa: E402
 from unveil_core.evaluate import run_evaluation  # noqa: E402

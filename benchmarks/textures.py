@@ -19,8 +19,9 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from unveil_core.base.files import read_image, write_image_atomic  # noqa: E402
+from unveil_core.base.files import write_image_atomic  # noqa: E402
 from unveil_core.base.frame_cache import Frames  # noqa: E402
+from unveil_core.base.pictures.decoding import read_image  # noqa: E402
 from unveil_core.bench.timing import machine  # noqa: E402
 from unveil_core.evaluate.metrics import gradient, psnr_of_mse, squared_error, ssim_map  # noqa: E402
 from unveil_core.exports.job import Job  # noqa: E402

@@ -14,8 +14,9 @@ Pythons at once. A lock file holds the hashes of every file of a release, so it 
 | ``torch.txt`` | make without that one, the add-on: torch as the usual index has it |
 | ``cuda.txt`` | make, the add-on: what torch's build with CUDA loads (Linux) |
 | ``dev.txt`` | make test: tests, linters, the optional parts |
-| ``bpy-5.0.txt`` | make test |
-| ``bpy-4.2.txt``, ``bpy-4.5.txt`` | make test-blender |
+| ``numpy-1.txt`` | make test: the oldest series of NumPy that is supported, and what OpenCV is with it |
+| ``bpy-5.0.txt`` | make test, into an environment of its own |
+| ``bpy-4.2.txt``, ``bpy-4.5.txt`` | make test-blender, each into an environment of its own |
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ ROOT = HERE.parent
 
 EXTRAS = ("dev", "gpu", "datasets", "farm", "exports")
 """Optional parts of pyproject.toml that ``make test`` installs, but for bpy."""
-BLENDERS = {"4.2": ["bpy==4.2.23", "pytest"], "4.5": ["bpy==4.5.15", "pytest"], "5.0": ["bpy==5.0.1"]}
-"""Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the numpy of its Blender."""
+BLENDERS = {release: [f"bpy=={bpy}", "pytest"] for release, bpy in (("4.2", "4.2.23"), ("4.5", "4.5.15"), ("5.0", "5.0.1"))}
+"""Per Blender what its tests need. Each bpy is for Python 3.11 alone, and has the NumPy of its Blender, of the series 1."""
+NUMPY_1 = "numpy==1.26.4"
+"""The NumPy of these, and the oldest that Unveil itself runs with."""
 CUDA = re.compile(r"nvidia-|cuda-|triton$")
 """Names of what only torch's build with CUDA needs."""
 CPU_TORCH = "torch==2.13.0+cpu --hash=sha256:6746dbcbeb526eb61330b76b41ff1b4eb848951103a892eeb080dfa2b264667b\n"
@@ -43,12 +46,13 @@ PYTHONS = ("3.11", "3.12", "3.13")
 """What the add-on makes environments for: each must find a built wheel of every package."""
 
 
-def compile_lock(uv: str, wanted: list[str], *options: str) -> dict[str, str]:
+def compile_lock(uv: str, wanted: list[str], *options: str, numpy: str | None = None) -> dict[str, str]:
     """The lock of some requirements and of what they need.
 
     Args:
         uv: the program.
         wanted: requirements; a line that ends in ``pyproject.toml`` is that file.
+        numpy: that is pinned instead of the one of ``constraints.txt``.
     Returns:
         per name the lines of its entries (several where the version depends on the Python), names sorted.
     """
@@ -57,7 +61,12 @@ def compile_lock(uv: str, wanted: list[str], *options: str) -> dict[str, str]:
         source.write_text("".join(f"{line}\n" for line in wanted if not line.endswith(".toml")))
         files = [line for line in wanted if line.endswith(".toml")] or [str(source)]
         command = [uv, "pip", "compile", "--quiet", "--no-header", "--no-annotate", *options, *files]
-        command += ["--constraints", str(ROOT / "constraints.txt")]
+        pinned = (ROOT / "constraints.txt").read_text().splitlines()
+        if numpy is not None:
+            pinned = [numpy if line.startswith("numpy==") else line for line in pinned]
+        constraints = Path(folder) / "constraints.txt"
+        constraints.write_text("".join(f"{line}\n" for line in pinned))
+        command += ["--constraints", str(constraints)]
         oldest = os.environ | {"MACOSX_DEPLOYMENT_TARGET": "14.0"}  # that torch has wheels for
         done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=oldest)
     if done.returncode:
@@ -90,11 +99,9 @@ def main(uv: str) -> None:
     # editables is asked for by hatchling only while it builds
     write("build", compile_lock(uv, ["hatchling", "editables"], *locked))
     write("pip", compile_lock(uv, ["pip"], *locked))
+    write("numpy-1", compile_lock(uv, [NUMPY_1], *locked, numpy=NUMPY_1))
     for blender, wanted in BLENDERS.items():
-        found = compile_lock(uv, wanted, "--python-version=3.11", "--generate-hashes")
-        write(
-            f"bpy-{blender}", found if "pytest" in wanted else {n: e for n, e in found.items() if n not in everything}
-        )
+        write(f"bpy-{blender}", compile_lock(uv, wanted, "--python-version=3.11", "--generate-hashes", numpy=NUMPY_1))
     for system in SYSTEMS:
         for python in PYTHONS:
             compile_lock(

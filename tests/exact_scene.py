@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.small_street import BUILDING, CAR, HIGH, LOW, SKY, cast, make_small_street
-from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.importing.whole_drive import import_drive

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from tests.small_street import CAR, FOCAL, HEIGHT, WIDTH, lidar, picture, pose_at
-from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import PointCloud

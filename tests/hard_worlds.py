@@ -22,7 +22,7 @@ from sample_scenes.box_worlds import (
     make_box_world,
 )
 from tests.hard_drives import DRAFT, unchanged_outside
-from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error
 from unveil_core.pipeline.run import run, stage_named
 from unveil_core.pipeline.runner import run_stages

@@ -28,6 +28,8 @@ guard_imports()
 
 # On a busy machine spinning OpenMP threads double the time of a training step. It has to be set before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# The most pixels of a picture, beside base/pictures/decoding.py's own check. It has to be set before cv2 is imported.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 28))
 
 __version__ = "0.1.0"
 __all__ = ["Camera", "Drive", "Surfels", "Workspace", "open_drive", "render", "run"]

@@ -12,7 +12,7 @@ import pytest
 
 from tests.small_street import make_small_street
 from unveil_core.app.cli import main
-from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives.imported import read_imported
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings

@@ -13,7 +13,7 @@ import pytest
 from tests.exact_scene import build_exact_workspace, true_planes
 from tests.small_street import BUILDING, CAR, FRAMES, ROAD, SKY, picture
 from unveil_core.app.cli import main
-from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives.camera_path import drive_path, read_camera_path, shifted
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import psnr

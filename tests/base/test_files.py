@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import struct
+import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from unveil_core.base.files import read_image
+from unveil_core.base.errors import DriveError
+from unveil_core.base.files import read_json
+from unveil_core.base.pictures.decoding import read_image
 
 PICTURE = np.random.default_rng(0).integers(0, 255, (24, 32, 3), dtype=np.uint8)
 JPEG = cv2.imencode(".jpg", PICTURE)[1].tobytes()
@@ -29,3 +33,19 @@ def test_how_the_camera_was_held_does_not_turn_a_photograph(tmp_path: Path, orie
     shown = cv2.imread(str(tmp_path / "held.jpg"))
     assert not np.array_equal(shown, cv2.imread(str(tmp_path / "plain.jpg")))  # a viewer turns it
     assert np.array_equal(read_image(tmp_path / "held.jpg", (32, 24)), read_image(tmp_path / "plain.jpg"))
+
+
+@pytest.mark.parametrize("part", ["[]", "{}", "0", '{"a":0}', "[[0]]"])
+def test_a_json_of_countless_values_is_refused_before_it_is_read(tmp_path: Path, part: str) -> None:
+    """Sixty megabytes of empty lists are 1.6 GB of them."""
+    (tmp_path / "a.json").write_text("[" + ",".join([part] * 5_000_000) + "]")
+    begun = time.monotonic()
+    with pytest.raises(DriveError, match=r"a\.json: is not valid JSON: it holds [0-9,]+ values"):
+        read_json(tmp_path / "a.json")
+    assert time.monotonic() - begun < 2
+
+
+def test_a_long_json_is_read(tmp_path: Path) -> None:
+    whole = [{"file_path": f"images/{k}.jpg", "transform_matrix": [[0.5] * 4] * 4} for k in range(20_000)]
+    (tmp_path / "a.json").write_text(json.dumps(whole))
+    assert read_json(tmp_path / "a.json") == whole

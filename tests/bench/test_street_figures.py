@@ -15,7 +15,8 @@ import pytest
 from benchmarks.street_figures import GROUPS, SEEN, UNSEEN_FROM, group_of, may_be_shown, plot, recorded, summarized
 from benchmarks.streets import RESULTS, SHEET_ROWS, picture_file, sheet_rows, write_sheet
 from docs.generate import ROOT
-from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.bench.timing import program_commit
 
 GENERATOR = "0a1b2c3d"

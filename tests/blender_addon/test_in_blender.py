@@ -1,14 +1,15 @@
-"""The files of ``in_blender/``, under the bpy of this environment (``make test-blender`` runs them under others)."""
+"""The files of ``in_blender/``, under bpy 5.0 in an environment of its own (``make test-blender`` runs them under others)."""
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.blender_addon.run_in_blender import checks, run_check
+from tests.blender_addon.run_in_blender import ROOT, checks, run_check
+
+BLENDER = ROOT / ".venv-bpy-5.0" / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
 
 
 @pytest.fixture(scope="session")
@@ -16,8 +17,10 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("shared")
 
 
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="bpy is not installed")
+@pytest.mark.skipif(
+    not BLENDER.is_file(), reason="there is no bpy in an environment of its own: make .venv-bpy-5.0/.installed"
+)
 @pytest.mark.parametrize("check", checks(), ids=lambda path: path.stem)
 def test_in_blender(check: Path, shared: Path) -> None:
-    done = run_check(sys.executable, check, shared=shared)
+    done = run_check(str(BLENDER), check, shared=shared)
     assert done.returncode == 0, done.stdout + done.stderr

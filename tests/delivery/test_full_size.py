@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tests.ground.test_street import look
-from unveil_core.base.files import read_image_as_it_is, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.delivery.detail import grain_of
 from unveil_core.delivery.full_size import CleanFrame, FullSize, as_color, full_size_frame, in_exposure
 from unveil_core.delivery.lens import work_positions

@@ -14,7 +14,8 @@ import pytest
 from tests.evaluate.street_workspace import build_workspace
 from tests.mesh.street import cast, street_camera
 from unveil_core.base.errors import Cancelled, WorkspaceError
-from unveil_core.base.files import read_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate import evaluation, psnr, run_evaluation, ssim, write_metrics

@@ -15,7 +15,8 @@ import torch
 from tests.exact_scene import build_exact_workspace
 from unveil_core.app.render_views import render_views
 from unveil_core.base.errors import DriveError, UnveilError, WorkspaceError
-from unveil_core.base.files import read_image, read_label_image, write_image_atomic, write_json_atomic
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, ssim
 from unveil_core.evaluate.free_views import measure_free_views

@@ -15,13 +15,13 @@ from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
 from tests.fuzz.reader import Opened, Reader, Wrong
 from tests.fuzz.sound import sound_drive, sound_points
-from unveil_core.base.files import (
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import (
     decode_image,
     read_image,
     read_image_as_it_is,
     read_instance_image,
     read_label_image,
-    write_image_atomic,
 )
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.drives.drive import Distortion, PointCloud

@@ -15,8 +15,8 @@ from tests.fuzz.hostile import ESCAPE, LONG
 from tests.fuzz.table import READERS
 from tests.fuzz.verdict import judged
 from unveil_core.base.errors import UnveilError
-from unveil_core.base.files import read_image
-from unveil_core.base.image_headers import header_of
+from unveil_core.base.pictures.decoding import read_image
+from unveil_core.base.pictures.headers import header_of
 from unveil_core.drives.marked import files_named
 
 HUGE = 10**400

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.labelling.parked_row import CAR, HEIGHT, SKY, WIDTH, parked_row
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import FrameLabels
 from unveil_core.labelling.preview import preview, preview_frames, write_preview
 

@@ -13,7 +13,8 @@ from tests.inpaint.networks import FLOAT, UINT8, save
 from tests.labelling import segmentation_networks as nets
 from tests.labelling.segmentation_networks import BUILDING, CAR, PERSON, ROAD, SKY, TRUCK, VEGETATION
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import import_drive
 from unveil_core.geometry.label_images import resize_labels

@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from tests.hard_drives import make_tiny_street
-from unveil_core.base.files import read_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.resume.parts import Parts
 from unveil_core.drives import open_drive

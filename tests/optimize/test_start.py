@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from tests.small_street import make_small_street
-from unveil_core.base.files import read_image
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.camera import Camera

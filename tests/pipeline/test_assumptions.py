@@ -11,7 +11,7 @@ from tests.inpaint.facade.test_continued import FACADE_T, houses, street
 from tests.inpaint.sunny_street import box_surfels
 from tests.remove.test_regions import scene, surfels_at
 from tests.small_street import BUILDING, SKY, make_small_street
-from unveil_core.base.files import read_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.whole_drive import localized
 from unveil_core.geometry.reach import centres_of

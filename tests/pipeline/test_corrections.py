@@ -13,7 +13,7 @@ import pytest
 
 from tests.pipeline.test_deliver import HEIGHT, SETTINGS, WIDTH, done, street
 from unveil_core.base.errors import DriveError, SettingsError
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.delivery.lens import footage_positions
 from unveil_core.drives.imported import read_imported
 from unveil_core.inpaint.origin import INVENTED

@@ -12,7 +12,7 @@ import pytest
 
 from tests.small_street import make_small_street
 from unveil_core.base.errors import Cancelled
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.delivery.lens import footage_positions
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered

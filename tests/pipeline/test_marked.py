@@ -13,7 +13,7 @@ import pytest
 from tests.drives.tiny_drive import edit
 from tests.small_street import HIGH, LOW, make_small_street
 from unveil_core.base.errors import DriveError, SelectionError
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.marked import read_marked
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings

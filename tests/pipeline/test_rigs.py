@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
-from unveil_core.base.files import read_image, read_json, read_label_image
+from unveil_core.base.files import read_json
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported

@@ -10,7 +10,8 @@ import torch
 
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import FACADE_HEIGHT, HALF_WIDTH, SKY
-from unveil_core.base.files import read_label_image, write_image_atomic, write_json_atomic
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import METHODS
 from unveil_core.geometry.axes import UP, up_frame

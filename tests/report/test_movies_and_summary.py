@@ -16,7 +16,7 @@ from PIL import Image
 
 from tests.evaluate.street_workspace import build_workspace
 from unveil_core.base.errors import Cancelled, WorkspaceError
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import no_progress
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, write_metrics

@@ -19,7 +19,8 @@ import pytest
 from tests.evaluate.street_workspace import CARS, OFFSET, build_workspace
 from tests.mesh.street import cast, street_camera
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate import run_evaluation, write_metrics
 from unveil_core.evaluate.detail.scores import DETAIL_FIGURES, SPECTRUM_FIGURES

@@ -28,7 +28,7 @@ from sample_scenes.streets.path import STEP_M, bend_curvature, corner_curve, swe
 from sample_scenes.streets.plan import KINDS, LabelNoise, Plan
 from sample_scenes.streets.truth import true_picture
 from sample_scenes.streets.visibility import Shown, View, never_seen
-from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 

@@ -16,7 +16,7 @@ from unveil_core.drives import open_drive
 from unveil_core.drives.camera_path import read_camera_path
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import localized
-from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.semantics.classes import CITYSCAPES
 
 SCENES = Path(__file__).resolve().parents[2] / "sample_scenes"

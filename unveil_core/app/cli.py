@@ -16,6 +16,7 @@ from unveil_core.app.stdin_watch import end_with_stdin
 from unveil_core.app.verbs import VERBS
 from unveil_core.base.errors import Cancelled, DiskFullError, Interrupted, OutOfMemoryError, UnveilError
 from unveil_core.base.kernels.device import check_device, working_on
+from unveil_core.base.progress import stop_asked
 from unveil_core.base.surroundings.guarded_imports import leave_working_folder
 
 __all__ = ["CANCELLED", "main"]
@@ -95,12 +96,14 @@ def _interrupts(asked: threading.Event) -> Iterator[None]:
 
     def stop(*_: object) -> None:
         asked.set()
+        stop_asked.set()
         raise Interrupted
 
     previous = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
+        stop_asked.clear()
         for number, handler in previous.items():
             signal.signal(number, handler)
 

@@ -23,26 +23,19 @@ from numpy.typing import NDArray
 from unveil_core.base.disk.new_files import mode_like, new_file
 from unveil_core.base.disk.open_safely import LARGEST_STATE, LARGEST_TEXT, RefusedFileError, open_file, read_bytes
 from unveil_core.base.errors import DriveError, WorkspaceError
-from unveil_core.base.image_headers import SIGNATURES, header_of
 
 __all__ = [
     "LEAST_ROOM",
     "NO_ARCHIVE",
     "copy_picture",
-    "decode_image",
     "full_disk",
     "is_out_of_gpu_memory",
     "is_out_of_memory",
     "move",
-    "patiently",
     "parsed_json",
-    "read_image",
-    "read_image_as_it_is",
-    "read_instance_image",
+    "patiently",
     "read_json",
-    "read_label_image",
     "read_own_json",
-    "read_unchanged",
     "write_atomic",
     "write_bytes_atomic",
     "write_image_atomic",
@@ -65,15 +58,13 @@ NO_ARCHIVE = (
     ArithmeticError,
 )
 """What numpy and zipfile raise for a damaged ``.npz``, an encrypted one or one of a later format: found by fuzzing."""
-IN_COLOR = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-"""Pixels as they are stored: cameras are calibrated for these, whatever a maker's note says of how to hold the picture."""
-MOST_PIXELS = 1 << 28
-"""Of an image, 800 MB as RGB: twice what the largest cameras take."""
 HELD = (5, 32)
 """Windows' numbers of what a rename meets while a virus scanner or a viewer holds the file: access denied, sharing violation."""
 WAITS_S = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.3)
 """Between attempts at what such a program prevents, seconds: one in all, after which it is no passing look."""
 PNG, MAKE_AGAIN = b"\x89PNG\r\n\x1a\n", "run the stage that writes it again"
+MOST_JSON = 1 << 21
+"""Values of a JSON text. The poses and names of 20,000 photographs are a third of it."""
 LONGEST_START = 100
 """Of a file's name, bytes that its temporary name begins with: file systems allow 255 in all."""
 
@@ -200,8 +191,13 @@ def parsed_json(text: str | bytes) -> Any:
     """What a JSON text holds. Whole numbers of more digits than 64 bits have become floats, as in other programs.
 
     Raises:
-        ValueError: it is no JSON, or lists lie too deep within one another.
+        ValueError: it is no JSON, holds more values than any file that is read, or lists lie too deep within one another.
     """
+    if len(text) > MOST_JSON:  # a list of nothing takes two bytes, and a hundred in memory
+        marks: Any = (b"[", b"{", b",") if isinstance(text, bytes) else ("[", "{", ",")
+        parts = sum(text.count(mark) for mark in marks)
+        if parts > MOST_JSON:
+            raise ValueError(f"it holds {parts:,} values, of which {MOST_JSON:,} are read")
     try:
         return json.loads(text, parse_int=_whole)
     except RecursionError:
@@ -257,130 +253,6 @@ def write_image_atomic(path: Path, image: NDArray[np.generic], *, like: Path | N
     if not done:
         raise ValueError(f"cannot encode {path.name}")
     write_bytes_atomic(path, encoded.tobytes(), like=like)
-
-
-def _decode(
-    path: Path, flags: int, content: NDArray[np.uint8] | None = None, size: tuple[int, int] | None = None
-) -> NDArray[np.generic]:
-    if content is None:
-        try:
-            content = np.frombuffer(read_bytes(path), dtype=np.uint8)
-        except FileNotFoundError as error:
-            raise DriveError("there is no such image", path=path, mend="restore it or drop the frame") from error
-        except OSError as error:
-            raise DriveError(f"cannot be read: {error.strerror}", path=path) from error
-        except ValueError as error:
-            raise DriveError("is no name of a file", path=ascii(str(path)), mend="correct it") from error
-    if not content.size:
-        raise DriveError("is empty", path=path, mend="copy it again from its source, or drop the frame")
-    encoded = content.tobytes()
-    header = header_of(encoded)
-    if header is not None:
-        _check_size(path, (header.width, header.height), size)
-    if encoded.startswith(SIGNATURES) and (header is None or not header.whole):
-        raise DriveError("is cut short", path=path, mend="copy it again from its source")
-    try:
-        image = cv2.imdecode(content, flags)
-    except cv2.error as error:
-        if is_out_of_memory(error):  # nothing is wrong with the file: its size was looked at before
-            raise MemoryError(str(error)) from error
-        image = None
-    if image is None:
-        raise DriveError("is not a readable image", path=path, mend="export it again as PNG or JPEG")
-    _check_size(path, (image.shape[1], image.shape[0]), size)
-    return image
-
-
-def _check_size(path: Path, found: tuple[int, int], wanted: tuple[int, int] | None) -> None:
-    """Raise a DriveError where an image has another size (width, height) than its camera, or is too large for any."""
-    if wanted is not None and found != wanted:
-        raise DriveError(
-            f"is {found[0]}x{found[1]} pixels, its camera says {wanted[0]}x{wanted[1]}",
-            path=path,
-            mend="resize the image or correct w and h",
-        )
-    if found[0] * found[1] > MOST_PIXELS:
-        raise DriveError(
-            f"claims {found[0]}x{found[1]} pixels", path=path, mend=f"images have {MOST_PIXELS:,} pixels at most"
-        )
-
-
-def decode_image(content: bytes, path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB of an encoded image.
-
-    Args:
-        path: of what it was read from, for messages.
-        size: (width, height) that it must have, compared before a pixel is decoded; None = any.
-    Raises:
-        DriveError: unreadable, cut short, or of another size.
-    """
-    image = _decode(path, IN_COLOR, np.frombuffer(content, dtype=np.uint8), size)
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-
-
-def read_image_as_it_is(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """(H, W), (H, W, 3) RGB or (H, W, 4) RGBA, with 8 or 16 bits as the file has them.
-
-    Raises:
-        DriveError: missing, unreadable or cut short.
-    """
-    image = _decode(path, cv2.IMREAD_UNCHANGED)
-    order = {3: cv2.COLOR_BGR2RGB, 4: cv2.COLOR_BGRA2RGBA}
-    if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
-        raise DriveError(f"has {image.dtype} pixels", path=path, mend="export it again with 8 or 16 bits")
-    ordered: Any = cv2.cvtColor(image, order[image.shape[2]]) if image.ndim == 3 else image
-    return ordered
-
-
-def read_unchanged(path: Path) -> NDArray[np.generic]:
-    """(H, W) or (H, W, C) with the values and the order of channels that the file has.
-
-    Raises:
-        DriveError: missing, unreadable or cut short.
-    """
-    return _decode(path, cv2.IMREAD_UNCHANGED)
-
-
-def read_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB.
-
-    Args:
-        size: see :func:`decode_image`.
-    Raises:
-        DriveError: missing, unreadable, cut short, or of another size.
-    """
-    image = _decode(path, IN_COLOR, size=size)
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-
-
-def read_label_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """(H, W) uint8 labels or masks; a mask stored in colour is read by its first channel.
-
-    Args:
-        size: see :func:`decode_image`.
-    Raises:
-        DriveError: missing, unreadable, of another size, or not 8 bits deep.
-    """
-    image = _decode(path, cv2.IMREAD_UNCHANGED, size=size)
-    if image.ndim == 3:
-        image = image[..., 0]
-    if image.dtype != np.uint8:
-        raise DriveError(f"has {image.dtype} pixels", path=path, mend="labels and masks are 8-bit PNGs")
-    return np.ascontiguousarray(image)
-
-
-def read_instance_image(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint16]:
-    """(H, W) uint16 instance ids.
-
-    Args:
-        size: see :func:`decode_image`.
-    Raises:
-        DriveError: missing, unreadable, of another size, or of several channels.
-    """
-    image = _decode(path, cv2.IMREAD_UNCHANGED, size=size)
-    if image.ndim != 2 or image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)):
-        raise DriveError("is not a one-channel image", path=path, mend="instances are 16-bit PNGs of ids")
-    return image.astype(np.uint16)
 
 
 def copy_picture(source: Path, destination: Path) -> None:

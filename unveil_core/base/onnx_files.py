@@ -1,4 +1,5 @@
-"""Opening networks in ONNX files that the user brings. They run on the CPU; nothing in them is ever unpickled."""
+"""Opening networks in ONNX files that the user brings. They run on the CPU, each in a process of its own; nothing in them is ever
+unpickled."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from unveil_core.base.disk.open_safely import check_file
 from unveil_core.base.errors import SettingsError
+from unveil_core.base.networks.session import OnnxSession, limits_of
 
 __all__ = ["ONNX_TYPES", "check_readable", "describe", "files_of", "open_onnx", "short"]
 
@@ -38,24 +40,16 @@ def files_of(path: Path) -> list[Path]:
     return sorted(p for p in path.parent.iterdir() if p.name.startswith(path.name) and p.is_file())
 
 
-def open_onnx(path: Path, *, threads: int | None = None) -> Any:
-    """An onnxruntime session on the CPU.
+def open_onnx(path: Path, *, threads: int | None = None) -> OnnxSession:
+    """A network on the CPU, in a process of its own; see :class:`~unveil_core.base.networks.session.OnnxSession`.
 
     Args:
         threads: how many compute one run; None = one per core. With one the same input gives the same bytes on every run,
             whatever number of cores the machine has.
     Raises:
-        Exception: whatever the library says about a damaged file.
+        NetworkProblem: whatever the library says about a damaged file; or it takes more time or memory than any network.
     """
-    import onnxruntime
-
-    options = onnxruntime.SessionOptions()
-    options.log_severity_level = 4  # what goes wrong is raised as well
-    if threads is not None:
-        options.intra_op_num_threads = options.inter_op_num_threads = threads
-        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
-        options.use_deterministic_compute = True
-    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    return OnnxSession(path, limits_of(sum(p.stat().st_size for p in files_of(path))), threads=threads)
 
 
 def short(error: Exception) -> str:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Protocol
 
-__all__ = ["Progress", "no_progress", "part_of"]
+__all__ = ["Progress", "no_progress", "part_of", "stop_asked"]
+
+stop_asked = threading.Event()
+"""Set from when a signal asked the program to end until it has. What waits for another process, in any thread, looks at it: a
+signal reaches the main thread alone, and there may tell only the next progress call."""
 
 
 class Progress(Protocol):

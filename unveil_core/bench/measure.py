@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.detail.scores import DetailScore, StreetDetail, detail_figures

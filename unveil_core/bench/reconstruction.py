@@ -15,8 +15,9 @@ import torch
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.kernels.device import current_device
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.process_memory import peak_memory_mb
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.bench.timing import machine

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_image_as_it_is, read_json
+from unveil_core.base.files import read_json
+from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.base.types import Float32
 from unveil_core.drives.drive import Frame
 

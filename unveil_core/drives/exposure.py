@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, read_own_json, write_json_atomic
+from unveil_core.base.files import read_own_json, write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import Frame
 
 __all__ = [

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checks.named_paths import named_path
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_image, read_json
+from unveil_core.base.files import read_json
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.boxes import TrackedBox, read_boxes
 from unveil_core.drives.drive import Drive, Frame
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.disk.open_safely import open_file
-from unveil_core.base.files import decode_image, read_image, read_image_as_it_is, write_bytes_atomic
+from unveil_core.base.files import write_bytes_atomic
 from unveil_core.base.output.copies import copied_or_linked
+from unveil_core.base.pictures.decoding import decode_image, read_image, read_image_as_it_is
 from unveil_core.drives.drive import Footage, Frame
 
 __all__ = ["is_plain", "photograph", "read_footage", "store_photograph"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.importing.frames import at_work_size

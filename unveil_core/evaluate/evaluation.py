@@ -15,7 +15,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint, Kept
 from unveil_core.base.types import Mask, Picture

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_instance_image
+from unveil_core.base.pictures.decoding import read_instance_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.resume.checkpoint import Checkpoint
 from unveil_core.base.types import Mask, Picture

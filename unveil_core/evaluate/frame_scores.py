@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Labels, Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.baselines import BASELINES, with_border

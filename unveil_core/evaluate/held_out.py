@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error, ssim
 from unveil_core.optimize.exposure import affine_between

@@ -181,12 +181,13 @@ def _torchscript(path: Path) -> Run:
 
 def _onnx(path: Path) -> Run:
     session = open_onnx(path)
-    inputs, outputs = session.get_inputs(), session.get_outputs()
+    inputs, outputs = session.inputs, session.outputs
+    session.tried()  # its first pictures are large: they may take long, and can be ended
 
     def run(*images: NDArray[np.float32]) -> NDArray[np.generic]:
         if len(inputs) != len(images) or len(outputs) != 1:
             raise TypeError(f"it has {len(inputs)} inputs and {len(outputs)} outputs")
-        found = session.run(None, {i.name: image for i, image in zip(inputs, images, strict=True)})[0]
+        found = session.run({i.name: image for i, image in zip(inputs, images, strict=True)})[0]
         if not isinstance(found, np.ndarray):
             raise TypeError(f"it gives a {type(found).__name__}, not a tensor")
         return found

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.metrics import psnr_of_mse, squared_error

@@ -114,7 +114,7 @@ def fit_street_heights(
     if height_noise(street) > NOISY_M:
         measured = np.zeros((0, 3)) if sure is None else path.to_street(sure)
         along, across = s_low + S_CELL_M * np.arange(rows), T_CELL_M * np.arange(columns) - reach
-        height = plain_heights(street, measured, along, across, base)
+        height = plain_heights(street, measured, along, across, base)  # type: ignore[arg-type]
 
     left, right = _limits(street, a, rows, reach)
     if len(objects):
@@ -125,7 +125,7 @@ def fit_street_heights(
         upright = (over > WALL_FOOT_M) & (over < WALL_TOP_M) & (np.abs(side[:, 1]) < WIDEST_M)
         left = _wall_limit(side[upright & (side[:, 1] > 0)], s_low, left)
         right = -_wall_limit(side[upright & (side[:, 1] < 0)] * (1, -1, 1), s_low, -right)
-    right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)
+    right, left = limited_to_own(path, s_low + S_CELL_M * np.arange(rows), right, left)  # type: ignore[arg-type]
     return Ground(path, float(s_low), -reach, S_CELL_M, T_CELL_M, height, left, right)
 
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_image
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import VOID, train_id
 from unveil_core.drives.drive import Drive, Frame, FrameLabels

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.written import check_writable, note_written
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.cityscapes import CITYSCAPES
 from unveil_core.drives.drive import Drive, Frame, FrameLabels

@@ -86,7 +86,7 @@ def beyond(coarse: Mesh, fine: Mesh, cell: float) -> Mesh:
     covered = _beside(places, fine.vertices, cell)
     # At the border of the fine mesh both go on for a triangle or two: ended at the same line, they would leave a crack.
     covered &= ~_beside(places, fine.vertices[_on_border(fine)], cell)
-    return keep_faces(coarse, ~covered[coarse.faces].all(axis=1))
+    return keep_faces(coarse, ~covered[coarse.faces].all(axis=1))  # type: ignore[arg-type]
 
 
 def _beside(places: NDArray[np.int64], points: NDArray[np.float32], cell: float) -> NDArray[np.bool_]:

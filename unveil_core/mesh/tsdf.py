@@ -176,7 +176,7 @@ def fuse(
         blocks = _places_of(keys)
         region = np.zeros(len(blocks), dtype=np.int64)
         if region_of is not None:
-            region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)
+            region = region_of((blocks + 0.5) * voxel * kernels.BLOCK)  # type: ignore[arg-type]
         regions = np.unique(region)
         kept = Kept(folder / regions_name)
         sizes = []

@@ -168,9 +168,9 @@ def _ground(
     columns = ACROSS_M * np.arange(2 * round(ASIDE_M / ACROSS_M) + 1) - ASIDE_M
     side = np.full(len(rows), ASIDE_M)
     places = path.to_street(seen)
-    height = plain_heights(np.concatenate([places, street]), np.zeros((0, 3)), rows, columns, level)
+    height = plain_heights(np.concatenate([places, street]), np.zeros((0, 3)), rows, columns, level)  # type: ignore[arg-type]
     plain = Ground(path, float(rows[0]), -ASIDE_M, 1.0, ACROSS_M, height, side, -side)
-    profile = cross_profile(np.column_stack([places[:, 1], plain.over(places)]), columns)
+    profile = cross_profile(np.column_stack([places[:, 1], plain.over(places)]), columns)  # type: ignore[arg-type]
     return replace(plain, height=height + profile)
 
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Float64
 from unveil_core.drives.depth_range import NEAR_M

@@ -41,6 +41,7 @@ from unveil_core.base.process_memory import (
     peak_memory_mb,
     return_free_memory,
 )
+from unveil_core.base.progress import stop_asked
 from unveil_core.base.resume.parts import Parts
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
@@ -82,6 +83,7 @@ class _Stop(threading.Event):
     def heed(self, *_: object) -> None:
         """What a signal does."""
         self.set()
+        stop_asked.set()
         if self.at_once:
             raise Interrupted
 
@@ -97,6 +99,7 @@ def _signals(flag: _Stop) -> Iterator[None]:
     try:
         yield
     finally:
+        stop_asked.clear()
         for s, handler in previous.items():
             signal.signal(s, handler)
 

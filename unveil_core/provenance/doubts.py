@@ -102,11 +102,11 @@ def _nearest_unchanged(changed: Mask) -> tuple[Float32, tuple[np.ndarray, np.nda
     """(H, W) distance to the nearest pixel that is not changed, pixels, and its row and column; itself where all are."""
     if changed.all():
         rows, columns = np.indices(changed.shape)
-        return np.full(changed.shape, float(max(changed.shape)), np.float32), (rows, columns)
+        return np.full(changed.shape, float(max(changed.shape)), np.float32), (rows, columns)  # type: ignore[return-value]
     away, label = cv2.distanceTransformWithLabels(
         changed.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    rows, columns = np.nonzero(~changed)
+    rows, columns = np.nonzero(~changed)  # type: ignore[assignment]
     order = np.zeros(int(label.max()) + 1, dtype=np.int64)
-    order[label[rows, columns]] = np.arange(len(rows))
-    return away, (rows[order[label]], columns[order[label]])
+    order[label[rows, columns]] = np.arange(len(rows))  # type: ignore[arg-type]
+    return away, (rows[order[label]], columns[order[label]])  # type: ignore[index]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, read_label_image
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.types import Float32, Mask
 from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, read_label_image, read_own_json
+from unveil_core.base.files import read_own_json
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Drive, Frame

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.delivered import read_delivered

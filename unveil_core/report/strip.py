@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import read_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image, read_label_image
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.delivered import read_delivered

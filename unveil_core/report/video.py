@@ -14,7 +14,8 @@ from PIL import Image
 
 from unveil_core.base.disk.new_files import new_file
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import LEAST_ROOM, move, read_image
+from unveil_core.base.files import LEAST_ROOM, move
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError, SelectionError
-from unveil_core.base.files import read_instance_image, read_label_image
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.semantics.classes import REMOVABLE, LabelSet, expand_names
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.checks.names import is_file_name
 from unveil_core.base.errors import WorkspaceError
-from unveil_core.base.files import NO_ARCHIVE, read_label_image, read_own_json, write_atomic, write_image_atomic
+from unveil_core.base.files import NO_ARCHIVE, read_own_json, write_atomic, write_image_atomic
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives.drive import Frame
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.workspace import Workspace

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_instance_image, read_json, write_image_atomic, write_json_atomic
+from unveil_core.base.files import read_json, write_image_atomic, write_json_atomic
 from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.pictures.decoding import read_instance_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.base.types import Mask

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.base.errors import UnveilError
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import import_drive

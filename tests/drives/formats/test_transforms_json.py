@@ -10,7 +10,7 @@ import pytest
 
 from tests.drives.tiny_drive import CAR, ROAD, SKY, camera_to_world, edit, make_tiny_drive
 from unveil_core.base.errors import DriveError, SelectionError, UnveilError
-from unveil_core.base.files import read_image, read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
 from unveil_core.drives.importing.whole_drive import import_drive

@@ -11,7 +11,8 @@ import pytest
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from unveil_core.base.drive_options import DriveOptions
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.pipeline.settings import RunSettings
 

@@ -13,8 +13,8 @@ import pytest
 from tests.drives.tiny_drive import edit, make_tiny_drive
 from tests.small_rig import FRONT, LEFT, RIGHT, make_small_rig
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_image, read_instance_image, read_label_image
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels, PointCloud, Sweep, SweepPoints, tracks

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.evaluate.street_workspace import build_workspace
-from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.imported import read_imported
 from unveil_core.evaluate.detail.overlay import FALSE, FOUND, MISSED, draw_lines
 

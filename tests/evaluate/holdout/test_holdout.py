@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tests.small_street import make_small_street
-from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, Footage, PointCloud
 from unveil_core.drives.importing.whole_drive import import_drive

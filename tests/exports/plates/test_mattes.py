@@ -14,7 +14,8 @@ from scipy.ndimage import map_coordinates
 from tests.exports.conftest import Street
 from tests.exports.street import HEIGHT, LARGER, WIDTH
 from unveil_core.app.cli import main
-from unveil_core.base.files import read_instance_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
+from unveil_core.base.pictures.decoding import read_instance_image
 from unveil_core.delivery.lens import work_positions
 from unveil_core.workspace.files import load_mask
 

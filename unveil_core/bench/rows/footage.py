@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress
 from unveil_core.base.types import Picture
 from unveil_core.bench.rows.footage import Footage

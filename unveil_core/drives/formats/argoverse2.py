@@ -200,7 +200,7 @@ def _boxes(path: Path, poses: _Poses, notices: list[str]) -> tuple[list[float], 
         if pose is None:
             continue
         here = found.setdefault(stamps[i], {})
-        if name is None or not good[i]:
+        if name is None or not good[i]:  # type: ignore[index]
             continue
         length, width, height = numbers[i, :3].tolist()
         x, y, z = (pose[:3, :3] @ numbers[i, 3:6] + pose[:3, 3]).tolist()

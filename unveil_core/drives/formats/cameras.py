@@ -3,7 +3,6 @@ folder."""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -12,6 +11,8 @@ import numpy as np
 from unveil_core.base.disk.open_safely import LARGEST_FILE, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.files import read_text
+from unveil_core.base.pictures.decoding import size_of_image
+from unveil_core.base.pictures.headers import format_of
 from unveil_core.base.types import Float64
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.transforms import nearest_rotation, quat_to_rotation, rigid_inverse
@@ -30,7 +31,7 @@ __all__ = [
 ROTATION_TOLERANCE = 1e-3
 """Entries of a rotation may be so far off; poses in files are rounded."""
 HEADER_BYTES = 1 << 16
-"""So much of a picture is read to find its size; the markers before it hold a thumbnail at most."""
+"""So much of a PNG is read to find its size; other formats may tell it at their end."""
 
 
 def scenes_of(path: Path, is_one: Callable[[Path], bool]) -> list[str]:
@@ -105,40 +106,23 @@ def calibrated_camera(
 
 
 def picture_size(path: Path, content: Callable[[], bytes] | None = None) -> tuple[int, int]:
-    """Width and height of a PNG or JPEG, from its header.
+    """Width and height of a picture, from its header.
 
     Args:
         path: of the picture; content: reads it where the path names a file that holds many.
     Raises:
-        DriveError: missing, empty or neither.
+        DriveError: missing, empty or of a format that is not read.
     """
+    if content is not None:
+        return size_of_image(content(), path)
     try:
-        if content is not None:
-            data = content()
-        else:
-            with open_file(path, LARGEST_FILE) as stream:
-                data = stream.read(HEADER_BYTES)
-                if data[:2] == b"\xff\xd8":
-                    data += stream.read()
+        with open_file(path, LARGEST_FILE) as stream:
+            data = stream.read(HEADER_BYTES)
+            if format_of(data) != "PNG":
+                data += stream.read()
     except OSError as error:
         raise DriveError("there is no such readable image", path=path, mend="restore it or drop the frame") from error
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
-        width, height = struct.unpack(">II", data[16:24])
-        return int(width), int(height)
-    if data[:2] == b"\xff\xd8":
-        at = 2
-        while at + 9 <= len(data):
-            if data[at] != 0xFF:
-                at += 1
-                continue
-            marker = data[at + 1]
-            if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-                height, width = struct.unpack(">HH", data[at + 5 : at + 9])
-                return int(width), int(height)
-            alone = marker in (0xFF, 0x01) or 0xD0 <= marker <= 0xD8
-            at += (1 if marker == 0xFF else 2) if alone else 2 + struct.unpack(">H", data[at + 2 : at + 4])[0]
-    empty = "is empty" if not data else "is not a readable image"
-    raise DriveError(empty, path=path, mend="copy it again from its source, or drop the frame")
+    return size_of_image(data, path)
 
 
 def read_numbers(path: Path, mend: str) -> list[list[float]]:

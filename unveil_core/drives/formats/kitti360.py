@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.types import Float64
 from unveil_core.drives.boxes import TrackedBox, boxes_at
 from unveil_core.drives.cityscapes import LABEL_IDS, table

@@ -42,6 +42,8 @@ class _Placed(StandIn):
 def _new_index(kind: type, options: Mapping[str, Any]) -> StandIn:
     if kind not in (_Index, _RangeIndex):
         raise pickle.UnpicklingError("an index of an unknown kind")
+    if not isinstance(options, dict):
+        raise pickle.UnpicklingError("an index without its options")
     made = kind()
     made.state = dict(options)
     return made  # type: ignore[no-any-return]
@@ -86,17 +88,19 @@ def _columns(frame: Any) -> dict[str, NDArray[Any]]:
     manager = state["_mgr" if "_mgr" in state else "_data"] if isinstance(state, dict) else state
     if manager.arguments:  # pandas 1.3 and later give blocks and axes at once
         blocks, axes = manager.arguments
-        pairs = [(np.asarray(b.arguments[0]), b.arguments[1]) for b in blocks]
+        pairs = [(_array(b.arguments[0]), b.arguments[1]) for b in blocks]
         names = axes[0]
     else:
         parts = manager.state[3]["0.14.1"]
-        pairs = [(np.asarray(b["values"]), b["mgr_locs"]) for b in parts["blocks"]]
+        pairs = [(_array(b["values"]), b["mgr_locs"]) for b in parts["blocks"]]
         names = parts["axes"][0]
     labels = list(names.state["data"])
     if not all(isinstance(n, str) for n in labels):
         raise ValueError("columns without a name")
     found: dict[str, NDArray[Any]] = {}
     for values, place in pairs:
+        if not isinstance(place, slice | np.ndarray):
+            raise ValueError("a block without its place")
         rows = np.atleast_2d(values)
         for row, k in zip(rows, np.arange(len(labels))[place], strict=True):
             if row.dtype.hasobject and not all(isinstance(v, PLAIN) for v in row):
@@ -105,3 +109,9 @@ def _columns(frame: Any) -> dict[str, NDArray[Any]]:
     if set(found) != set(labels):
         raise ValueError("columns are missing")
     return {name: found[name] for name in labels}
+
+
+def _array(values: Any) -> NDArray[Any]:
+    if not isinstance(values, np.ndarray):
+        raise ValueError("a block without an array")
+    return values

@@ -4,7 +4,8 @@ A pickle is a program: it may call anything that it names. Here it may name only
 gets stand-ins for all of these, which keep what they are given; everything else is refused before anything is called. NumPy's
 own types are no exception: their ``__setstate__`` takes a stranger's word for how wide a number is and whether it is a pointer.
 Arrays are made of what the stand-ins hold, once it was checked. Python's own unpickler is used, not the one in C, which makes
-room for whatever a pickle announces.
+room for whatever a pickle announces. What a pickle may cost is bounded beside: its steps, the bytes that it makes, the digits of
+its numbers, and what its lists come to when each is written out wherever it is named.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from __future__ import annotations
 import gzip
 import io
 import math
+import os
 import pickle
 import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +35,18 @@ __all__ = ["ARRAYS", "StandIn", "read_admitted", "read_archived_object", "read_a
 
 MOST_BYTES = 1 << 30
 """Of one unpacked file: hundred times a sweep's. A few bytes of gzip can stand for more than fits into memory."""
+FIRST_BYTES, MOST_UNPACKED = 64 << 20, 200
+"""Beyond the first bytes, how many one packed byte unpacks to at most. Labels of a sweep, all but alike, make fifty."""
 PIECE_BYTES = 1 << 20
+MOST_STEPS = 1 << 20
+"""Of the program that a pickle is, each of which makes an object at most. A table has some hundred, and two for each text; a scene
+of a thousand frames with dicts of small arrays has 300,000."""
+MOST_HELD = 1 << 21
+"""Values in lists, tuples and dicts, those that stand in several places counted in each: sixty that name one another are more than
+any loop comes to the end of."""
+NUMBER_BYTES, NUMBER_DIGITS = 9, 20
+"""Of a whole number of 64 bits, with and without a sign."""
+MOST_AXES = 32
 KINDS = re.compile(r"b1|[iu][1248]|f2|f4|f8|f16|c8|c16|O8?|[SU][0-9]{1,5}")
 """Names of types of numbers, texts and objects, as NumPy pickles them."""
 
@@ -75,11 +89,26 @@ class _Array(StandIn):
         return _array_of(content, kind.made(), shape, "F" if fortran else "C")
 
 
+_made_bytes: ContextVar[list[int]] = ContextVar("made_bytes")
+"""Of the pickle that is read, beyond its own."""
+
+
+def _count(size: int) -> None:
+    """Count bytes before they are made: of one text a pickle may make bytes and arrays any number of times."""
+    made = _made_bytes.get()
+    made[0] += size
+    if made[0] > MOST_BYTES:
+        raise pickle.UnpicklingError("it makes more than a gigabyte of arrays")
+
+
 def _array_of(content: Any, dtype: np.dtype[Any], shape: tuple[int, ...], order: Any) -> NDArray[Any]:
     """An array that owns its content: bytes of numbers, or a list of objects. Both must be as many as the shape says."""
+    if len(shape) > MOST_AXES or any(not 0 <= n <= MOST_BYTES for n in shape):
+        raise pickle.UnpicklingError("an array of a shape that none has")
     count = math.prod(shape)
+    _count(count * dtype.itemsize)
     wanted, unit = (list, 1) if dtype.hasobject else (bytes | bytearray, dtype.itemsize)
-    if min(shape, default=0) < 0 or not isinstance(content, wanted) or len(content) != count * unit:  # type: ignore[arg-type]
+    if not isinstance(content, wanted) or len(content) != count * unit:  # type: ignore[arg-type]
         raise pickle.UnpicklingError(f"an array of {shape} {dtype} has other content")
     if dtype.hasobject or not count:
         flat = np.empty(count, dtype=dtype)
@@ -113,7 +142,8 @@ def _from_buffer(content: Any, kind: Any, shape: Any, order: Any) -> _Array:
 def _latin1(text: str, encoding: str) -> bytes:
     """Bytes as protocol 2 writes them."""
     if encoding != "latin1":
-        raise pickle.UnpicklingError(f"text in {encoding}")
+        raise pickle.UnpicklingError("text in another encoding")
+    _count(len(text))
     return text.encode("latin1")
 
 
@@ -122,12 +152,26 @@ def _no_bytes() -> bytes:
     return b""
 
 
+def _ordered(pairs: Any = ()) -> dict[Any, Any]:
+    """A dict that keeps an order, which every dict does."""
+    if not isinstance(pairs, list | tuple) or not all(isinstance(p, list | tuple) and len(p) == 2 for p in pairs):
+        raise pickle.UnpicklingError("an ordered dict of other than pairs")
+    _check_keys(key for key, _ in pairs)
+    return dict(pairs)
+
+
+def _check_keys(keys: Iterable[Any]) -> None:
+    """Refuse keys other than texts and numbers: that of a tuple of tuples of itself takes for ever."""
+    if not all(key is None or isinstance(key, str | bytes | int | float | np.number) for key in keys):
+        raise pickle.UnpicklingError("a dict has keys that are neither texts nor numbers")
+
+
 ARRAYS: dict[tuple[str, str], Any] = {
     ("numpy", "ndarray"): _Array,
     ("numpy", "dtype"): _Kind,
     ("_codecs", "encode"): _latin1,
     ("__builtin__", "bytes"): _no_bytes,
-    ("collections", "OrderedDict"): dict,
+    ("collections", "OrderedDict"): _ordered,
 }
 for _package in ("numpy.core", "numpy._core"):
     ARRAYS[f"{_package}.multiarray", "_reconstruct"] = _reconstruct
@@ -144,7 +188,7 @@ class _Restricted(_IN_PYTHON):  # type: ignore[misc]
 
     def __init__(self, stream: io.BytesIO, admitted: Mapping[tuple[str, str], Any]) -> None:
         super().__init__(stream)
-        self.admitted = admitted
+        self.admitted, self.steps = admitted, 0
 
     def find_class(self, module: str, name: str) -> Any:
         try:
@@ -170,34 +214,116 @@ class _Restricted(_IN_PYTHON):  # type: ignore[misc]
             raise pickle.UnpicklingError("it ends too soon")
         self.append(bytearray(content))
 
+    def load_long1(self) -> None:
+        self._load_number(self.read(1)[0])
+
+    def load_long4(self) -> None:
+        (count,) = struct.unpack("<i", self.read(4))
+        self._load_number(count)
+
+    def _load_number(self, count: int) -> None:
+        """Of a number of a megabyte, arithmetic takes minutes."""
+        if not 0 <= count <= NUMBER_BYTES:
+            raise pickle.UnpicklingError("a number has more than 64 bits")
+        self.append(pickle.decode_long(self.read(count)))
+
+    def load_digits(self) -> None:
+        """A number in digits, as protocol 0 writes it; 00 and 01 are truth values."""
+        line = self.readline()[:-1]
+        digits = line.removesuffix(b"L")
+        if len(digits) > NUMBER_DIGITS:
+            raise pickle.UnpicklingError("a number has more than 64 bits")
+        self.append(line == b"01" if line in (b"00", b"01") else int(digits))
+
+    def load_setitem(self) -> None:
+        _check_keys(self.stack[-2:-1])
+        _IN_PYTHON.load_setitem(self)
+
+    def load_setitems(self) -> None:
+        _check_keys(self.stack[::2])
+        _IN_PYTHON.load_setitems(self)
+
+    def load_dict(self) -> None:
+        _check_keys(self.stack[::2])
+        _IN_PYTHON.load_dict(self)
+
     dispatch[pickle.BUILD[0]] = load_build
     dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8
+    dispatch[pickle.LONG1[0]], dispatch[pickle.LONG4[0]] = load_long1, load_long4
+    dispatch[pickle.INT[0]] = dispatch[pickle.LONG[0]] = load_digits
+    dispatch[pickle.SETITEM[0]], dispatch[pickle.SETITEMS[0]] = load_setitem, load_setitems
+    dispatch[pickle.DICT[0]] = load_dict
+    for _step in (pickle.EMPTY_SET, pickle.ADDITEMS, pickle.FROZENSET, pickle.EXT1, pickle.EXT2, pickle.EXT4):
+        del dispatch[_step[0]]  # of no table: sets may hold what keys may not be
 
 
-def _plain(value: Any, done: dict[int, tuple[Any, Any]]) -> Any:
-    """A value with the arrays that its stand-ins stand for, however deep. ``done`` has what was seen before, by identity."""
-    if id(value) in done:
-        return done[id(value)][1]
-    if isinstance(value, tuple):
-        made: Any = tuple(_plain(v, done) for v in value)
-        done[id(value)] = value, made
-        return made
-    if isinstance(value, _Array):
-        made = value.made()
-        done[id(value)] = value, made
-        if made.dtype.hasobject:
-            for i, held in enumerate(made.flat):
-                made.flat[i] = _plain(held, done)
-        return made
-    done[id(value)] = value, value
-    if isinstance(value, list):
-        value[:] = [_plain(v, done) for v in value]
-    elif isinstance(value, dict):
-        for key in value:
-            value[key] = _plain(value[key], done)
-    elif isinstance(value, StandIn) and not isinstance(value, _Kind):
-        value.arguments, value.state = _plain(value.arguments, done), _plain(value.state, done)
-    return value
+def _counted(step: Callable[[Any], None]) -> Callable[[Any], None]:
+    def counted(unpickler: Any) -> None:
+        unpickler.steps += 1
+        if unpickler.steps > MOST_STEPS:
+            raise pickle.UnpicklingError(f"it has more than {MOST_STEPS:,} steps, which no such file needs")
+        step(unpickler)
+
+    return counted
+
+
+_Restricted.dispatch = {code: _counted(step) for code, step in _Restricted.dispatch.items()}
+
+
+class _Plain:
+    """Makes values plain: with the arrays that their stand-ins stand for, however deep.
+
+    Attributes:
+        done: what was seen before, by identity, each with what was made of it and how many values it holds. It also keeps the
+            values, so that no other gets their identity.
+    """
+
+    def __init__(self) -> None:
+        self.done: dict[int, tuple[Any, Any, int]] = {}
+
+    def of(self, value: Any) -> Any:
+        """The plain value."""
+        return self._of(value)[0]
+
+    def _of(self, value: Any) -> tuple[Any, int]:
+        if not isinstance(value, tuple | list | dict | StandIn):
+            return value, 1
+        if id(value) in self.done:
+            _, made, held = self.done[id(value)]
+            if not held:
+                raise pickle.UnpicklingError("a list lies within itself")
+            return made, held
+        self.done[id(value)] = value, None, 0
+        made, held = self._made(value)
+        if held > MOST_HELD:
+            raise pickle.UnpicklingError(f"its lists hold more than {MOST_HELD:,} values")
+        self.done[id(value)] = value, made, held
+        return made, held
+
+    def _made(self, value: Any) -> tuple[Any, int]:
+        if isinstance(value, _Array):
+            array = value.made()
+            held = 1
+            if array.dtype.hasobject:
+                for i, inner in enumerate(array.flat):
+                    array.flat[i], more = self._of(inner)
+                    held += more
+            return array, held
+        if isinstance(value, StandIn):
+            if isinstance(value, _Kind):
+                return value, 1
+            value.arguments, first = self._of(value.arguments)
+            value.state, second = self._of(value.state)
+            return value, first + second
+        parts = [self._of(v) for v in (value.values() if isinstance(value, dict) else value)]
+        held = 1 + sum(more for _, more in parts)
+        if isinstance(value, tuple):
+            return tuple(part for part, _ in parts), held
+        if isinstance(value, dict):
+            value.update(zip(value, (part for part, _ in parts), strict=True))
+        else:
+            value[:] = [part for part, _ in parts]
+        return value, held
 
 
 def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
@@ -211,34 +337,42 @@ def read_admitted(path: Path, admitted: Mapping[tuple[str, str], Any]) -> Any:
     try:
         with open_file(path) as file:
             packed = file.read(2) == b"\x1f\x8b"
+            most = _most_of(os.fstat(file.fileno()).st_size) if packed else MOST_BYTES
             file.seek(0)
-            content = _all_of(gzip.GzipFile(fileobj=file) if packed else file)
+            content = _all_of(gzip.GzipFile(fileobj=file) if packed else file, most)
     except FileNotFoundError as error:
         raise DriveError("there is no such file", path=path, mend="download it again") from error
     except (OSError, EOFError, zlib.error) as error:
         raise DriveError(f"is cut short or damaged: {error}", path=path, mend="download it again") from error
-    if len(content) > MOST_BYTES:
-        raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+    if len(content) > most:
+        raise DriveError(f"unpacks to more than {most >> 20:,} MB", path=path, mend="this is no file of the dataset")
     return _unpickled(io.BytesIO(content), admitted, path)
 
 
-def _all_of(stream: Any) -> bytes:
-    """What a stream holds, or just more than :data:`MOST_BYTES` of it. Piece by piece: for one read of so many bytes, room for
-    all of them is taken first."""
-    pieces, size = list[bytes](), 0
-    while size <= MOST_BYTES and (piece := stream.read(min(PIECE_BYTES, MOST_BYTES + 1 - size))):
-        pieces.append(piece)
-        size += len(piece)
-    return b"".join(pieces)
+def _most_of(packed: int) -> int:
+    """Bytes that a file of so many packed ones may unpack to."""
+    return min(MOST_BYTES, FIRST_BYTES + MOST_UNPACKED * packed)
+
+
+def _all_of(stream: Any, most: int) -> bytearray:
+    """What a stream holds, or just more than ``most`` bytes of it. Piece by piece: for one read of so many bytes, room for all of
+    them is taken first."""
+    held = bytearray()
+    while len(held) <= most and (piece := stream.read(min(PIECE_BYTES, most + 1 - len(held)))):
+        held += piece
+    return held
 
 
 def _unpickled(stream: io.BytesIO, admitted: Mapping[tuple[str, str], Any], path: Path) -> Any:
+    counted = _made_bytes.set([0])
     try:
-        return _plain(_Restricted(stream, admitted).load(), {})
+        return _Plain().of(_Restricted(stream, admitted).load())
     except MemoryError as error:
         raise DriveError("asks for more memory than there is", path=path, mend="download it again") from error
     except Exception as error:  # whatever a damaged or hostile pickle makes go wrong is that file's fault
         raise DriveError(f"is no pickle that can be read: {error}", path=path, mend="download it again") from error
+    finally:
+        _made_bytes.reset(counted)
 
 
 def read_arrays(path: Path) -> Any:
@@ -258,8 +392,11 @@ def read_archived_object(path: Path, name: str) -> Any:
     """
     try:
         with open_file(path) as file, zipfile.ZipFile(file) as packed:
-            if packed.getinfo(f"{name}.npy").file_size > MOST_BYTES:
-                raise DriveError("unpacks to more than a gigabyte", path=path, mend="this is no file of the dataset")
+            about = packed.getinfo(f"{name}.npy")
+            if about.file_size > _most_of(about.compress_size):
+                raise DriveError(
+                    f"unpacks to {about.file_size >> 20:,} MB", path=path, mend="this is no file of the dataset"
+                )
             stream = io.BytesIO(packed.read(f"{name}.npy"))
         version = np.lib.format.read_magic(stream)  # type: ignore[no-untyped-call]
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

@@ -1,7 +1,8 @@
 """Parquet and feather tables of datasets: few columns at a time, and single rows of columns that do not fit into memory.
 
 Writers differ in types (float or double, lists of fixed size or not, strings as they are or as a dictionary, time stamps as
-integers or as times), so a column is asked for by what it means. pyarrow reads the files; nothing else of the core needs it.
+integers or as times), so a column is asked for by what it means. pyarrow reads the files; nothing else of the core needs it. A
+table of a hundred kilobytes can stand for gigabytes, so its headers are asked first what it unpacks to.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.disk.open_safely import check_file
+from unveil_core.base.disk.open_safely import check_file, open_file
 from unveil_core.base.errors import DriveError
 from unveil_core.base.types import Float64
+from unveil_core.drives.formats.columnar.feather_sizes import batches_of
+from unveil_core.drives.formats.columnar.parquet_sizes import groups_of
 
 __all__ = ["Columns", "Rows", "array_of", "read_columns"]
 
@@ -30,7 +33,16 @@ a sweep has 0.5 to 20 MB. Unpacking takes twice as much again."""
 HELD_PLACES = 5
 """Places in one table that are kept open. Rows are asked for in order of time; in a table that is in order of its sensors, each
 of these (Waymo has five) then goes forward from its own place instead of starting anew for each row."""
+MOST_BYTES = 256 << 20
+"""Unpacked, of columns that are read as a whole: ten times the largest of the datasets."""
+MOST_ROWS = 1 << 21
+"""The same, of their rows."""
+MOST_GROUP_BYTES = 1 << 31
+"""Unpacked, of a row group of which single rows are read."""
+MOST_UNPACKED = 64
+"""Bytes that a byte of such a group unpacks to at most, beyond the first ``MOST_BYTES``. Photographs and ranges make 1 to 10."""
 AGAIN = "download it again"
+NO_TABLE = "this is no file of the dataset"
 
 
 @contextmanager
@@ -87,8 +99,15 @@ class Columns:
 
     def words(self, name: str) -> list[str]:
         """N strings; of integers their digits, empty where a row has none."""
+        found: list[Any] = []
         with _reading(self.path):
-            return ["" if value is None else str(value) for value in self.columns[name].to_pylist()]
+            for chunk in self.columns[name].chunks:
+                if hasattr(chunk, "dictionary"):  # each text once, however many rows have it
+                    known = chunk.dictionary.to_pylist()
+                    found += [None if k is None else known[k] for k in chunk.indices.to_pylist()]
+                else:
+                    found += chunk.to_pylist()
+            return ["" if value is None else str(value) for value in found]
 
     def vectors(self, name: str, size: int) -> Float64:
         """(N, size) float64, NaN where a row has no such list. Raises DriveError: a list of another size."""
@@ -125,6 +144,8 @@ def array_of(value: Any, path: Path, name: str) -> NDArray[Any] | None:
     """
     inner = getattr(value, "values", None) if value is not None and value.is_valid else None
     inner = None if callable(inner) else inner  # of a struct it is a method
+    if inner is not None and hasattr(inner, "dictionary"):  # a value that stands there once may come a million times
+        raise DriveError(f"holds other than lists of numbers in {name}", path=path, mend=AGAIN)
     if inner is None and (value is None or not value.is_valid):
         return None
     found = None if inner is None else inner.to_numpy(zero_copy_only=False)
@@ -141,23 +162,65 @@ def read_columns(path: Path, names: Sequence[str], optional: Sequence[str] = ())
     Raises:
         DriveError: missing, cut short, or without one of ``names``; pyarrow is not installed.
     """
-    with _reading(path) as arrow:
-        check_file(path)
+    with _reading(path) as arrow, open_file(path) as stream:
         if path.suffix == ".parquet":
             from pyarrow import parquet
 
             with parquet.ParquetFile(path) as file:
                 chosen = _chosen(path, file.schema_arrow.names, names, optional)
+                groups = groups_of(stream, chosen)
+                _refuse_more(path, sum(g.rows for g in groups), sum(g.unpacked for g in groups))
+            with parquet.ParquetFile(path, read_dictionary=_texts(file, chosen)) as file:
                 table = file.read(columns=chosen, use_threads=False)
         else:
             from pyarrow import feather
 
+            batches = batches_of(stream)
+            _refuse_more(path, batches.rows, batches.unpacked)
             with arrow.OSFile(str(path)) as file:
                 chosen = _chosen(path, arrow.ipc.open_file(file).schema.names, names, optional)
                 file.seek(0)
                 table = feather.read_table(file, columns=chosen, use_threads=False)
         table.validate(full=True)  # pyarrow trusts the offsets in a file and reads where a damaged one points
+        for name in chosen:
+            _check_kind(path, name, table.column(name).type)
         return Columns(path, {name: table.column(name) for name in chosen}, table.num_rows)
+
+
+def _refuse_more(path: Path, rows: int, unpacked: int) -> None:
+    if unpacked > MOST_BYTES or rows > MOST_ROWS:
+        problem = f"unpacks to {rows:,} rows and {unpacked >> 20:,} MB, of which {MOST_ROWS:,} and {MOST_BYTES >> 20} are read"
+        raise DriveError(problem, path=path, mend=NO_TABLE)
+
+
+def _texts(file: Any, chosen: Sequence[str]) -> list[str]:
+    """Paths of the columns of texts. They are read as a dictionary, or a text that stands there once may come a million times."""
+    leaves = [file.schema.column(k) for k in range(len(file.schema))]
+    parts = [leaf for leaf in leaves if leaf.path.startswith(tuple(chosen))]
+    return [leaf.path for leaf in parts if leaf.physical_type == "BYTE_ARRAY"]
+
+
+def _check_kind(path: Path, name: str, kind: Any) -> None:
+    """Refuse columns of other than numbers, times, texts and lists of numbers: those of nothing, of runs and of views may have any
+    number of rows in a few bytes."""
+    import pyarrow.types as types
+
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    elif types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
+        kind = kind.value_type
+        if types.is_dictionary(kind) or types.is_string(kind) or types.is_binary(kind):
+            raise DriveError(f"holds lists of other than numbers in {name}", path=path, mend=AGAIN)
+    plain = (
+        types.is_integer,
+        types.is_floating,
+        types.is_boolean,
+        types.is_timestamp,
+        types.is_string,
+        types.is_large_string,
+    )
+    if not any(known(kind) for known in (*plain, types.is_binary, types.is_large_binary)):
+        raise DriveError(f"holds {kind} in {name}", path=path, mend=AGAIN)
 
 
 def _chosen(path: Path, there: Sequence[str], names: Sequence[str], optional: Sequence[str]) -> list[str]:
@@ -196,6 +259,7 @@ class Rows:
     _chosen: list[str] = field(default_factory=list)
     _places: list[_Place] = field(default_factory=list)
     _starts: list[int] = field(default_factory=list)
+    _texts: list[str] = field(default_factory=list)
     _metadata: Any = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -223,6 +287,9 @@ class Rows:
             check_file(self.path)
             with parquet.ParquetFile(self.path) as file:
                 self._chosen = _chosen(self.path, file.schema_arrow.names, self.names, self.optional)
+                self._texts = _texts(file, self._chosen)
+                for name in self._chosen:
+                    _check_kind(self.path, name, file.schema_arrow.field(name).type)
                 self._metadata = file.metadata
             counts = [self._metadata.row_group(g).num_rows for g in range(self._metadata.num_row_groups)]
             self._starts = [0, *np.cumsum(counts).tolist()]
@@ -245,8 +312,13 @@ class Rows:
         from pyarrow import parquet
 
         part = self._metadata.row_group(group)
+        with self.path.open("rb") as stream:
+            (told,) = groups_of(stream, self._chosen, group)
+        if told.unpacked > min(MOST_GROUP_BYTES, MOST_BYTES + MOST_UNPACKED * told.packed) or told.rows > told.values:
+            problem = f"unpacks to {told.rows:,} rows and {told.unpacked >> 20:,} MB in row group {group}"
+            raise DriveError(problem, path=self.path, mend=NO_TABLE)
         # So it reads page by page instead of a whole column of the row group.
-        way = {"pre_buffer": False, "buffer_size": 1 << 20}
+        way = {"pre_buffer": False, "buffer_size": 1 << 20, "read_dictionary": self._texts}
         with parquet.ParquetFile(self.path, metadata=self._metadata, **way) as file:
             batches = partial(file.iter_batches, row_groups=[group], columns=self._chosen, use_threads=False)
             # A column of few values is small in the file, as its values stand there once, so a row tells more than the footer,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_instance_image, read_label_image
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.drives.drive import LATEST_S, Drive, Frame
 from unveil_core.drives.photographs import photograph

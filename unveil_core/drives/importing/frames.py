@@ -11,12 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import (
-    read_instance_image,
-    read_label_image,
-    write_image_atomic,
-)
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.output.copies import copied_or_linked
+from unveil_core.base.pictures.decoding import read_instance_image, read_label_image
 from unveil_core.drives.drive import Distortion, Footage, Frame, FrameLabels
 from unveil_core.drives.photographs import is_plain, photograph, store_photograph
 from unveil_core.geometry.camera import Camera

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.base.types import Mask
 from unveil_core.drives.cityscapes import CITYSCAPES, VOID
 from unveil_core.drives.drive import Frame

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from unveil_core.base.files import read_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Picture
 from unveil_core.drives.drive import Frame
 from unveil_core.evaluate.delivered import read_delivered

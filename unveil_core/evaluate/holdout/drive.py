@@ -15,9 +15,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image, read_instance_image, read_label_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.output.scratch import scratch_folder
+from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float64, Mask, Picture
 from unveil_core.delivery.lens import work_positions
@@ -134,7 +135,7 @@ def _pixels_of(
 
 def _reach(view: SceneView, row: NDArray[np.int64], column: NDArray[np.int64]) -> NDArray[np.float64]:
     """(M,) depth up to which points at some pixels are visible."""
-    return view.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M
+    return view.farthest[row, column] * (1 + DEPTH_SHARE) + DEPTH_M  # type: ignore[return-value]
 
 
 def moved_points(

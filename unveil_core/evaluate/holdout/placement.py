@@ -266,7 +266,7 @@ def _value(
     shares, cleaned = np.zeros(len(near)), np.zeros(len(near))
     good = np.zeros(len(near), dtype=bool)
     for i, v in enumerate(near):
-        view = views[v]
+        view = views[v]  # type: ignore[call-overload]
         found = _visible(car, view)
         if found is None:
             continue

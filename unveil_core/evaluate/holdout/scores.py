@@ -11,8 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import subset
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Float32, Mask, Picture
 from unveil_core.delivery.lens import work_positions

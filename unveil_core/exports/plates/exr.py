@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image_as_it_is, read_label_image
+from unveil_core.base.pictures.decoding import read_image_as_it_is, read_label_image
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Frame

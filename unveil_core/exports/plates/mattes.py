@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from unveil_core.base.files import read_label_image
+from unveil_core.base.pictures.decoding import read_label_image
 from unveil_core.base.types import Labels, Mask
 from unveil_core.delivery.lens import work_positions
 from unveil_core.drives.drive import Frame

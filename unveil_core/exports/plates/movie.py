@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image_as_it_is
+from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.drives.drive import Frame, tracks
 from unveil_core.exports.job import Job
 from unveil_core.exports.plates.png import told_frames

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.files import read_image_as_it_is
 from unveil_core.base.frame_cache import Frames
+from unveil_core.base.pictures.decoding import read_image_as_it_is
 from unveil_core.base.progress import part_of
 from unveil_core.base.types import Float32, Float64
 from unveil_core.delivery.full_size import as_color, in_exposure

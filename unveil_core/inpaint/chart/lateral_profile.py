@@ -114,7 +114,7 @@ def _completed(
     distant = far & ~close & (along >= 0)
     medians = np.where(distant[..., None], of_offset[0][None], medians[row, offset]).astype(np.float32)
     levels = np.where(distant, of_offset[1][None], levels[row, offset]).astype(np.float32)
-    return _to_unknown_offsets(medians, levels, known.any(axis=0), beside=max(1, round(BROAD * window)))
+    return _to_unknown_offsets(medians, levels, known.any(axis=0), beside=max(1, round(BROAD * window)))  # type: ignore[arg-type]
 
 
 def _to_unknown_offsets(

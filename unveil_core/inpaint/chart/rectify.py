@@ -83,7 +83,7 @@ class RowBins:
         first = np.arange(0, len(color), size)
         count = np.add.reduceat(usable.astype(np.float32), first, axis=0)
         lines = np.add.reduceat(contrast, first, axis=0) / np.maximum(count, 1)
-        return RowBins(lines, np.where(count >= size / 2, 1.0, 0.0).astype(np.float32))
+        return RowBins(lines, np.where(count >= size / 2, 1.0, 0.0).astype(np.float32))  # type: ignore[arg-type]
 
     @staticmethod
     def joined(pieces: Sequence[RowBins]) -> RowBins:
@@ -215,7 +215,7 @@ def rectified_path(
         progress(min(first + length, count), count, "following lines and kerbs")
     drift = find_drift(RowBins.joined(pieces), count, texels_per_m=per_m)
     aside = drift.aside * TEXEL_M
-    path = shift_path(ground.path, arc_lengths(ground, (0, count)), aside)
+    path = shift_path(ground.path, arc_lengths(ground, (0, count)), aside)  # type: ignore[arg-type]
     return Rectified(path, float(np.abs(aside).max(initial=0.0)), drift.agreement)
 
 

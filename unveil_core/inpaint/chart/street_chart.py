@@ -102,12 +102,12 @@ class StreetChart:
     def coordinates(self) -> tuple[Float64, Float64]:
         """Arc length (A,) of the rows and lateral offset (B,) of the columns."""
         rows, columns = self.source.shape
-        return self.s_start + self.texel * np.arange(rows), self.t_start + self.texel * np.arange(columns)
+        return self.s_start + self.texel * np.arange(rows), self.t_start + self.texel * np.arange(columns)  # type: ignore[return-value]
 
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
         s, t = self.s_start + self.texel * rows, self.t_start + self.texel * columns
-        return self.ground.path.to_world(np.stack([s, t, self.ground.height_at(s, t)], axis=1))
+        return self.ground.path.to_world(np.stack([s, t, self.ground.height_at(s, t)], axis=1))  # type: ignore[arg-type, list-item]
 
     def index_of(self, street: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """Nearest rows and columns of street coordinates (N, 2+), and whether they lie on the chart."""
@@ -158,7 +158,7 @@ def rows_of(ground: Ground) -> int:
 
 def arc_lengths(ground: Ground, rows: tuple[int, int]) -> Float64:
     """(A,) of a street's rows, first and last but one, metres."""
-    return ground.s_start + TEXEL_M * np.arange(*rows)
+    return ground.s_start + TEXEL_M * np.arange(*rows)  # type: ignore[return-value]
 
 
 def read_chart(

@@ -40,4 +40,4 @@ def parts_between_corners(path: StreetPath, s: Float64) -> list[slice]:
     ]
     starts, ends = [0, *(last for _, last in corners)], [*(first for first, _ in corners), rows]
     least = 0 if not corners else LEAST_M / max(s[1] - s[0], 1e-9)
-    return [slice(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a > least]
+    return [slice(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a > least]  # type: ignore[call-overload]

@@ -224,7 +224,7 @@ def _tops(chart: FacadeChart, stood: Mask) -> NDArray[np.int64]:
     span = max(1, round(SEEN_OVER_M * chart.per_m))
     beyond = np.pad(chart.passed | chart.open, ((0, 0), (0, span - 1)), mode="edge")
     clear = np.lib.stride_tricks.sliding_window_view(beyond, span, axis=1).all(axis=-1)
-    over = np.where(clear.any(axis=1), clear.argmax(axis=1), len(heights))
+    over = np.where(clear.any(axis=1), clear.argmax(axis=1), len(heights))  # type: ignore[call-overload]
     below = chart.known & (heights < over[:, None])
     seen = np.where(below.any(axis=1) & (over < len(heights)), len(heights) - below[:, ::-1].argmax(axis=1), 0)
     lowest = GATE_M * chart.per_m

@@ -101,7 +101,7 @@ def copied_from(
         # Of a long drive most pieces are elsewhere; one is asked in any case, so that there is an answer.
         near = (ends[:, 1] >= street[:, 0].min()) & (ends[:, 0] <= street[:, 0].max())
         asked = np.flatnonzero(near) if near.any() else [0]
-        found = [pieces[k].origin(street, height) for k in asked]
+        found = [pieces[k].origin(street, height) for k in asked]  # type: ignore[index]
         some, there, ratio = (np.concatenate(parts) for parts in zip(*found, strict=True))
         up = ground.height_at(*there.T) + height[some]
         return some, ground.path.to_world(np.column_stack([there, up])), ratio

@@ -79,7 +79,7 @@ class FacadeChart:
     def world(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
         """(N, 3) world positions of texel centres."""
         s, t = self.s_start + self.texel * rows, self.offset[rows]
-        height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)
+        height = self.ground.height_at(s, t) + self.texel * (columns + 0.5)  # type: ignore[arg-type]
         return self.ground.path.to_world(np.stack([s, t, height], axis=1))
 
 
@@ -146,7 +146,7 @@ def read_facade(
     offset = carried_on(offset, hidden, texel_m)
     offset[fanned_out(ground, s, offset)] = np.nan
     lacks = coarse.unseen[np.isfinite(offset[:: _coarser(texel_m)])].any(axis=0)
-    top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M
+    top = max(TOP_M, coarse.texel * (lacks.size - int(lacks[::-1].argmax()))) if lacks.any() else TOP_M  # type: ignore[index]
     return read_views(empty_chart(ground, s, offset, top), views, reach_m)
 
 

@@ -138,7 +138,7 @@ def _in_this_plaster(
     damped = np.nan_to_num(np.clip(grain[rows] / np.maximum(grain[source], 1e-3), LEAST_GRAIN, 1), nan=1.0)
     kept = 1 - (1 - damped)[:, None, None] * plaster
     copies = wall[rows, None] ** (1 - kept) * (color[source] * ratios[rows, None] ** plaster) ** kept
-    return copies, kept[..., 0]
+    return copies, kept[..., 0]  # type: ignore[return-value]
 
 
 def _under(known: Mask) -> Mask:

@@ -143,7 +143,7 @@ def _marks(strips: _Strips) -> Float64:
     whole &= (end - first >= LOOSE_M[0] * strips.per_m) & (end - first <= LOOSE_M[1] * strips.per_m)
     strip, first, end = strip[whole], first[whole], end[whole]
     bare = np.pad(np.cumsum(strips.sure & ~bright, axis=0), ((1, 0), (0, 0)))
-    sides = (bare[first, strip] - bare[first - margin, strip]) + (bare[end + margin, strip] - bare[end, strip])
+    sides = (bare[first, strip] - bare[first - margin, strip]) + (bare[end + margin, strip] - bare[end, strip])  # type: ignore[var-annotated]
     return np.stack([strip, (first + end - 1) / 2, end - first], axis=1)[sides == 2 * margin].astype(np.float64)
 
 

@@ -180,9 +180,10 @@ def _repeated(
     result = np.zeros_like(marked)
     kinds = [_kind(strips, marked, members) for members in _groups(strips, goes_on)]
     unseen = [~strips.known[:, k.members].all(axis=1) for k in kinds]
-    periods = [_period(k.at, gap, streets, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]
+    periods = [_period(k.at, gap, streets, texels_per_m) for k, gap in zip(kinds, unseen, strict=True)]  # type: ignore[arg-type]
     rows_of = [
-        _shared(kind, gap, streets, found, periods) for kind, gap, found in zip(kinds, unseen, periods, strict=True)
+        _shared(kind, gap, streets, found, periods)  # type: ignore[arg-type]
+        for kind, gap, found in zip(kinds, unseen, periods, strict=True)  # type: ignore[arg-type]
     ]
     for kind, (period, phases) in zip(kinds, rows_of, strict=True):
         if period <= 0:

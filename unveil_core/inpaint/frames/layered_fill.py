@@ -56,7 +56,7 @@ def fill_in_layers(
     color = fill_around(telea, image, hole).astype(np.float32)
     source = beside & ~below_horizon
     if source.any():
-        color = (color + across(image, above, source)) / 2
+        color = (color + across(image, above, source)) / 2  # type: ignore[assignment]
     mixed = patches + masked_blur(color - patches, above, GRAIN_PX * scale_from_384(image.shape[1]))
     return np.where(above[..., None], np.clip(np.round(mixed), 0, 255), patches).astype(np.uint8)
 

@@ -294,7 +294,7 @@ class _Painter:
         if ground is not None:
             origin[from_chart] = ORIGIN_OF_TEXEL[ground.source[from_chart]]
             plain = ring & ground.covered & ~background.in_front & ~ground.shadow & _shows_ground(ground.depth, out)
-            fill[from_chart] = ground.color[from_chart] + tint(original, ground.color, plain)
+            fill[from_chart] = ground.color[from_chart] + tint(original, ground.color, plain)  # type: ignore[arg-type, operator]
             on_ground = ground.replaced | _shows_ground(ground.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
             shadow = grow(ground.shadow, border) & ground.covered & ~background.in_front & ~task.removed & on_ground
@@ -311,7 +311,7 @@ class _Painter:
             distant = np.clip((ground.extent[shadow] - FINE_TEXELS) / FINE_TEXELS, 0, 1)
             # Nor does it show the penumbra, which no two views have in the same pixel: relit, it would be an outline.
             distant = np.maximum(distant, _steep(ground.gain, border)[shadow])[:, None]
-            held = _held(relit[shadow], ground.color[shadow])
+            held = _held(relit[shadow], ground.color[shadow])  # type: ignore[arg-type]
             relit[shadow] = held * (1 - distant) + ground.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
         return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background, origin

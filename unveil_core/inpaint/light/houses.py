@@ -71,9 +71,9 @@ def solid_columns(
     np.maximum.at(top, member.ravel(), street[:, 2] - foot)
     long = of_something_long(columns)
     columns, top = columns[long], top[long]
-    flush = ~_protruding(columns * cell, columns * cell, slack=1.5 * cell)
+    flush = ~_protruding(columns * cell, columns * cell, slack=1.5 * cell)  # type: ignore[arg-type]
     columns, top = columns[flush], top[flush]
-    top = as_high_as_beside(chart, columns * cell, top, cameras)
+    top = as_high_as_beside(chart, columns * cell, top, cameras)  # type: ignore[arg-type]
     parts, tops = [columns], [top]
     for end in _ends(columns, top, round(BEYOND_M / COLUMN_M)):
 
@@ -104,7 +104,7 @@ def _discs(chart: StreetChart, columns: NDArray[np.int64], top: NDArray[np.float
     at = columns[which] * cell
     # A column is as thick as its discs: its face, not its middle, is the facade. At the foot no light must come through.
     at[:, 1] += np.where(levels[level] > FOOT_M, np.sign(at[:, 1]) * cell / 2, 0.0)
-    height = chart.ground.height_at(at[:, 0], at[:, 1]) + levels[level]
+    height = chart.ground.height_at(at[:, 0], at[:, 1]) + levels[level]  # type: ignore[arg-type]
     points = path.to_world(np.stack([at[:, 0], at[:, 1], height], axis=1))
     # Lying and standing: from any side one of the two is broad.
     up = np.repeat(path.axes[2:3], len(points), axis=0)
@@ -132,9 +132,9 @@ def flush_with_facades(chart: StreetChart, surfels: Surfels, solid: Sequence[int
     street = chart.ground.path.to_street(surfels.means.detach().double().numpy())[:, :2]
     houses = np.flatnonzero(np.isin(surfels.labels.numpy(), list(solid)))
     columns = np.unique(np.round(street[houses] / COLUMN_M).astype(np.int64), axis=0)
-    columns = columns[of_something_long(columns)] * COLUMN_M
+    columns = columns[of_something_long(columns)] * COLUMN_M  # type: ignore[assignment]
     result = np.ones(len(street), dtype=bool)
-    result[houses] = ~_protruding(street[houses], columns, slack=COLUMN_M)
+    result[houses] = ~_protruding(street[houses], columns, slack=COLUMN_M)  # type: ignore[arg-type]
     return result
 
 

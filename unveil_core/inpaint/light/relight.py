@@ -287,7 +287,7 @@ def _gain_of_strip(
     around = cv2.dilate(shadow.astype(np.uint8), ring) > 0
     # As bright as right beside it, for the street is not the same all along: a difference of a few per cent is an outline.
     level = luminance(target)
-    beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)
+    beside = masked_blur(luminance(color) / np.maximum(level, 0.02) - 1, seen & ~around, 0.25 * per_m, prior=0.02)  # type: ignore[arg-type]
     actual = np.maximum(masked_blur(color, seen, 0.03 * per_m), 0.02)
     # Each channel for itself: in a penumbra the sun's colour and the sky's mix.
     share = (target * (1 + np.clip(beside, -0.2, 0.2))[..., None] / actual - 1) / np.maximum(ratio - 1, 0.02)

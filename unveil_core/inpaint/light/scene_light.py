@@ -69,7 +69,7 @@ def _beyond(
 ) -> NDArray[np.bool_]:
     """(A, B) of the seen texels off the shadows of what stays, those in the shadow of the visual hull of what is ``hidden``."""
     step = max(1, round(HULL_CELL_M / chart.texel))
-    rows, columns = (i[::step, ::step] for i in np.indices(of_kept.shape))
+    rows, columns = (i[::step, ::step] for i in np.indices(of_kept.shape))  # type: ignore[index]
     asked = (chart.source == OBSERVED)[::step, ::step] & ~of_kept[::step, ::step]
     cells = np.zeros(asked.shape, dtype=np.float32)
     places = chart.world(rows[asked], columns[asked])

@@ -108,7 +108,7 @@ def _groups(mask: Mask, limit: tuple[int, int]) -> Iterator[tuple[Mask, tuple[in
                 _extent(union[2], union[3], limit[1], mask.shape[1]) <= limit[1]
             ):
                 box = union
-                taken.append(k)
+                taken.append(k)  # type: ignore[arg-type]
         top, bottom, left, right = (int(v) for v in box)
         yield np.isin(component, waiting[taken]), (top, bottom, left, right)
         waiting = np.delete(waiting, taken)

@@ -140,13 +140,14 @@ class _Network:
         except Exception as error:  # whatever the library says about a damaged file
             raise self.error(f"cannot be loaded: {short(error)}") from error
         try:
-            self._ports = read_ports(self._session.get_inputs(), reference=reference)
+            self._ports = read_ports(self._session.inputs, reference=reference)
         except SignatureProblem as problem:
             raise self.error(str(problem)) from problem
         first = next(p for p in self._ports if p.role in (IMAGE, BOTH))
         self._size = (first.height, first.width)
         self._multiple, self._output, self._output_last, self._white = 1, 0, False, 1.0
         self._try()
+        self._session.tried()
 
     @property
     def fixed(self) -> bool:
@@ -184,9 +185,9 @@ class _Network:
         for port in self._ports:
             if port.role == REFERENCE:
                 given[REFERENCE] = _fitted(reference, port, shown, hole.shape)
-            tensors[port.name] = port.tensor(given[port.role])
+            tensors[port.name] = port.tensor(given[port.role])  # type: ignore[arg-type]
         try:
-            return list(self._session.run(None, tensors))
+            return self._session.run(tensors)
         except Exception as error:  # a model may fail in any way of its own
             shapes = " and ".join(str(t.shape) for t in tensors.values())
             raise self.error(f"does not take {shapes}: {short(error)}") from error
@@ -237,7 +238,7 @@ class _Network:
                 self._output, self._output_last = k, shape != (1, 3, *size)
                 return
         shapes = " and ".join(str(getattr(a, "shape", type(a).__name__)) for a in answers)
-        outputs = describe(self._session.get_outputs())
+        outputs = describe(self._session.outputs)
         raise self.error(f"gives {shapes} as {outputs}, not an image (1, 3, {size[0]}, {size[1]})")
 
 
@@ -259,4 +260,4 @@ def _fitted(
     if size != reference.shape[:2]:
         way = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
         reference = cv2.resize(reference, size[::-1], interpolation=way)
-    return _continued(reference, wanted).astype(np.float32) / 255
+    return _continued(reference, wanted).astype(np.float32) / 255  # type: ignore[return-value]

@@ -50,11 +50,11 @@ class PictureNetwork:
         check_readable(path, WANTED)
         try:
             self._session = open_onnx(path, threads=threads)
-            self.class_names = _names_inside(self._session.get_modelmeta().custom_metadata_map)
+            self.class_names = _names_inside(self._session.metadata)
         except Exception as error:  # whatever the library says about a damaged file
             raise self.error(f"cannot be loaded: {short(error)}") from error
-        self._read_input(self._session.get_inputs())
-        self.output_names: tuple[str, ...] = tuple(o.name for o in self._session.get_outputs())
+        self._read_input(self._session.inputs)
+        self.output_names: tuple[str, ...] = tuple(o.name for o in self._session.outputs)
         if settings.output is not None and settings.output not in self.output_names:
             problem = f"{path.name} has no output {settings.output}"
             raise SettingsError(problem, path=settings.path, mend=f"it has {', '.join(self.output_names)}")
@@ -119,7 +119,7 @@ class PictureNetwork:
             values = ((scaled - np.array(self.mean, np.float32)) / np.array(self.std, np.float32)).astype(self._dtype)
         tensor = np.ascontiguousarray(values[None] if self._last else values.transpose(2, 0, 1)[None])
         try:
-            answers = self._session.run(None, {self._name: tensor})
+            answers = self._session.run({self._name: tensor})
         except Exception as error:  # a model may fail in any way of its own
             raise self.error(f"does not take {tensor.shape}: {short(error)}") from error
         found = {}
@@ -152,6 +152,7 @@ class PictureNetwork:
                 problem = problem or error
                 continue
             self.multiple = multiple
+            self._session.tried()
             return (height, width), answers
         assert problem is not None
         raise problem

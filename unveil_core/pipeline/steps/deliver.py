@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from unveil_core.base.files import read_image, write_image_atomic
+from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.output.copies import copied
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.base.files import read_image, write_image_atomic, write_json_atomic
+from unveil_core.base.files import write_image_atomic, write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import Drive, instants
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.marked import marked_objects

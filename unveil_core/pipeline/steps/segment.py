@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from unveil_core.base.files import read_image, write_json_atomic
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.imported import read_imported
 from unveil_core.pipeline.stage import Facts, StageContext

@@ -152,7 +152,7 @@ def top_view(surfels: Surfels, origins: NDArray[np.uint8] | None, way: Way) -> T
             here = slice(top, top + size[1]), slice(left, left + size[0])
             some = marked.select(torch.from_numpy(np.flatnonzero(inside)))
             picture[here], found[here], solid[here] = _tile(some, camera)
-    rows, columns = (_extent(solid.any(axis=k), place.pixels_per_m) for k in (1, 0))
+    rows, columns = (_extent(solid.any(axis=k), place.pixels_per_m) for k in (1, 0))  # type: ignore[arg-type]
     origin = place.corner + np.array([columns.start, rows.start]) / place.pixels_per_m @ place.axes
     place = replace(place, corner=origin, size=(columns.stop - columns.start, rows.stop - rows.start))
     return TopView(place, picture[rows, columns], None if origins is None else found[rows, columns])

@@ -142,7 +142,7 @@ def sweep_reader(
         points = read_velodyne(path)
         labels = None if classes is None else classes(len(points))
         keep = np.isfinite(points).all(axis=1)
-        keep[keep] = np.linalg.norm(points[keep], axis=1) > NEAREST_M
+        keep[keep] = np.linalg.norm(points[keep], axis=1) > NEAREST_M  # type: ignore[index]
         points = points[keep]
         if correct is not None:
             points = correct(points)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from unveil_core.base.checks.array_headers import load_npy
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import NO_ARCHIVE, read_unchanged
+from unveil_core.base.files import NO_ARCHIVE
+from unveil_core.base.pictures.decoding import read_unchanged
 from unveil_core.base.types import Float32, Float64
 from unveil_core.drives.drive import Distortion, Frame, PointCloud, Sweep, SweepPoints
 from unveil_core.geometry.camera import Camera

@@ -10,7 +10,6 @@ import math
 from pathlib import Path
 
 from unveil_core.base.errors import DriveError
-from unveil_core.base.files import read_unchanged
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Distortion
 from unveil_core.drives.formats.cameras import picture_size
@@ -45,7 +44,6 @@ NO_PINHOLE = (
 """Models of nerfstudio that no pinhole picture of the same size can be made of."""
 MOST_PIXELS = 1 << 20
 """Of a side of a picture."""
-PLAIN = (".png", ".jpg", ".jpeg")
 
 
 def read_lens(keys: Keys, image: Path, pose: Float64) -> tuple[Camera, Distortion | None]:
@@ -83,20 +81,13 @@ def _focal(side: int, angle: float | None) -> float | None:
 
 
 def _size(keys: Keys, image: Path) -> tuple[int, int]:
-    """Width and height: as the file says, else of the picture, from its header where that is known."""
+    """Width and height: as the file says, else of the picture, from its header."""
     width, height = keys.number("w"), keys.number("h")
     if width is not None and height is not None:
         if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
             raise DriveError(f"w and h are {width:g} and {height:g}", path=keys.path, mend="correct them")
         return int(width), int(height)
-    if image.suffix.lower() in PLAIN:
-        return picture_size(image)
-    try:
-        picture = read_unchanged(image)
-    except DriveError as error:
-        mend = "restore it or drop the frame"
-        raise DriveError("there is no such readable image", path=image, mend=mend) from error
-    return int(picture.shape[1]), int(picture.shape[0])
+    return picture_size(image)
 
 
 def _distortion(keys: Keys, image: Path) -> Distortion | None:

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from unveil_core.base.errors import DriveError
+from unveil_core.base.pictures.decoding import decode_unchanged
 from unveil_core.drives.cityscapes import table
 from unveil_core.drives.drive import FrameLabels
 from unveil_core.drives.formats.cameras import TrackIds
@@ -71,12 +71,7 @@ def labels_of(segment: Segment) -> dict[tuple[int, str], Callable[[tuple[int, in
 def _read(rows: Rows, number: int, divisor: int, numbers: dict[int, int] | None, size: tuple[int, int]) -> FrameLabels:
     path = rows.path
     content = rows.row(number)[IMAGE].as_py()
-    picture = _decoded(content, path)
-    if picture.shape != size[::-1]:
-        raise DriveError(
-            f"row {number} is {picture.shape[1]}x{picture.shape[0]} pixels, its camera says {size[0]}x{size[1]}",
-            path=path,
-        )
+    picture = _decoded(content, Path(f"{path}, row {number}"), size)
     kinds, objects = np.divmod(picture.astype(np.int64), divisor)
     instance = None
     if numbers is not None:
@@ -88,10 +83,8 @@ def _read(rows: Rows, number: int, divisor: int, numbers: dict[int, int] | None,
     return FrameLabels(table(PIXEL_CLASSES)[np.clip(kinds, 0, 255)], instance, kinds == EGO_VEHICLE)
 
 
-def _decoded(content: object, path: Path) -> NDArray[np.generic]:
-    picture = None
-    if isinstance(content, bytes) and content:
-        picture = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+def _decoded(content: object, path: Path, size: tuple[int, int]) -> NDArray[np.generic]:
+    picture = decode_unchanged(content, path, size) if isinstance(content, bytes) else None
     if picture is None or picture.ndim != 2:
         raise DriveError("holds a label image that is no grey PNG", path=path, mend="download it again")
-    return picture  # type: ignore[no-any-return]
+    return picture

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from unveil_core.base.image_headers import header_of
+from unveil_core.base.pictures.headers import header_of
 
 
 def encoded(suffix: str, options: tuple[int, ...] = (), shape: tuple[int, ...] = (37, 53, 3)) -> bytes:
@@ -80,3 +80,37 @@ def test_more_pixels_than_the_bytes_can_make_are_no_whole_picture() -> None:
 def test_any_bytes_have_an_answer(noise: bytes, start: bytes, data: st.DataObject) -> None:
     at = data.draw(st.integers(0, len(start)))
     header_of(start[:at] + noise + start[at:])
+
+
+OTHER_FILES = {
+    "TIFF": encoded(".tiff"),
+    "TIFF as it is": encoded(".tiff", (cv2.IMWRITE_TIFF_COMPRESSION, 1)),
+    "BMP": encoded(".bmp"),
+    "grey BMP": encoded(".bmp", shape=(37, 53)),
+    "WebP": encoded(".webp"),
+    "WebP without loss": encoded(".webp", (cv2.IMWRITE_WEBP_QUALITY, 101)),
+    "WebP with transparency": encoded(".webp", shape=(37, 53, 4)),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_FILES)
+def test_the_size_is_read_in_other_formats(name: str) -> None:
+    content = OTHER_FILES[name]
+    header = header_of(content)
+    assert header is not None
+    assert (header.width, header.height, header.whole, header.problem) == (53, 37, True, None)
+
+
+@pytest.mark.parametrize("name", ["BMP", "grey BMP", "WebP", "WebP without loss", "WebP with transparency"])
+def test_other_formats_cut_short_are_never_whole(name: str) -> None:
+    content = OTHER_FILES[name]
+    for end in range(len(content)):
+        header = header_of(content[:end])
+        assert header is None or not header.whole
+
+
+@given(st.sampled_from(sorted(OTHER_FILES)), st.binary(max_size=60), st.data())
+def test_any_bytes_of_other_formats_have_an_answer(name: str, noise: bytes, data: st.DataObject) -> None:
+    content = OTHER_FILES[name]
+    at = data.draw(st.integers(0, len(content)))
+    header_of(content[:at] + noise + content[at + len(noise) :])

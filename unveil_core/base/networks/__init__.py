@@ -1,0 +1,1 @@
+"""Networks of strangers, each in a process of its own."""

@@ -1,0 +1,1 @@
+"""Pictures: what their headers say, and decoding them in one place."""
