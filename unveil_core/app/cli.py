@@ -27,7 +27,8 @@ NO_MEMORY = "unveil: failed: no memory left (end other programs, or use a machin
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    leave_working_folder()
+    if argv is None:  # the process is this program's own
+        leave_working_folder()
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # names of files need not be text that a terminal can show
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

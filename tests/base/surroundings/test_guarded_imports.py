@@ -68,7 +68,7 @@ def test_what_lies_in_the_working_folder_is_not_imported(tmp_path: Path) -> None
 def test_neither_is_it_by_what_the_command_starts(tmp_path: Path) -> None:
     (tmp_path / "multiprocessing.py").write_text(HERE)
     program = (
-        "import sys; sys.path.remove('')\nfrom unveil_core.app.cli import main\nmain(['--version'])\n"
+        "import sys; sys.path.remove('')\nfrom unveil_core.app.cli import main\nsys.argv[1:] = ['--version']; main()\n"
         "import subprocess; subprocess.run([sys.executable, '-c', 'import multiprocessing; print(multiprocessing)'], check=True)"
     )
     assert "<module 'multiprocessing' from" in python(tmp_path, "-c", program)
