@@ -58,6 +58,8 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check unveil_core tests blender_addon
 	$(BIN)/mypy
 	$(BIN)/python requirements/check.py
+	@$(MAKE) --silent build/audit/.installed >/dev/null 2>&1 || true
+	$(BIN)/python requirements/audit.py build/audit/bin/pip-audit
 
 clean:
 	rm -rf $(VENV) .venv-bpy-* .venv-numpy-1 demo_workspace build dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
@@ -82,6 +84,12 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 # Nothing but bpy and pytest: as in Blender, unveil_core is in a Python of its own.
 .venv-bpy-%/.installed: requirements/bpy-%.txt
+	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
+	$(@D)/bin/python $(LOCKED) -r $<
+	touch $@
+
+# pip-audit, with nothing of the project: what it needs is no part of what is installed.
+build/audit/.installed: requirements/audit.txt
 	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
 	$(@D)/bin/python $(LOCKED) -r $<
 	touch $@
