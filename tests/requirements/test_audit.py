@@ -16,16 +16,16 @@ UNKNOWN = {"name": "bpy", "skip_reason": "Dependency not found"}
 
 
 def test_a_known_hole_is_told_with_its_mend() -> None:
-    code, lines = judged({"dependencies": [SOUND, HOLE, UNKNOWN]})
+    code, lines = judged([SOUND, HOLE, UNKNOWN])
     assert code == 1 and lines == ["pillow 9.0.0: CVE-2022-22817, mended in 9.0.1"]
 
 
 def test_packages_that_no_one_knows_do_not_count_as_sound() -> None:
-    assert judged({"dependencies": [SOUND, UNKNOWN]}) == (
+    assert judged([SOUND, UNKNOWN]) == (
         0,
         ["no holes are known in 1 packages; 1 are not known there"],
     )
-    code, (line,) = judged({"dependencies": [UNKNOWN] * 3})
+    code, (line,) = judged([UNKNOWN] * 3)
     assert code == 0 and line.startswith("nothing was looked up")
 
 
