@@ -58,6 +58,8 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check unveil_core tests blender_addon
 	$(BIN)/mypy
 	$(BIN)/python requirements/check.py
+	@$(MAKE) --silent build/audit/.installed >/dev/null 2>&1 || true
+	$(BIN)/python requirements/audit.py build/audit/bin/pip-audit
 
 # What this Makefile made, and nothing else: demo_workspace/ may hold what somebody painted, and stays.
 clean:
@@ -83,6 +85,12 @@ $(VENV)/.installed-test: $(VENV)/.installed
 
 # Nothing but bpy and pytest: as in Blender, unveil_core is in a Python of its own.
 .venv-bpy-%/.installed: requirements/bpy-%.txt
+	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
+	$(@D)/bin/python $(LOCKED) -r $<
+	touch $@
+
+# pip-audit, with nothing of the project: what it needs is no part of what is installed.
+build/audit/.installed: requirements/audit.txt
 	test -x $(@D)/bin/python || $(PYTHON) -m venv $(@D)
 	$(@D)/bin/python $(LOCKED) -r $<
 	touch $@

@@ -14,6 +14,7 @@ Pythons at once. A lock file holds the hashes of every file of a release, so it 
 | ``torch.txt`` | make without that one, the add-on: torch as the usual index has it |
 | ``cuda.txt`` | make, the add-on: what torch's build with CUDA loads (Linux) |
 | ``dev.txt`` | make test: tests, linters, the optional parts |
+| ``audit.txt`` | make lint, into an environment of its own: what looks known holes up |
 | ``numpy-1.txt`` | make test: the oldest series of NumPy that is supported, and what OpenCV is with it |
 | ``bpy-5.0.txt`` | make test, into an environment of its own |
 | ``bpy-4.2.txt``, ``bpy-4.5.txt`` | make test-blender, each into an environment of its own |
@@ -99,6 +100,7 @@ def main(uv: str) -> None:
     # editables is asked for by hatchling only while it builds
     write("build", compile_lock(uv, ["hatchling", "editables"], *locked))
     write("pip", compile_lock(uv, ["pip"], *locked))
+    write("audit", compile_lock(uv, ["pip-audit"], *locked))
     write("numpy-1", compile_lock(uv, [NUMPY_1], *locked, numpy=NUMPY_1))
     for blender, wanted in BLENDERS.items():
         write(f"bpy-{blender}", compile_lock(uv, wanted, "--python-version=3.11", "--generate-hashes", numpy=NUMPY_1))

@@ -11,13 +11,18 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import sysconfig
 import tempfile
 from pathlib import Path
 
-__all__ = ["checks", "run_check", "unveil_python"]
+__all__ = ["BLENDER", "WITH_OTHERS", "checks", "run_check", "unveil_python"]
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
+BLENDER = ROOT / ".venv-bpy-5.0" / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+"""The Python that `make test` gives bpy 5.0, in an environment of its own."""
+WITH_OTHERS = f"import sys; sys.path.append({sysconfig.get_path('purelib')!r}); "
+"""Python text by which that one finds this environment's packages behind its own, NumPy 1 among them: for scripts that render."""
 
 
 def checks() -> list[Path]:

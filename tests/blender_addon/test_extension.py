@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import json
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.blender_addon.run_in_blender import ROOT
+from tests.blender_addon.run_in_blender import BLENDER, ROOT
 from unveil_core import __version__
 
 ADDON = ROOT / "blender_addon"
@@ -81,11 +80,9 @@ def test_only_one_module_asks_which_blender_this_is() -> None:
             assert "bpy.app.version" not in path.read_text(), path.name
 
 
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="bpy is not installed")
+@pytest.mark.skipif(not BLENDER.is_file(), reason="there is no bpy in an environment of its own")
 def test_blenders_own_tool_builds_it_and_a_repository(tmp_path: Path) -> None:
-    spec = importlib.util.find_spec("bpy")
-    assert spec is not None and spec.origin is not None
-    tool = next(Path(spec.origin).parent.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    tool = next(BLENDER.parents[1].rglob("bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
 
     def run(*arguments: str) -> None:
         done = subprocess.run([sys.executable, str(tool), *arguments], capture_output=True, text=True)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.blender_addon.run_in_blender import ROOT, checks, run_check
-
-BLENDER = ROOT / ".venv-bpy-5.0" / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+from tests.blender_addon.run_in_blender import BLENDER, checks, run_check
 
 
 @pytest.fixture(scope="session")

@@ -43,7 +43,9 @@ CHUNKS: tuple[bytes, ...] = (
     b"'shape': (-1,)", b"'fortran_order': True", b"ARROW1", b"PAR1", b"\xff\xff\xff\xff", b"\x1f\x8b\x08", b"ply\n",
     b"end_header\n", b"element vertex 1000000000000\n", b"element face -1\n", b"property list uchar int x\n",
     b"property double x\n", b"format ascii 1.0\n", b"format binary_big_endian 1.0\n", b"II*\0", b"MM\0*", b"BM", b"RIFF",
-    b"WEBPVP8 ", b"GIF89a", b"c__builtin__\neval\n", b"cposix\nsystem\n", b"\x80\x04\x95", b"\x80\x05\x96", b"\0" * 64,
+    b"WEBPVP8 ", b"GIF89a", b"acTL", b"fcTL", b"fdAT", b"\0\0\0\x0cjP  \r\n\x87\n", b"jp2c",
+    b"\xff\x4f\xff\x51", b"II+\0", b"WEBPVP8X", b"ANIM",
+    b"c__builtin__\neval\n", b"cposix\nsystem\n", b"\x80\x04\x95", b"\x80\x05\x96", b"\0" * 64,
     b"\xff" * 64, b"A" * 4096,
 )  # fmt: skip
 """Marks of the formats, and orders that a pickle may give."""

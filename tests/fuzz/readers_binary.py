@@ -10,7 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
+from pyarrow import feather, parquet
 
+from tests.base.pictures.files import animated_png, jpeg2000
 from tests.drives.formats.street.all_formats import WRITERS
 from tests.drives.formats.street.street import tiny_street
 from tests.fuzz.reader import Opened, Reader, Wrong
@@ -53,6 +55,7 @@ __all__ = ["READERS", "mesh_file", "points_file", "surfels_file"]
 
 CAMERA = Camera(48, 32, 40.0, 40.0, 24.0, 16.0, np.eye(4))
 SIZE = (48, 32)
+PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def _photograph(channels: int = 3, kind: type[np.generic] = np.uint8) -> np.ndarray:
@@ -186,6 +189,52 @@ def _any_image(folder: Path) -> Opened:
     return Opened((*files, *wide), read)
 
 
+def _animated_png(folder: Path) -> Opened:
+    """Animated ones are refused however they are changed, unless that makes them still pictures."""
+    (still,) = _written(folder, {"still.png": _photograph()})
+    frames = {"own": (0, 0, 48, 32), "large": (0, 0, 480, 320), "beside": (40, 30, 48, 32), "row": (0, 0, 48, 1)}
+    files = [folder / f"{name}.png" for name in frames]
+    for file, frame in zip(files, frames.values(), strict=True):
+        file.write_bytes(animated_png(48, 32, frame))
+
+    def read(file: Path) -> None:
+        _check_shape(read_image(file, SIZE), file)
+
+    return Opened((still, *files), read)
+
+
+def _jpeg_2000(folder: Path) -> Opened:
+    (still,) = _written(folder, {"still.png": _photograph()})
+    whole = folder / "whole.jp2"
+    whole.write_bytes(cv2.imencode(".jp2", _photograph())[1].tobytes())
+    streams = (b"", b"\xff\x4f", b"\xff\x4f\xff\x51\0\x2f")
+    files = [folder / f"{k}.png" for k in range(len(streams))]
+    for file, stream in zip(files, streams, strict=True):
+        file.write_bytes(jpeg2000(48, 32, stream))
+
+    def read(file: Path) -> None:
+        _check_shape(read_image(file, SIZE), file)
+        if file.read_bytes()[:8] != PNG:
+            raise Wrong("what is no PNG is taken")
+
+    return Opened((still, whole, *files), read)
+
+
+def _tiff(folder: Path) -> Opened:
+    folder.mkdir(parents=True)
+    files = []
+    for packing in (1, 5, 8, 32773):
+        for name, pixels in (("color", _photograph()), ("wide", _photograph(1, np.uint16)), ("alpha", _photograph(4))):
+            files.append(folder / f"{name}_{packing}.tiff")
+            cv2.imwrite(str(files[-1]), pixels, [cv2.IMWRITE_TIFF_COMPRESSION, packing])
+
+    def read(file: Path) -> None:
+        _check_shape(read_image(file, SIZE), file)
+        _check_shape(read_image_as_it_is(file), file)
+
+    return Opened(tuple(files), read)
+
+
 def _labels(folder: Path) -> Opened:
     labels = (_photograph(1) % 20).astype(np.uint8)
     files = _written(folder, {"labels.png": labels, "color.png": np.stack([labels] * 3, axis=2)})
@@ -267,15 +316,28 @@ def _pickles(folder: Path) -> Opened:
     return Opened((*tables, packed, scenario), lambda p: read_arrays(p) if p == scenario else read_table(p))
 
 
-def _tables(folder: Path) -> Opened:
+def _feather(folder: Path) -> Opened:
     argoverse = WRITERS["Argoverse 2"](folder / "argoverse", tiny_street(2))
-    waymo = WRITERS["Waymo Open v2"](folder / "waymo", tiny_street(1))
     poses = next(argoverse.rglob("city_SE3_egovehicle.feather"))
+    boxes = next(argoverse.rglob("annotations.feather"))
+    plain = poses.with_name("plain.feather")
+    feather.write_feather(feather.read_table(poses), str(plain), compression="uncompressed")
+    return _tables(poses, boxes, plain)
+
+
+def _parquet(folder: Path) -> Opened:
+    waymo = WRITERS["Waymo Open v2"](folder / "waymo", tiny_street(1))
     pictures, vehicle = (next(waymo.rglob(f"{n}/*.parquet")) for n in ("camera_image", "vehicle_pose"))
-    names = {p: _columns_of(p) for p in (poses, vehicle, pictures)}
+    other = vehicle.with_name("other.parquet")
+    parquet.write_table(parquet.read_table(vehicle), other, compression="gzip", data_page_version="2.0")
+    return _tables(vehicle, pictures, other)
+
+
+def _tables(*files: Path) -> Opened:
+    names = {p: _columns_of(p) for p in files}
 
     def read(file: Path) -> None:
-        if file == pictures:
+        if file.parent.name == "camera_image":
             Rows(file, tuple(names[file])).row(0)
             return
         found = read_columns(file, names[file])
@@ -288,16 +350,12 @@ def _tables(folder: Path) -> Opened:
                     if type(error).__name__ != "DriveError":
                         raise
 
-    return Opened((poses, vehicle, pictures), read)
+    return Opened(files, read)
 
 
 def _columns_of(path: Path) -> list[str]:
     if path.suffix == ".parquet":
-        from pyarrow import parquet
-
         return list(parquet.read_schema(path).names)
-    from pyarrow import feather
-
     return list(feather.read_table(path).column_names)
 
 
@@ -329,12 +387,16 @@ READERS = (
     Reader("COLMAP binary", "binary", _colmap),
     Reader("PNG photographs", "binary", _png),
     Reader("JPEG photographs", "binary", _jpeg),
+    Reader("animated PNG", "binary", _animated_png),
+    Reader("JPEG 2000", "binary", _jpeg_2000),
+    Reader("TIFF photographs", "binary", _tiff),
     Reader("pictures of any format and size", "binary", _any_image),
     Reader("labels, masks, instances", "binary", _labels),
     Reader("depth images", "binary", _depth),
     Reader("LiDAR sweeps", "binary", _sweeps),
     Reader("archives of arrays", "binary", _archives),
     Reader("pickles", "binary", _pickles),
-    Reader("feather and parquet", "binary", _tables),
+    Reader("feather", "binary", _feather),
+    Reader("parquet", "binary", _parquet),
     Reader("arrays of a workspace", "binary", _workspace_arrays),
 )

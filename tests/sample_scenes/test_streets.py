@@ -28,6 +28,7 @@ from sample_scenes.streets.path import STEP_M, bend_curvature, corner_curve, swe
 from sample_scenes.streets.plan import KINDS, LabelNoise, Plan
 from sample_scenes.streets.truth import true_picture
 from sample_scenes.streets.visibility import Shown, View, never_seen
+from tests.blender_addon.run_in_blender import BLENDER, WITH_OTHERS
 from unveil_core.base.pictures.decoding import read_image, read_instance_image, read_label_image
 from unveil_core.drives import open_drive
 from unveil_core.drives.importing.check import check_drive
@@ -225,9 +226,12 @@ def test_a_street_is_made_once_and_never_by_half(tmp_path: Path) -> None:
     assert not store.kept(place, fails) and (place / "a").read_text() == "1"
 
 
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender's Python module is an extra")
+@pytest.mark.skipif(not BLENDER.is_file(), reason="Blender's Python module is an extra")
 def test_a_rendered_street_is_a_drive_with_its_truth(tmp_path: Path) -> None:
-    command = [sys.executable, str(ROOT / "sample_scenes/streets/make_streets.py"), "--seeds", "2", "--size", "tiny"]
+    script = ROOT / "sample_scenes/streets/make_streets.py"
+    start = f"{WITH_OTHERS}import runpy; sys.argv[0] = {str(script)!r}; sys.path.insert(0, {str(script.parent)!r}); "
+    run = "runpy.run_path(sys.argv[0], run_name='__main__')"
+    command = [str(BLENDER), "-c", start + run, "--seeds", "2", "--size", "tiny"]
     out = subprocess.run(
         [*command, "--cache", str(tmp_path)], capture_output=True, text=True, timeout=300, env={**os.environ}
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.blender_addon.run_in_blender import BLENDER, WITH_OTHERS
 from unveil_core.drives import open_drive
 from unveil_core.drives.camera_path import read_camera_path
 from unveil_core.drives.importing.check import check_drive
@@ -134,15 +134,15 @@ def test_free_views_show_the_street_of_the_truth(folder: Path) -> None:
     assert np.median(np.concatenate(off)) < 6
 
 
-@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="Blender's Python module is an extra")
+@pytest.mark.skipif(not BLENDER.is_file(), reason="Blender's Python module is an extra")
 @pytest.mark.parametrize(("scene", "script", "everything"), [("parked_street", "build_street", 300), ("country_road", "build_road", 120)])
 def test_the_script_builds_the_scene(scene: str, script: str, everything: int) -> None:
     code = (
-        f"import sys; sys.path.insert(0, sys.argv[1]); import {script} as b; s = b.build(7); "
+        f"{WITH_OTHERS}sys.path.insert(0, sys.argv[1]); import {script} as b; s = b.build(7); "
         "import build_street as street; r = street.removable(s); "
         "print(len(r), sum(o['class'] == street.PERSON for o in r), len(s.objects))"
     )
-    out = subprocess.run([sys.executable, "-c", code, str(SCENES / scene)], capture_output=True, text=True, timeout=120)
+    out = subprocess.run([str(BLENDER), "-c", code, str(SCENES / scene)], capture_output=True, text=True, timeout=120)
     assert out.returncode == 0, out.stderr[-500:]
     objects, people, built = (int(v) for v in out.stdout.split()[-3:])
     assert (objects, people) == (CARS[scene] + PEOPLE[scene], PEOPLE[scene]) and built > everything

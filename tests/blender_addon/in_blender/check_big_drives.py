@@ -43,7 +43,8 @@ def test_the_view_has_less_and_the_files_all(addon, scene, loaded: Path) -> None
         assert not thing.data.validate() and thing.data.materials[0] is not None
         whole = addon.module("formats.drive_files").read_drive(loaded).from_drive(file.positions)
         moved = np.abs(np.array([f(places(thing.data), axis=0) - f(whole, axis=0) for f in (np.min, np.max)]))
-        assert moved.max() < 0.05 * np.ptp(whole, axis=0).max()
+        # Of loose ends the last triangles go first.
+        assert moved.max() < 0.08 * np.ptp(whole, axis=0).max()
         colors = np.array([c.color_srgb[:3] for c in thing.data.color_attributes["Col"].data]) * 255
         assert np.abs(colors.mean(axis=0) - file.colors.mean(axis=0)).max() < 30
     points, splats = bpy.data.objects["Points"], bpy.data.objects["Gaussians after"]

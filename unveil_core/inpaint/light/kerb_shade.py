@@ -56,7 +56,8 @@ def shade_of_kerbs(color: NDArray[np.float32], sharp: NDArray[np.bool_], shade: 
         part = np.s_[max(0, start - window // 2) : start + window + window // 2]
         lit, unlit = (_plain(color[part], state[part], int(STRETCH_M * texels_per_m)) for state in (in_sun, in_shade))
         found = np.clip(unlit / np.maximum(lit, 0.02), DARKEST_FACE, 1.0)
-        differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # NaN does not  # type: ignore[arg-type]
+        # NaN does not differ
+        differs = np.abs(luminance(found) - luminance(usual)) > MIN_RATIO_DIFFERENCE  # type: ignore[arg-type]
         ratio[start : start + window, differs] = found[differs]
     spared = in_shade & (luminance(ratio) > luminance(usual) + MIN_RATIO_DIFFERENCE / 2)
     return replace(shade, ratio=ratio, dark=shade.dark | spared)

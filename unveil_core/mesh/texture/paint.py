@@ -151,7 +151,8 @@ def _add(mesh: Mesh, texels: _Texels, view: TextureView) -> None:
     pixels, depth = camera.project(mesh.vertices.astype(np.float64))
     there = (camera.in_picture(pixels, depth) & (depth < FARTHEST_M))[mesh.faces].any(axis=1)
     hits = hit_triangles(mesh, camera)
-    there[hits.face[hits.face >= 0]] = True  # also those whose corners all lie outside  # type: ignore[index]
+    # also those whose corners all lie outside
+    there[hits.face[hits.face >= 0]] = True  # type: ignore[index]
     some = np.flatnonzero(there[texels.face])  # type: ignore[index]
     points = texels.points[some].astype(np.float64)
     pixels, depth = camera.project(points)

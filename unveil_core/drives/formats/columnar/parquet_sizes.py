@@ -38,6 +38,10 @@ class Group:
     unpacked: int
 
 
+NO_HEADERS = (AttributeError, IndexError, KeyError, OverflowError, TypeError)
+"""What comes of fields that hold other than they should."""
+
+
 def groups_of(stream: BinaryIO, columns: Sequence[str], only: int | None = None) -> list[Group]:
     """The row groups of an open file, or ``only`` one of them.
 
@@ -46,6 +50,13 @@ def groups_of(stream: BinaryIO, columns: Sequence[str], only: int | None = None)
     Raises:
         ValueError: headers that cannot be read, or tell of places outside of the file.
     """
+    try:
+        return _groups(stream, columns, only)
+    except NO_HEADERS as error:
+        raise ValueError("its headers hold other than they should") from error
+
+
+def _groups(stream: BinaryIO, columns: Sequence[str], only: int | None) -> list[Group]:
     size = stream.seek(0, 2)
     if size < 12:
         raise ValueError("it has no footer")
