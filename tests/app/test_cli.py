@@ -108,7 +108,7 @@ def no_points(path: Path) -> None:
     ("change", "extra", "line"),
     [
         (drop_image, [], "02.png: there is no such image"),
-        (garble_image, [], "02.png: is cut short"),
+        (garble_image, [], "02.png: is not a readable image"),
         (other_size, [], "00.png: is 32x24 pixels, its camera says 64x24"),
         (nan_pose, [], "the pose of frame 03 holds NaN or infinity"),
         (skewed_pose, [], "the pose of frame 00 is no rotation"),

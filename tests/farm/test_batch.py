@@ -75,12 +75,12 @@ def test_two_drives_of_one_name_have_two_workspaces(tmp_path: Path) -> None:
     assert [d.name for d in batch.drives] == ["my_drive", "my_drive_2"]
     # Where case does not count they would have one, and some names are those of devices.
     paths = [make_tiny_drive(tmp_path / k) for k in ("c/Street", "d/street", "e/con")]
-    batch = plan_batch(paths, tmp_path / "batch", RunSettings())
+    batch = plan_batch(paths, tmp_path / "other", RunSettings())
     assert [d.name for d in batch.drives] == ["Street", "street_2", "_con"]
     batch.save()
-    assert read_batch(tmp_path / "batch") == batch
+    assert read_batch(tmp_path / "other") == batch
     with pytest.raises(SettingsError, match="no drive"):
-        plan_batch([], tmp_path / "batch", RunSettings())
+        plan_batch([], tmp_path / "none", RunSettings())
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_a_drive_that_a_template_cannot_name_is_left_out_alone(
     drives = [make_tiny_drive(tmp_path / name / "drive") for name in ("plain", "a{{b}}", "old")]
     (tmp_path / "old").rename(bytes_of_old)
     drives[2] = bytes_of_old / "drive/transforms.json"
-    plan_batch(drives, planned.root, RunSettings()).save()
+    plan_batch(drives, planned.root, RunSettings(), replace=True).save()
     for name, missing in (("openjd", 2), ("slurm", 1), ("flamenco", 1)):
         capsys.readouterr()
         assert main(["batch", "template", str(planned.root), "--to", name]) == 1
@@ -94,7 +94,7 @@ def test_a_drive_that_a_template_cannot_name_is_left_out_alone(
         text = (planned.root / TEMPLATES[name][0]).read_text(encoding="utf-8")
         assert "plain" in text or name == "flamenco" and "/transforms.json" in text
         assert "stra" not in text and ("{{b" in text) is (name != "openjd")
-    plan_batch(drives[2:], planned.root, RunSettings()).save()
+    plan_batch(drives[2:], planned.root, RunSettings(), replace=True).save()
     for name in TEMPLATES:
         assert main(["batch", "template", str(planned.root), "--to", name]) == 2
         assert capsys.readouterr().err.count("\n") == 1

@@ -13,7 +13,7 @@ __all__ = ["SETTINGS", "name_of_path", "repeating_command"]
 SETTINGS = frozenset(
     (
         "adapt", "baselines", "cameras", "corrections", "device", "frames", "inpainter", "instances", "iterations",
-        "keyframes", "marked", "memory", "movers", "order", "per_object", "quality", "reference_inpainter", "remove",
+        "keyframes", "labels", "marked", "memory", "movers", "order", "per_object", "quality", "reference_inpainter", "remove",
         "scale", "scene", "seed", "segmenter", "sh_degree", "shadows", "splats", "sweeps", "up", "work_side",
     )
 )  # fmt: skip

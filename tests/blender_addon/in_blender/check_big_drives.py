@@ -92,14 +92,15 @@ def test_what_has_not_changed_is_not_read_again(addon, scene, loaded: Path, monk
 
     read: list[str] = []
     results, drive_scene = addon.module("scene.results"), addon.module("scene.drive_scene")
-    whole, ply = Path.read_bytes, results.read_ply
-    monkeypatch.setattr(Path, "read_bytes", lambda self: (read.append(self.name), whole(self))[1])
+    sequences = addon.module("formats.sequences")
+    whole, ply = sequences.read_bytes, results.read_ply
+    monkeypatch.setattr(sequences, "read_bytes", lambda path, most: (read.append(path.name), whole(path, most))[1])
     for module in (results, drive_scene):
         monkeypatch.setattr(module, "read_ply", lambda path: (read.append(path.name), ply(path))[1])
     bpy.ops.unveil.load_workspace()
     assert read == []
     regions = loaded / "regions/camera/03.png"
-    content = bytearray(whole(loaded / "regions/camera/04.png"))
+    content = (loaded / "regions/camera/04.png").read_bytes()
     regions.unlink()
     regions.write_bytes(content)
     os.utime(loaded / "meshes/full.ply")

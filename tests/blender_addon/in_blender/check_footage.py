@@ -20,7 +20,7 @@ def reduced(request: pytest.FixtureRequest, addon, street: Path, finished: Path,
         document["camera_model"], document["k1"] = "OPENCV", -0.05
     (folder / "transforms.json").write_text(json.dumps(document))
     shutil.copytree(finished, tmp_path / "ws")
-    outside("-m", "unveil_core", "import", str(folder), "-o", str(tmp_path / "ws"), "--work-side", "64")
+    outside("-m", "unveil_core", "import", str(folder), "-o", str(tmp_path / "ws"), "--work-side", "64", "--replace")
     return tmp_path / "ws", request.param
 
 

@@ -312,7 +312,7 @@ class Rows:
         from pyarrow import parquet
 
         part = self._metadata.row_group(group)
-        with self.path.open("rb") as stream:
+        with open_file(self.path) as stream:
             (told,) = groups_of(stream, self._chosen, group)
         if told.unpacked > min(MOST_GROUP_BYTES, MOST_BYTES + MOST_UNPACKED * told.packed) or told.rows > told.values:
             problem = f"unpacks to {told.rows:,} rows and {told.unpacked >> 20:,} MB in row group {group}"
