@@ -3,12 +3,14 @@
 
 Every verb and option of ``unveil``, with its output and its exit codes (0 done, 1 failed, 2 bad input or usage, 130
 cancelled). With ``--save``, what ``run`` and ``import`` have made is loaded into the scene, which is then saved; with
-``--save-cameras FILE.abc``, ``.usd`` or ``.fbx``, its cameras are written by Blender's own exporters.
+``--save-cameras FILE.abc``, ``.usd`` or ``.fbx``, its cameras are written by Blender's own exporters. A file that is there
+already is written over only if this command saved it and nobody changed it since, or with ``--replace``.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import subprocess
 import sys
@@ -21,6 +23,7 @@ import bpy
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line, shown
 from ..formats.object_files import recorded_drive
+from ..formats.receipts import is_somebodys, note_saved
 from ..scene import blocks, camera_files, drive_scene
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
 from ..worker.session import interrupts
@@ -58,6 +61,9 @@ def main(arguments: list[str]) -> int:
         return _refuse(f"{name} goes with the verbs run and import, and -o WORKSPACE")
     if cameras and cameras.suffix.lower() not in camera_files.KINDS:
         return _refuse(f"{cameras}: is no file of cameras (use {', '.join(camera_files.KINDS)})")
+    for path in (save, cameras):
+        if path and "--replace" not in rest and _is_somebodys(workspace.absolute(), path):
+            return _refuse(f"{path}: is there already, and was not saved by this command (move it, or add --replace)")
     found = unveil_interpreter(bpy.context)
     if found is None or not found.ok:
         return _refuse(found.problem if found else "no Python with unveil was found (set UNVEIL_PYTHON to one)", 1)
@@ -99,10 +105,17 @@ def _load_and_save(workspace: Path, save: Path | None, cameras: Path | None = No
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write(path)
+            note_saved(workspace, path)
         except (OSError, RuntimeError) as error:
             return _refuse(f"{path}: cannot be saved: {one_line(error, path)}", 1)
         print(path)
     return 0
+
+
+def _is_somebodys(workspace: Path, path: Path) -> bool:
+    """Whether a place is not to be written: the file that is open was named to be worked in."""
+    is_open = bool(bpy.data.filepath) and os.path.realpath(bpy.data.filepath) == os.path.realpath(path)
+    return not is_open and is_somebodys(workspace, path)
 
 
 def _save(path: Path) -> None:

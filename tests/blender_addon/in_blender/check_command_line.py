@@ -68,6 +68,23 @@ def test_a_run_is_loaded_and_saved(command, street, workspace, tmp_path: Path, c
     assert any("frames" in bpy.path.abspath(i.filepath) or "clean" in i.filepath for i in bpy.data.images)
 
 
+def test_a_blend_of_somebody_is_not_saved_over(command, street, workspace, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    save = tmp_path / "street.blend"
+    arguments = ["import", str(street), "-o", str(workspace), "--quality", "draft", "--save", str(save)]
+    save.write_bytes(b"an evening's work")
+    assert command(arguments) == 2 and save.read_bytes() == b"an evening's work"
+    assert "is there already, and was not saved by this command" in capfd.readouterr().err
+    save.unlink()
+    for _ in range(2):  # what it saved itself it saves again
+        assert command(arguments) == 0
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    save.write_bytes(save.read_bytes() + b"changed")
+    assert command(arguments) == 2
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_an_interrupt_ends_with_130(command, street, tmp_path: Path, capfd) -> None:  # type: ignore[no-untyped-def]
     root = tmp_path / "ws"
