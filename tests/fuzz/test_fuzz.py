@@ -33,12 +33,17 @@ JSON = st.recursive(
 )
 
 
+REFUSED = ("animated PNG", "JPEG 2000")
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::UserWarning")
 @pytest.mark.parametrize("reader", SINGLE, ids=lambda r: r.name)
 def test_hostile_files_are_read_or_refused(reader: Reader, tmp_path: Path) -> None:
     opened = reader.prepare(tmp_path / "files")
     originals = [file.read_bytes() for file in opened.files]
-    assert all(judged(reader, opened, file) is True for file in opened.files)
+    taken = [judged(reader, opened, file) for file in opened.files]
+    # Beside a still picture lie those of formats that are never decoded.
+    assert taken == ([True] + [False] * (len(taken) - 1) if reader.name in REFUSED else [True] * len(taken))
     mutators = [mutator_of(content) for content in originals]
     for index in range(INPUTS[reader.kind]):
         k, content = input_of(reader, mutators, 1, index)
