@@ -23,9 +23,9 @@ import bpy
 from ..formats.drive_files import read_drive
 from ..formats.files import one_line, shown
 from ..formats.object_files import recorded_drive
-from ..formats.receipts import is_somebodys, note_saved
 from ..scene import blocks, camera_files, drive_scene
 from ..worker.jobs import WINDOWS, unveil_command, worker_environment
+from ..worker.receipts import is_somebodys, note_saved
 from ..worker.session import interrupts
 from .loading import load
 from .preferences import unveil_interpreter

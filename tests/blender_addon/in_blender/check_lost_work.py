@@ -151,7 +151,7 @@ def test_a_full_disk_is_one_line_and_nothing_is_lost(
     filler = fill(small_disk)
     arguments = ["import", scene.unveil.drive, "-o", str(root), "--quality", "draft"]
     capfd.readouterr()
-    assert addon.module("work.command_line").main([*arguments, "--save", str(save)]) == 1
+    assert addon.module("work.command_line").main([*arguments, "--save", str(save), "--replace"]) == 1
     said = capfd.readouterr().err.splitlines()
     assert said[-1].startswith("unveil: failed: ") and "disk is full" in said[-1]
     assert save.read_bytes() == b"the old one"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from blender_addon.formats.receipts import is_somebodys, note_saved
+from blender_addon.worker.receipts import is_somebodys, note_saved
 
 
 def test_only_what_was_saved_and_not_changed_is_ours(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from .files import own_folder, write_whole
-from .open_safely import LARGEST_STATE, read_bytes
+from ..formats.files import own_folder, write_whole
+from ..formats.open_safely import LARGEST_STATE, read_bytes
 
 __all__ = ["is_somebodys", "note_saved"]
 
