@@ -33,7 +33,10 @@ LONGEST_S, MOST_MB = 60, 600
 def command(*arguments: object) -> subprocess.Popen[str]:
     """The command, started in a folder of nobody."""
     return subprocess.Popen(
-        [sys.executable, "-m", "unveil_core", *map(str, arguments)], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+        [sys.executable, "-m", "unveil_core", *map(str, arguments)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
     )
 
 
@@ -58,7 +61,10 @@ def refused(*arguments: object) -> str:
 
 
 PICTURES = {
-    **{f"JPEG 2000, {len(s)} bytes of its stream": jpeg2000(32, 24, s) for s in (b"", b"\xff\x4f", b"\xff\x4f\xff\x51\0\x2f")},
+    **{
+        f"JPEG 2000, {len(s)} bytes of its stream": jpeg2000(32, 24, s)
+        for s in (b"", b"\xff\x4f", b"\xff\x4f\xff\x51\0\x2f")
+    },
     "JPEG 2000 without boxes": b"\xff\x4f\xff\x51\0\x2f" + bytes(80),
     "a frame larger than the canvas": animated_png(32, 24, (0, 0, 400, 300)),
     "a frame beyond the canvas": animated_png(32, 24, (30, 20, 32, 24)),
@@ -115,7 +121,9 @@ def test_a_parquet_table_of_gigabytes_is_not_unpacked(tmp_path: Path) -> None:
     name = next(n for n in table.column_names if n.endswith("transform"))
     arrow = pytest.importorskip("pyarrow")
     one = arrow.ListArray.from_arrays([0, 100_000_000], arrow.array(np.zeros(100_000_000)))
-    parquet.write_table(table.slice(0, 1).set_column(table.column_names.index(name), name, one), path, compression="zstd")
+    parquet.write_table(
+        table.slice(0, 1).set_column(table.column_names.index(name), name, one), path, compression="zstd"
+    )
     assert path.stat().st_size < 200_000
     assert "unpacks to" in refused("import", segment, "-o", tmp_path / "ws")
 

@@ -234,9 +234,9 @@ def read_own_json(path: Path, most: int = LARGEST_STATE) -> Any:
     return parsed_json(read_bytes(path, most, links=False).decode("utf-8"))
 
 
-def write_json_atomic(path: Path, content: object) -> None:
-    """Write JSON, whole or not at all."""
-    write_bytes_atomic(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
+def write_json_atomic(path: Path, content: object, *, like: Path | None = None) -> None:
+    """Write JSON, whole or not at all; ``like``: see :func:`write_atomic`."""
+    write_bytes_atomic(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode(), like=like)
 
 
 def write_image_atomic(path: Path, image: NDArray[np.generic], *, like: Path | None = None) -> None:

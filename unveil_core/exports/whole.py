@@ -57,7 +57,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
         made.mkdir()
         yield made
         told: Any = parsed_json((made / TOLD).read_bytes()) if (made / TOLD).is_file() else {"generator": GENERATOR}
-        write_json_atomic(made / TOLD, {**told, "files": [name for name in files_in(made) if name != TOLD]})
+        names = list(files_in(made))
+        like = made / names[0] if names else None  # who may not read the files may not read of them
+        write_json_atomic(made / TOLD, {**told, "files": [name for name in names if name != TOLD]}, like=like)
         check_free(path)  # meanwhile somebody may have put something there
         if path.exists():
             move(path, before)
