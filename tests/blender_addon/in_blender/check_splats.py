@@ -20,6 +20,8 @@ def native(addon, monkeypatch):  # type: ignore[no-untyped-def]
     versions = addon.module("scene.versions")
     if versions.has_native_splats():
         return
+    if "POINTCLOUD" not in bpy.ops.object.convert.get_rna_type().properties["target"].enum_items:
+        pytest.skip("Blender 4.2 makes no point clouds, by its own operator or another")
 
     def new_splat_cloud(name: str, count: int):  # type: ignore[no-untyped-def]
         mesh = bpy.data.meshes.new(name)
