@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from .open_safely import LARGEST_PICTURE, LARGEST_STATE, open_file, read_bytes
 
@@ -115,16 +116,19 @@ def write_whole(path: Path, content: bytes, *, like: Path | None = None) -> None
         OSError: it cannot be written.
     """
     partial = _partial(path)
-    rights = 0o666 if like is None else stat.S_IMODE(os.stat(like).st_mode) & 0o666 | 0o600
     try:
-        with open(
-            partial, "xb", opener=lambda name, flags: os.open(name, flags, rights)
-        ) as file:  # never through a link
+        with _new(partial, like) as file:
             file.write(content)
         move(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+def _new(path: Path, like: Path | None) -> BinaryIO:
+    """A new file, never one that a link leads to; ``like``: see :func:`write_whole`."""
+    rights = 0o666 if like is None else stat.S_IMODE(os.stat(like).st_mode) & 0o666 | 0o600
+    return open(path, "xb", opener=lambda name, flags: os.open(name, flags, rights))
 
 
 def write_changed(path: Path, content: bytes) -> None:
@@ -155,7 +159,7 @@ def copied(source: Path, target: Path) -> None:
     """
     partial = _partial(target)
     try:
-        with open_file(source, LARGEST_PICTURE) as content, partial.open("xb") as stream:
+        with open_file(source, LARGEST_PICTURE) as content, _new(partial, source) as stream:
             if not _cloned(content.fileno(), stream.fileno()):
                 shutil.copyfileobj(content, stream, 1 << 20)
         times = source.stat()

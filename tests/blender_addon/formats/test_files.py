@@ -121,3 +121,12 @@ def test_a_copy_of_a_private_picture_is_private_and_has_one_name(tmp_path: Path)
     make_own(tmp_path / "copy")
     assert (tmp_path / "copy").stat().st_nlink == 1 and (tmp_path / "copy").read_bytes() == b"clean"
     assert (tmp_path / "copy").stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
+def test_a_copy_of_a_private_photograph_is_private(tmp_path: Path) -> None:
+    photograph = tmp_path / "photograph.png"
+    photograph.write_bytes(b"own")
+    photograph.chmod(0o600)
+    copied(photograph, tmp_path / "shown.png")
+    assert (tmp_path / "shown.png").read_bytes() == b"own" and (tmp_path / "shown.png").stat().st_mode & 0o077 == 0

@@ -51,9 +51,7 @@ def is_ours(content: object) -> bool:
 def record_of(path: Path) -> dict[str, Any] | None:
     """The record in a file; None where there is none, it is damaged, or is not this program's. Links are none."""
     with suppress(OSError, ValueError):
-        if path.is_symlink() or not path.is_file() or path.stat().st_size > LARGEST_RECORD:
-            return None
-        content = read_own_json(path)
+        content = read_own_json(path, LARGEST_RECORD)
         return content if is_ours(content) else None
     return None
 
