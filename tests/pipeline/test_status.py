@@ -100,6 +100,7 @@ def test_failed_running_and_killed(root: Path, capsys: pytest.CaptureFixture[str
 def test_each_stage_records_the_settings_that_made_it(root: Path) -> None:
     stages = Workspace.open(root).state()["stages"]
     assert stages["import"]["settings"] == {
+        "poses": "auto",
         "work_side": None,
         "quality": "standard",
         "scale": None,

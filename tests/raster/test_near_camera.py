@@ -16,12 +16,12 @@ from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
 
-def scene(extent: float, count: int = 3000) -> Surfels:
-    """Surfels strewn over a square about the origin."""
+def scene(extent: float, count: int = 3000, size: float = 0.1) -> Surfels:
+    """Surfels of a size strewn over a square about the origin."""
     generator = np.random.default_rng(0)
     points = np.column_stack([generator.uniform(-extent, extent, (count, 2)), generator.uniform(0, 5, count)])
     up = np.tile([0.0, 0.0, 1.0], (count, 1))
-    return surfels_from_points(points, np.zeros((count, 3), np.uint8), np.arange(count) % 5, up, np.ones(count))
+    return surfels_from_points(points, np.zeros((count, 3), np.uint8), np.arange(count) % 5, up, np.full(count, size))
 
 
 def camera_at(east: float, north: float) -> Camera:
@@ -42,6 +42,13 @@ def test_all_within_reach_are_given_and_nothing_far_beyond(east: float, north: f
     assert np.all(np.array(inside)[distance < REACH_M])
     assert distance[inside].max(initial=0) < REACH_M + CELL_M * 2**0.5 + 1e-3
     assert len(found) == sum(inside)
+
+
+def test_what_stands_for_a_skyline_is_given_however_far_it_is() -> None:
+    speck, wide = scene(2000.0, 300, size=0.5), scene(2000.0, 300, size=5.0)
+    far = np.linalg.norm(speck.means.numpy()[:, :2], axis=1) > 1000
+    given_of = [len(near_camera(part.select(torch.from_numpy(far)), camera_at(0, 0))) for part in (speck, wide)]
+    assert given_of == [0, int(far.sum())]
 
 
 def test_a_short_drive_is_given_whole_and_cameras_side_by_side_the_same() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from unveil_core import __version__
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.base.wording import shown
-from unveil_core.pipeline.settings import MOVERS, ORDERS, QUALITIES, UPS
+from unveil_core.pipeline.settings import MOVERS, ORDERS, POSES, QUALITIES, UPS
 
 __all__ = ["BLOCK_STAGES", "EXPORTS", "STAGE_VERBS", "command_parser"]
 
@@ -383,6 +383,7 @@ def _add_settings(p: argparse.ArgumentParser) -> None:
         help="remove the shadows of removed objects, keep them, or give the direction to the sun, in degrees",
     )
     add("--movers", choices=MOVERS, help="remove dynamic objects from every frame, or treat them as static")
+    add("--poses", choices=POSES, help="refine the cameras where the photographs disagree with them, or keep them")
     add("--iterations", type=int, metavar="N", help="steps of the reconstruction")
     add("--sh-degree", type=int, metavar="L", help="degree of colour by direction, 0 to 3")
     add("--splats", type=int, metavar="N", help="surfels at most")

@@ -190,7 +190,7 @@ def reconstruct(
         weights=settings.weights,
         soft_labels=settings.soft_labels,
         prune_opacity=settings.prune_opacity,
-        density=DensitySettings(budget=settings.budget, max_scale=3.0),
+        density=DensitySettings(budget=settings.budget),
         near=NEAR_M,
         far=FAR_M,
         kernels=settings.kernels,
@@ -323,7 +323,14 @@ class _Course:
         # The second stage is as long as the first deserved, and sees what was hidden.
         second = round(self.taken * s.geometry_share / (1 - s.geometry_share))
         self.most = self.taken + second
-        self.choices["iterations"] = {"chosen": self.most, "most": s.iterations, "gain": self.looks.gain()}
+        stopped = "the gain" if self.taken < round(s.iterations * (1 - s.geometry_share)) else "the limit"
+        self.choices["iterations"] = {
+            "chosen": self.most,
+            "most": s.iterations,
+            "gain": self.looks.gain(),
+            "least_gain": s.adapt.least_gain,
+            "stopped_by": stopped,
+        }
         self.choices["looks"] = self.looks.record
         # Faint ones go at once: the geometric terms cost per surfel, and what they sharpen should stay.
         self.state.prune()

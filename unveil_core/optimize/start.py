@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from unveil_core.base.errors import DriveError
 from unveil_core.base.frame_cache import FrameCache, Frames, subset
 from unveil_core.base.progress import Progress, no_progress
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, FARTHEST_M, NEAR_M
 from unveil_core.drives.drive import Drive, tracks
 from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
@@ -191,7 +191,7 @@ def start_scene(
             subset(Frames(len(cameras), unmeasured), track),
             SweepSettings(),
             near=10 * NEAR_M,
-            far=FAR_M,
+            far=FARTHEST_M,
             progress=progress,
         )
         if len(found):

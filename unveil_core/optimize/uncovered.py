@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from unveil_core.base.frame_cache import Frames
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
+from unveil_core.drives.depth_range import FAR_M, FARTHEST_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.ground_start import GroundStart
 from unveil_core.raster.on_device import array, rendered
@@ -90,7 +90,7 @@ def cover_uncovered(
         rows, columns = rows[amid], columns[amid]
         if not len(rows):
             continue
-        kind, away = shown[rows, columns], np.full(len(rows), 0.9 * FAR_M)
+        kind, away = shown[rows, columns], np.full(len(rows), FARTHEST_M)
         for k in np.unique(kind):
             known = (alpha >= COVERED) & (shown == k) & (standing == k) & (depth > NEAR_M)
             if known.any():
@@ -103,7 +103,7 @@ def cover_uncovered(
             lies = ground.shown[i][row[rows], column[columns]]
             met = np.full(len(ray), np.inf)
             met[lies] = ground.street.intersect(camera, ray[lies])[0]
-            lies &= met < FAR_M
+            lies &= met < FARTHEST_M
             away[lies], facing[lies] = met[lies], up
         seeds = surfels_from_points(
             camera.centre + away[:, None] * ray,

@@ -13,10 +13,11 @@ from unveil_core.base.errors import SettingsError
 from unveil_core.base.kernels.device import DEVICES
 from unveil_core.inpaint.single_image.names import INPAINTERS, is_file
 
-__all__ = ["MOVERS", "ORDERS", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
+__all__ = ["MOVERS", "ORDERS", "POSES", "QUALITIES", "UPS", "RunSettings", "bytes_of"]
 
 QUALITIES = ("draft", "standard", "high")
 MOVERS = ("auto", "keep")
+POSES = ("auto", "given")
 ORDERS = ("reverse", "forward", "independent")
 UPS = ("x", "y", "z", "-x", "-y", "-z")
 """Axes of a drive that may be up; the directions are ``drives.placement.UP_AXES``."""
@@ -60,6 +61,8 @@ class RunSettings:
             none.
         scale: units of the drive's coordinates in a metre; None = as its files tell, else estimated.
         up: the axis of the drive that is up, one of ``UPS``; None likewise.
+        poses: "auto" refines the cameras' poses against the photographs where these clearly disagree with them (see
+            ``drives.importing.refined_poses``), "given" keeps them.
         work_side: longer image side that larger images are reduced to, pixels; None = the quality's own, see
             ``pipeline.steps.import_.WORKING_SIZE_PX``.
         scene, cameras, frames, sweeps: which part of a dataset is read, see ``base.drive_options.DriveOptions``.
@@ -72,7 +75,8 @@ class RunSettings:
             direction to the sun instead of estimating it from the shadows (see ``inpaint.light.sun.sun_towards``).
         iterations, splats: steps and largest number of surfels of the reconstruction; None = chosen while it runs, by held-out
             error against cost.
-        sh_degree: of the spherical harmonics, 0 to 3; None = 0, which leaves no ghosts of removed objects.
+        sh_degree: of the spherical harmonics, 0 to 3; None = chosen while the scene is reconstructed, and 0 in the empty one, which
+            leaves no ghosts of removed objects.
         adapt: False uses the limits of the quality instead of choosing.
         movers: "auto" finds dynamic objects, which are removed from all frames and never become part of the scene; "keep" treats
             everything as static.
@@ -92,6 +96,7 @@ class RunSettings:
     device: str = "auto"
     seed: int = 0
     work_side: int | None = None
+    poses: str = "auto"
     shadows: str = "auto"
     movers: str = "auto"
     inpainter: str = "exemplar"
@@ -135,6 +140,7 @@ class RunSettings:
             ("inpainter", "FILE.onnx" if is_file(self.inpainter) else self.inpainter, (*INPAINTERS, "FILE.onnx")),
             ("order", self.order, ORDERS),
             ("movers", self.movers, MOVERS),
+            ("poses", self.poses, POSES),
             ("up", self.up, (None, *UPS)),
         ):
             if value not in known:

@@ -16,6 +16,9 @@ __all__ = ["REACH_M", "near_camera", "near_cameras", "near_runs"]
 
 REACH_M = 200.0
 """How far a camera is given surfels, metres: as far as a block's frames see. A house fills five pixels there."""
+SPECK = 1e-3
+"""Standard deviation of a surfel over its distance from which on it is no speck: about a pixel's width. What stands for a skyline
+is given however far it is."""
 CELL_M = 25.0
 """Side of the cells whose cameras are given the same surfels, metres: some twenty frames of a drive."""
 
@@ -24,7 +27,7 @@ _chosen: WeakKeyDictionary[Surfels, tuple[tuple[int, int], Surfels | None]] = We
 
 
 def near_camera(surfels: Surfels, camera: Camera) -> Surfels:
-    """The surfels that a camera may show: all within ``REACH_M``, and some beyond; those of a short drive all.
+    """The surfels that a camera may show: all within ``REACH_M``, and beyond those that are no specks; of a short drive all.
 
     The time of a frame then does not grow with the length of the drive. For rendering only: what is not given gets no gradient.
     """
@@ -62,4 +65,5 @@ def _near_cell(surfels: Surfels, cell: tuple[int, int]) -> torch.Tensor:
     middle = torch.tensor([(c + 0.5) * CELL_M for c in cell])
     # Half of the diagonal: whatever is within reach of some place in the cell.
     reach = REACH_M + CELL_M / 2**0.5
-    return (surfels.means.detach()[:, :2] - middle).norm(dim=1) < reach
+    away = (surfels.means.detach()[:, :2] - middle).norm(dim=1)
+    return (away < reach) | (surfels.log_scales.detach().amax(dim=1).exp() > SPECK * away)

@@ -20,7 +20,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.label_images import resize_labels
 from unveil_core.geometry.lens import FISHEYE
 
-__all__ = ["at_work_size", "distortion_maps", "import_frame", "labels_at_work_size", "working_camera"]
+__all__ = ["at_work_size", "distortion_maps", "import_frame", "labels_at_work_size", "pose_and_boxes", "working_camera"]
 
 KEPT_LENSES = 4
 """Lenses whose look-ups are kept, 8 bytes a pixel: the pictures and labels of all frames of a camera share one."""
@@ -133,7 +133,7 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         "name": frame.name,
         "camera": frame.camera_name,
         **_numbers(target),
-        "world_to_camera": target.world_to_camera.tolist(),
+        **pose_and_boxes(frame),
         "timestamp": frame.timestamp,
         "image": image,
     }
@@ -148,8 +148,6 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
     def put_photograph(path: Path) -> None:
         store_photograph(frame, path)
 
-    if frame.boxes:
-        entry["boxes"] = [box.to_json() for box in frame.boxes]
     if kept:
         unless_there(image, put_photograph)
     else:
@@ -195,6 +193,12 @@ def import_frame(frame: Frame, folder: Path, work_side: int | None) -> dict[str,
         entry["ego"] = f"ego/{stem}.png"
         unless_there(f"ego/{stem}.png", lambda path: write_image_atomic(path, warp(ego, border=0)))
     return entry
+
+
+def pose_and_boxes(frame: Frame) -> dict[str, object]:
+    """What of a frame's entry in cameras.json lies in the drive's coordinates."""
+    boxes = {"boxes": [box.to_json() for box in frame.boxes]} if frame.boxes else {}
+    return {"world_to_camera": frame.camera.world_to_camera.tolist(), **boxes}
 
 
 def _footage(footage: Footage, relative: str) -> dict[str, object]:

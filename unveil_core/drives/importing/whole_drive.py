@@ -28,7 +28,8 @@ from unveil_core.base.resume.checkpoint import Kept
 from unveil_core.drives.drive import Drive, FrameLabels, frames_per_second, tracks
 from unveil_core.drives.imported import CAMERAS, imported_files, read_imported
 from unveil_core.drives.importing.check import check_drive
-from unveil_core.drives.importing.frames import import_frame
+from unveil_core.drives.importing.frames import import_frame, pose_and_boxes
+from unveil_core.drives.importing.refined_poses import kept_refinement, refined, refinement_by_pictures, unrefined
 from unveil_core.drives.importing.sweeps import gathered, local_sweep
 from unveil_core.drives.points import write_points
 from unveil_core.drives.scale_and_up import Placement, place_drive
@@ -86,6 +87,7 @@ def import_drive(
     *,
     work_side: int | None = None,
     placement: Placement | None = None,
+    refine: bool = False,
     kept: Kept | None = None,
     progress: Progress = no_progress,
 ) -> Drive:
@@ -96,6 +98,7 @@ def import_drive(
         destination: the folder to make; an imported drive that is there already is replaced, and nothing else is.
         work_side: longer image side that larger images are reduced to, pixels; None keeps them.
         placement: scale and up of the drive; None = as :func:`place_drive` finds them.
+        refine: whether the poses are refined against the photographs, where these say so (see ``refined_poses``).
         kept: where an interrupted call leaves what the next one, of the same drive, goes on from; None = it leaves nothing.
     Returns:
         the imported drive, as :func:`read_imported` gives it, with the sweeps in its coordinates and the labels that a
@@ -107,16 +110,18 @@ def import_drive(
     if kept is None:
         _check_own(destination)
         with scratch_folder(destination.parent, destination.name) as scratch:
-            _write(as_read, drive, scratch / "drive", work_side, Kept(), progress)
+            drive = _write(as_read, drive, scratch / "drive", work_side, refine, Kept(), progress)
             _check_own(destination)  # meanwhile somebody may have put something there
             if destination.is_dir():
                 shutil.rmtree(destination)
             move(scratch / "drive", destination)
     elif not (destination / CAMERAS).is_file():
         partial = destination.with_name(f".{destination.name}.partial")
-        _write(as_read, drive, partial, work_side, kept, progress)
+        drive = _write(as_read, drive, partial, work_side, refine, kept, progress)
         _check_own(destination)
         move(partial, destination)
+    elif refine:
+        drive = refined(drive, kept_refinement(kept, lambda: unrefined(drive)))
     imported = read_imported(destination)
     frames = [replace(new, labels=old.labels) for new, old in zip(imported.frames, drive.frames, strict=True)]
     return replace(imported, frames=tuple(frames), sweeps=drive.sweeps)
@@ -128,8 +133,11 @@ def _check_own(destination: Path) -> None:
     check_replaceable(destination, own, mend="move it, or name another folder", kind=DriveError)
 
 
-def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, kept: Kept, progress: Progress) -> None:
-    """Write a localized drive into a folder; ``as_read``: the same before, which the messages of checks are about."""
+def _write(
+    as_read: Drive, drive: Drive, folder: Path, work_side: int | None, refine: bool, kept: Kept, progress: Progress
+) -> Drive:
+    """Write a localized drive into a folder; ``as_read``: the same before, which the messages of checks are about. Returns it as it
+    was written, with its poses refined where that was asked for."""
 
     def check() -> dict[str, NDArray[Any]]:
         check_drive(as_read, progress)
@@ -137,13 +145,19 @@ def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, ke
 
     kept.once("checked", check)
     folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / "points.ply").is_file():
-        points = gathered(drive, progress, kept.checkpoint("sweeps")) if drive.sweeps else drive.points
-        write_points(points, folder / "points.ply")
     entries = []
     for done, frame in enumerate(drive.frames):
         entries.append(import_frame(frame, folder, work_side))
         progress(done + 1, len(drive.frames), "importing")
+    by = unrefined(drive)
+    if refine:
+        by = kept_refinement(kept, lambda: refinement_by_pictures(drive, folder, entries, work_side, progress))
+        drive = refined(drive, by)
+        for entry, frame in zip(entries, drive.frames, strict=True):
+            entry |= pose_and_boxes(frame)
+    if not (folder / "points.ply").is_file():
+        points = gathered(drive, progress, kept.checkpoint("sweeps")) if drive.sweeps else drive.points
+        write_points(points, folder / "points.ply")
     write_json_atomic(
         folder / CAMERAS,
         {
@@ -156,9 +170,11 @@ def _write(as_read: Drive, drive: Drive, folder: Path, work_side: int | None, ke
             "front_cameras": list(drive.front_cameras),
             "semantic_classes": drive.semantic_classes,
             "truth_root": None if drive.truth_root is None else str(drive.truth_root.resolve()),
+            "poses": by.facts,
             "frames": entries,
         },
     )
+    return drive
 
 
 def write_labels(folder: Path, labels: Sequence[FrameLabels], progress: Progress = no_progress) -> None:

@@ -17,7 +17,7 @@ from unveil_core.optimize.training.trainer import Optimization
 from unveil_core.raster.spherical_harmonics import basis
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["choose_sh_degree", "lowered"]
+__all__ = ["choose_sh_degree", "lowered", "seen_from_anywhere"]
 
 DIRECTIONS = 12
 """Cameras, evenly spread, whose directions a lower degree is fitted to."""
@@ -43,6 +43,17 @@ def lowered(surfels: Surfels, degree: int, cameras: Sequence[Camera]) -> Surfels
             wanted += own[:, :, None] * (full[:, None] @ surfels.sh.double())
         fitted = torch.linalg.solve(normal, wanted)
     return replace(surfels, sh=fitted.float())
+
+
+def seen_from_anywhere(surfels: Surfels, cameras: Sequence[Camera], degree: int | None) -> Surfels:
+    """The surfels as the empty scene has them: of one colour from all directions, unless the user gave a ``degree``.
+
+    In the directions from which a removed object hid a wall its colour was never observed, and the harmonics that fit the others
+    would show a ghost of the object there.
+    """
+    if degree or not surfels.sh_degree:
+        return surfels
+    return lowered(surfels, 0, cameras[:: max(1, len(cameras) // DIRECTIONS)])
 
 
 def _seen_from(means: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:

@@ -29,14 +29,12 @@ class DensitySettings:
         gradient_threshold: mean gradient of the loss by the screen position (in half image sizes) that calls for more.
         split_scale_px: a surfel wider than this on the screen is split, else cloned.
         min_opacity: fainter surfels are removed.
-        max_scale: metres; larger surfels are removed (0 = no limit).
         budget: no growth beyond this many surfels.
     """
 
     gradient_threshold: float = 2e-4
     split_scale_px: float = 4.0
     min_opacity: float = 0.02
-    max_scale: float = 0.0
     budget: int = 150_000
 
 
@@ -91,14 +89,24 @@ class DensityControl:
         clone = wanted & ~split
         opacity = torch.sigmoid(surfels.opacity_logits)
         drop = opacity < s.min_opacity
-        if s.max_scale > 0:
-            drop |= surfels.log_scales.exp().amax(dim=1) > s.max_scale
+        surfels = _halved(surfels, clone)
+        trainable.set_opacity(surfels.opacity_logits)
         added = [surfels.select(clone & ~drop), *cut_in_two(surfels.select(split & ~drop))]
         keep = ~(drop | split)
         new = concatenate(added)
         trainable.rebuild(keep, new if len(new) else None)
         self.clear(len(trainable))
         return len(new), int((~keep).sum())
+
+
+def _halved(surfels: Surfels, cloned: Tensor) -> Surfels:
+    """The surfels with the opacity in those that are cloned, (N,) bool, that lets two of them cover what one did: with
+    1 - sqrt(1 - o) each nothing changes until they move apart (Bulò et al., *Revising densification in Gaussian splatting*, 2024,
+    section 3.3)."""
+    through = torch.nn.functional.logsigmoid(-surfels.opacity_logits)  # log(1 - o)
+    half = -torch.expm1(0.5 * through)
+    logits = torch.log(half) - 0.5 * through
+    return replace(surfels, opacity_logits=torch.where(cloned, logits, surfels.opacity_logits))
 
 
 def cut_in_two(parents: Surfels) -> list[Surfels]:

@@ -135,6 +135,10 @@ class TrainableSurfels:
         self.first, self.second = first, second
         self.labels, self.turn = torch.from_numpy(arrays["labels"]).to(device), int(arrays["turn"])
 
+    def set_opacity(self, logits: Tensor) -> None:
+        """Go on with other opacities, (N,) logits; the moments stay."""
+        self.leaves["opacity_logits"] = logits.detach().clone().contiguous().requires_grad_(True)
+
     def set_sh_degree(self, degree: int) -> None:
         """Let the colours have coefficients up to a degree; new ones start at zero, higher ones are dropped."""
         self.set_sh(with_sh_degree(self.surfels.detach(), degree))

@@ -34,7 +34,13 @@ def run(context: StageContext) -> Facts:
     placement = place_drive(drive, scale=settings.scale, up=settings.up)
     folder = context.output("drive")
     imported = import_drive(
-        drive, folder, work_side=side, placement=placement, kept=context.kept, progress=context.progress
+        drive,
+        folder,
+        work_side=side,
+        placement=placement,
+        refine=settings.poses == "auto",
+        kept=context.kept,
+        progress=context.progress,
     )
     labels, source = _labels(drive, imported, settings, context.progress)
     if labels is not None:

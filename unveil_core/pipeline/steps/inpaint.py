@@ -40,6 +40,7 @@ from unveil_core.inpaint.single_image.registry import inpainter
 from unveil_core.inpaint.street_scene import Removal, Views, drive_views
 from unveil_core.inpaint.stretches import Stretch, cut_street
 from unveil_core.inpaint.upright import Completed, complete_upright, sky_behind
+from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.stage import Facts, StageContext
 from unveil_core.raster.near_camera import near_cameras
@@ -233,7 +234,8 @@ def _read(context: StageContext) -> _Given:
     workspace = context.workspace
     drive = read_imported(workspace.drive_dir, points=False)
     scene = load_selection(workspace)
-    surfels = read_surfels(workspace.surfels_full)
+    cameras = [f.camera for f in drive.frames]
+    surfels = seen_from_anywhere(read_surfels(workspace.surfels_full), cameras, context.settings.sh_degree)
     gone = load_array(workspace.root / "surfels/removed.npy").astype(bool)
     instances = load_array(workspace.root / "surfels/instances.npy")
     removal = Removal(surfels, gone, instances, context.settings.shadows_that_stay)

@@ -29,13 +29,9 @@ __all__ = ["asked_for", "reconstruct_with", "run", "run_block"]
 
 
 def asked_for(settings: RunSettings) -> ReconstructSettings:
-    """The quality's limits, and what the user has decided instead.
-
-    Spherical harmonics beyond degree 0 only on request: they fit the photographs better, but in the directions from which a
-    removed object hid a wall its colour was never observed, and the extrapolated colour shows a ghost of the object.
-    """
+    """The quality's limits, and what the user has decided instead."""
     preset = PRESETS[settings.quality]
-    given = {"iterations": settings.iterations, "sh_degree": settings.sh_degree or 0, "budget": settings.splats}
+    given = {"iterations": settings.iterations, "sh_degree": settings.sh_degree, "budget": settings.splats}
     decided: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(preset, **decided, given=frozenset(decided) if settings.adapt else frozenset(CHOICES))
 

@@ -23,6 +23,7 @@ from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
 from unveil_core.inpaint.origin import INVENTED, ORIGINAL
 from unveil_core.inpaint.single_image.registry import fill_around, inpainter
+from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
 from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.source_digest import code_digest
@@ -49,7 +50,7 @@ def run(context: StageContext) -> None:
     sky = load_sky(workspace.root / "surfels/sky.npz")
     exposures = read_exposures(workspace.exposure_json)
     frames, cache = drive.frames, context.cache
-    scene = _scene(context)
+    scene = _scene(context, drive)
     corrections = _corrections(context, drive, scene[0])
     clean = _inpainted(context, drive, corrections)
     work = _work(context, drive, scene, clean, sky, corrections)
@@ -129,10 +130,11 @@ def _corrections(context: StageContext, drive: Drive, scene: Surfels) -> Correct
     return Corrections(listed, frames, lights, views, invent, context.cache)
 
 
-def _scene(context: StageContext) -> tuple[Surfels, Mask]:
+def _scene(context: StageContext, drive: Drive) -> tuple[Surfels, Mask]:
     """The empty scene as it is before it is optimized again, and (N,) which of its surfels may change."""
     workspace = context.workspace
-    full = read_surfels(workspace.surfels_full)
+    cameras = [f.camera for f in drive.frames]
+    full = seen_from_anywhere(read_surfels(workspace.surfels_full), cameras, context.settings.sh_degree)
     gone, displaced, relit = (
         load_array(workspace.root / f"surfels/{name}.npy").astype(bool) for name in ("removed", "displaced", "relit")
     )
@@ -179,7 +181,7 @@ def run_block(context: StageContext, number: int) -> None:
     """One block of the drive, kept for the stage."""
     drive = read_imported(context.workspace.drive_dir, points=False)
     sky = load_sky(context.workspace.root / "surfels/sky.npz")
-    scene = _scene(context)
+    scene = _scene(context, drive)
     corrections = _corrections(context, drive, scene[0])
     work = _work(context, drive, scene, _inpainted(context, drive, corrections), sky, corrections)
     work.block(work.blocks.blocks[number])

@@ -1,0 +1,1 @@
+"""Camera poses refined against the photographs: features, tracks, and their bundle adjustment."""
