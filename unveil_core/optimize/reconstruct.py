@@ -73,7 +73,7 @@ class ReconstructSettings:
     sh_degree: int = 2
     sky_rows: int = 64
     start: StartSettings = field(default_factory=StartSettings)
-    budget: int = 150_000
+    budget: int = 80_000
     adapt: AdaptSettings = field(default_factory=AdaptSettings)
     given: frozenset[str] = frozenset()
     weights: LossWeights = field(default_factory=LossWeights)

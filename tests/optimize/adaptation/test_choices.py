@@ -11,7 +11,7 @@ import torch
 
 from unveil_core.geometry.camera import Camera
 from unveil_core.optimize.adaptation.choices import AdaptSettings, Looks
-from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree, lowered
+from unveil_core.optimize.adaptation.colour_degree import choose_sh_degree, lowered, seen_from_anywhere
 from unveil_core.optimize.adaptation.probes import HIDDEN_SHARE, hidden_blocks, hide, probe_error, probed_frames
 from unveil_core.optimize.training.parameters import LearningRates
 from unveil_core.optimize.training.schedule import Phase, run_phase
@@ -164,3 +164,11 @@ def test_soft_labels_are_rendered_as_hard_ones_when_they_are_sure() -> None:
     logits = label_logits(scene.labels, 5).requires_grad_(True)
     render_soft_labels(scene, logits, camera, near=0.2, far=100.0)[..., 2].sum().backward()
     assert logits.grad is not None and float(logits.grad[:, 2].max()) > 0 and float(logits.grad[:, 3].min()) < 0
+
+
+def test_the_empty_scene_has_one_colour_from_all_directions_unless_a_degree_is_given() -> None:
+    scene, cameras = wall(2), [view.camera for view in views_of(wall(2))]
+    plain = seen_from_anywhere(scene, cameras, None)
+    assert plain.sh_degree == 0
+    assert seen_from_anywhere(scene, cameras, 2) is scene
+    assert seen_from_anywhere(plain, cameras, None) is plain

@@ -107,6 +107,11 @@ def test_density_control_splits_clones_and_drops(scales: int) -> None:
     assert (added, dropped) == (3, 2)  # one clone, two halves; the parent of the halves and the invisible one
     assert len(trainable) == 7
     assert trainable.labels.tolist() == [*labels[1:5].tolist(), int(labels[1]), int(labels[0]), int(labels[0])]
+    # The clone and what it was cloned from let as much through together as that did alone.
+    through = 1 - torch.sigmoid(trainable.surfels.detach().opacity_logits)
+    own = 1 - torch.sigmoid(surfels.opacity_logits)
+    assert torch.allclose(through[0] * through[4], own[1], rtol=1e-5)
+    assert torch.allclose(through[1:4], own[2:5])
     halves = trainable.surfels.detach().log_scales[-2:]
     assert bool((halves < surfels.log_scales[0]).all())
 

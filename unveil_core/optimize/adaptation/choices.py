@@ -30,16 +30,16 @@ class AdaptSettings:
 
     Attributes:
         least_gain: dB of the held-out error that a tenth more work must buy.
-        sh_gain: dB that a higher degree of colour must buy.
+        sh_gain: dB that a higher degree of colour must buy in the few steps of its trial: a tenth of what it buys in the end.
         every: held-out blocks are measured every so many steps; density control runs right after each measurement.
         looks: number of measurements over which the slope is taken: new surfels take two or three until they gain, and real footage
             gains slowly and long.
     """
 
     least_gain: float = 0.1
-    sh_gain: float = 0.2
+    sh_gain: float = 0.05
     every: int = 60
-    looks: int = 5
+    looks: int = 4
 
 
 def decibels(error: float) -> float:
