@@ -40,11 +40,13 @@ class Measured:
 
     Attributes:
         found: what the program's check found, see :func:`unveil_core.evaluate.holdout.scores.measure_holdout`.
+        rivals: the same of some run on this drive, with the methods that do not depend on the run.
         hidden_psnr: of frames hidden from the reconstruction, dB, as its last look found it; None where it did not look.
         stages: seconds by stage; seconds: of the whole run; load: of the machine when it began.
     """
 
     found: Mapping[str, Any]
+    rivals: Mapping[str, Any]
     hidden_psnr: float | None
     stages: Mapping[str, float]
     seconds: float
@@ -59,7 +61,7 @@ class Measured:
                 if method in row["methods"]
                 for name in FIGURES
             }
-            for car in self.found["cars"]
+            for car in (self.found if method == "ours" else self.rivals)["cars"]
         }
 
     def of_drive(self) -> dict[str, float | None]:
@@ -78,21 +80,34 @@ class Measured:
 
 
 def measure(kept: KeptRound, run: Run, lpips: Path | None) -> Measured:
-    """Measure a run, or take what was measured of it by the same code and network."""
+    """Measure a run, or take what was measured of it by the same code and network.
+
+    The rivals, which do not depend on the run, are measured once on a planted drive.
+    """
     digest = hashlib.blake2b(code_digest(measure_holdout).encode(), digest_size=6)
     digest.update(b"" if lpips is None else lpips.read_bytes())
-    path = run.folder / f"measured_{digest.hexdigest()}.json"
-    if path.is_file():
-        found = json.loads(path.read_text())
-    else:
+    name = f"measured_{digest.hexdigest()}.json"
+    path, rivals = run.folder / name, kept.folder / f"rivals_{digest.hexdigest()}.json"
+    if not path.is_file():
         network = None if lpips is None else LpipsModel(lpips)
-        frames, drive = kept.frames(), kept.planted_drive()
-        found = measure_holdout(frames, kept.cars, drive, run.workspace, references={"blurred": blurred}, lpips=network)
+        frames, drive, first = kept.frames(), kept.planted_drive(), not rivals.is_file()
+        found = measure_holdout(
+            frames,
+            kept.cars,
+            drive,
+            run.workspace,
+            references={"blurred": blurred} if first else {},
+            baselines=first,
+            lpips=network,
+        )
+        if first:
+            write_json_atomic(rivals, found)
         write_strips(frames, kept.cars, drive, run.workspace, run.folder / "pictures")
         write_json_atomic(path, found)
     stages = json.loads((run.workspace / "workspace.json").read_text())["stages"]
     return Measured(
-        found,
+        json.loads(path.read_text()),
+        json.loads(rivals.read_text()),
         hidden_psnr(stages),
         {name: round(stage["seconds"], 1) for name, stage in stages.items() if "seconds" in stage},
         run.seconds,

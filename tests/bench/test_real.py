@@ -111,7 +111,7 @@ def measured(psnr: float) -> Measured:
 
     cars = [{"number": n, "regions": {"removed": {"pixels": 9, "methods": methods(psnr + n)}}} for n in (1, 2)]
     found = {"cars": cars, "outside": {"changed": 0.01, "mean": 3.0}, "flicker": {"methods": {}}}
-    return Measured(found, 21.5, {"reconstruct": 60.0}, 90.0, 1.0)
+    return Measured(found, found, 21.5, {"reconstruct": 60.0}, 90.0, 1.0)
 
 
 def test_a_row_has_means_over_the_cars_of_all_rounds() -> None:

@@ -273,10 +273,12 @@ class Visibility:
     Attributes:
         least_share: of a frame, that it must cover to count there.
         least_clean: of its visible pixels, those from which nothing real was removed.
+        most_share: of a frame, that it may cover in any.
     """
 
     least_share: float = LEAST_SHARE
     least_clean: float = LEAST_CLEAN
+    most_share: float = MOST_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,9 +319,9 @@ def _seen(car: VirtualCar, views: Sequence[SceneView], centres: Float64, wanted:
             cleaned[i] >= wanted.least_share
             and visible >= LEAST_VISIBLE * whole
             and clean >= wanted.least_clean * visible
-            and shares[i] <= MOST_SHARE
+            and shares[i] <= wanted.most_share
         )
-    if good.sum() < LEAST_FRAMES or (shares > MOST_SHARE).any():
+    if good.sum() < LEAST_FRAMES or (shares > wanted.most_share).any():
         return Place(car, 0.0, near, shares)
     return Place(car, float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), near, shares)
 

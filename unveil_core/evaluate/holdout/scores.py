@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -40,6 +41,9 @@ References = Mapping[str, Callable[[Picture], Picture]]
 
 PARTS = ("removed", "unseen", "seen_elsewhere")
 """Names of the parts of the cars' pixels, in the order of tables."""
+LPIPS_FRAMES = 12
+"""Of a car's frames, about so many evenly spaced ones are given to the network: neighbours show nearly the same crop, and one of a
+quarter of the frame takes a processor a tenth of a second."""
 STRIP_METHODS = ("ours", "shift_map")
 GAP_PX = 4
 
@@ -81,6 +85,7 @@ def measure_holdout(
     root: Path,
     *,
     references: References | None = None,
+    baselines: bool = True,
     lpips: LpipsModel | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
@@ -89,7 +94,8 @@ def measure_holdout(
     Args:
         frames: all frames of the drive, asked for one by one; cars: the cars in them.
         drive: with the cars, as imported; root: its workspace, up to ``frames/``.
-        references: further methods.
+        references: further methods; baselines: whether the frames are filled by single-image inpainters, too, which takes seconds
+            a frame, and is the same for all results on one drive.
         lpips: a network, for LPIPS in crops around each car with the result pasted into the photograph.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
@@ -107,7 +113,8 @@ def measure_holdout(
         255) beyond cars, removed objects and their shadows, where nothing should.
     """
     shown = [i for i, f in enumerate(frames) if f.region.any()]
-    with_baselines = with_neighbours(shown)
+    with_baselines = with_neighbours(shown) if baselines else set()
+    looked_at = {} if lpips is None else _looked_at(frames, shown, cars)
     sums: _Sums = defaultdict(PartSums)
     filled: dict[Frame, dict[str, Picture]] = {}
     spectra: dict[str, list[DetailScore]] = defaultdict(list)
@@ -123,7 +130,7 @@ def measure_holdout(
         pictures = _pictures(held, root, photograph, filled, references)
         truth = Photograph.of(photograph, held.region, held.ground)
         compared = {method: Compared.of(truth, picture) for method, picture in pictures.items()}
-        _add(sums, held, cars, compared, lpips)
+        _add(sums, held, cars, compared, {n: lpips for n, of in looked_at.items() if i in of} if lpips else {})
         spectrum = Spectrum(truth.inside)
         true_energies = spectrum.energies(photograph)
         for method, picture in pictures.items():
@@ -190,14 +197,24 @@ def measure_holdout(
     }
 
 
+def _looked_at(frames: Sequence[HoldoutFrame], shown: Sequence[int], cars: Sequence[VirtualCar]) -> dict[int, set[int]]:
+    """By number of a car, the frames of which the network gets a crop around it."""
+    found: dict[int, set[int]] = {}
+    areas = [np.bincount(f.cars.number[f.region], minlength=len(cars) + 1) for f in subset(frames, shown)]
+    for car in cars:
+        own = [i for i, area in zip(shown, areas, strict=True) if area[car.number] >= LEAST_PX]
+        found[car.number] = set(own[:: max(1, math.ceil(len(own) / LPIPS_FRAMES))])
+    return found
+
+
 def _add(
     sums: _Sums,
     held: HoldoutFrame,
     cars: Sequence[VirtualCar],
     compared: Mapping[str, Compared],
-    lpips: LpipsModel | None,
+    lpips: Mapping[int, LpipsModel],
 ) -> None:
-    """Add a frame: all cars together, and each of them, by part and method."""
+    """Add a frame: all cars together, and each of them, by part and method; lpips: by number of the cars that it looks at here."""
     for part, mask in held.parts().items():
         for method, one in compared.items() if mask.any() else ():
             sums[part, method].add(one, mask)
@@ -205,12 +222,13 @@ def _add(
         parts = held.parts(car.number)
         if not parts["removed"].any():
             continue
-        around = crop_around(parts["removed"])
+        around, network = crop_around(parts["removed"]), lpips.get(car.number)
         for method, one in compared.items():
             for part, mask in parts.items():
                 if mask.any():
-                    large = np.count_nonzero(mask) >= LEAST_PX
-                    distance = lpips(*one.crop(mask, around)) if lpips is not None and large else None
+                    # What is rendered is not what is delivered.
+                    asked = network is not None and method != "render" and np.count_nonzero(mask) >= LEAST_PX
+                    distance = network(*one.crop(mask, around)) if network is not None and asked else None
                     sums[f"car {car.number} {part}", method].add(one, mask, distance)
 
 
