@@ -96,11 +96,11 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def comparison_lines(comparison: dict[str, Any]) -> list[str]:
-    """A comparison for the terminal."""
+def comparison_lines(comparison: dict[str, Any], of: str = "cars") -> list[str]:
+    """A comparison for the terminal; of: what it is paired over."""
     lines = [f"{comparison['drive']}, {comparison['quality']}: {comparison['ours']} minus {comparison['theirs']}"]
     for name, found in comparison["figures"].items():
-        lines.append(f"  {name:<28}{_cell(found):>20}  of {found['count']} cars")
+        lines.append(f"  {name:<28}{_cell(found):>20}  of {found['count']} {of}")
     return lines
 
 

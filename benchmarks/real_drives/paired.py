@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Estimate", "estimate", "paired"]
+__all__ = ["Estimate", "Figures", "clustered", "estimate", "paired"]
 
 Figures = Mapping[str, float | None]
 """Of one car or hole, by name; None where there is nothing to measure."""
@@ -47,6 +47,24 @@ def estimate(values: Sequence[float | None]) -> Estimate | None:
         return None
     se = float(there.std(ddof=1) / math.sqrt(len(there))) if len(there) > 1 else math.nan
     return Estimate(float(there.mean()), se, len(there))
+
+
+def clustered(figures: Mapping[str, Figures], cluster_of: Mapping[str, str]) -> dict[str, Figures]:
+    """Means of figures by cluster: what lies over each other is one measurement, not several.
+
+    Args:
+        figures: by key; cluster_of: the cluster of each key.
+    """
+    members: dict[str, list[Figures]] = {}
+    for key, own in figures.items():
+        members.setdefault(cluster_of[key], []).append(own)
+    found: dict[str, Figures] = {}
+    for name, rows in members.items():
+        means = {
+            figure: estimate([row.get(figure) for row in rows]) for figure in dict.fromkeys(f for r in rows for f in r)
+        }
+        found[name] = {figure: None if value is None else value.mean for figure, value in means.items()}
+    return found
 
 
 def paired(ours: Mapping[str, Figures], theirs: Mapping[str, Figures]) -> dict[str, Estimate]:

@@ -19,17 +19,18 @@ from unveil_core.base.files import write_json_atomic
 from unveil_core.base.surroundings.programs import program
 from unveil_core.bench.timing import program_commit
 
-__all__ = ["LAST", "Run", "Tree", "checked_out", "run_once", "tree_at"]
+__all__ = ["LAST", "Run", "Tree", "checked_out", "environment_of", "run_once", "tree_at"]
 
 LAST = "deliver"
 """The stage that writes the frames, which are measured."""
 DIGEST_LENGTH = 12
 _DIGEST = f"""
-import hashlib
+import hashlib, sys
 from unveil_core.pipeline.graph import STAGES
 from unveil_core.pipeline.source_digest import code_digest
-names = [s.name for s in STAGES]
-told = "".join(code_digest(s.run) for s in STAGES[: names.index({LAST!r}) + 1])
+names, only = [s.name for s in STAGES], sys.argv[1:]
+stages = [s for s in STAGES if s.name in only] if only else STAGES[: names.index({LAST!r}) + 1]
+told = "".join(code_digest(s.run) for s in stages)
 print(hashlib.blake2b(told.encode()).hexdigest()[:{DIGEST_LENGTH}])
 """
 
@@ -66,16 +67,23 @@ class Run:
         return self.folder / "workspace"
 
 
-def tree_at(root: Path) -> Tree:
+def tree_at(root: Path, stage: str | None = None) -> Tree:
     """The checkout in a folder, as it stands.
 
+    Args:
+        stage: whose code alone counts for the digest; None = all up to :data:`LAST`.
     Raises:
         SystemExit: it is no checkout of the program.
     """
     if not (root / "unveil_core" / "pipeline" / "graph.py").is_file():
         raise SystemExit(f"Not a checkout of Unveil: {root}. Name the folder that holds unveil_core.")
     told = subprocess.run(
-        [sys.executable, "-c", _DIGEST], env=_environment(root), cwd=root, capture_output=True, text=True, check=False
+        [sys.executable, "-c", _DIGEST, *([stage] if stage else [])],
+        env=environment_of(root),
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if told.returncode:
         raise SystemExit(f"{root} cannot be run: {told.stderr.strip().splitlines()[-1]}")
@@ -83,8 +91,8 @@ def tree_at(root: Path) -> Tree:
 
 
 @contextmanager
-def checked_out(revision: str, repository: Path) -> Iterator[Tree]:
-    """A revision in a worktree of its own, which is gone afterwards.
+def checked_out(revision: str, repository: Path, stage: str | None = None) -> Iterator[Tree]:
+    """A revision in a worktree of its own, which is gone afterwards; stage: see :func:`tree_at`.
 
     Raises:
         SystemExit: git does not know the revision.
@@ -98,7 +106,7 @@ def checked_out(revision: str, repository: Path) -> Iterator[Tree]:
         if made.returncode:
             raise SystemExit(f"Not a revision: {revision}. {made.stderr.strip().splitlines()[-1]}")
         try:
-            yield tree_at(root)
+            yield tree_at(root, stage)
         finally:
             subprocess.run([*git, "worktree", "remove", "--force", str(root)], capture_output=True, check=False)
 
@@ -124,7 +132,9 @@ def run_once(tree: Tree, drive: Path, runs: Path, quality: str, arguments: Seque
     command += ["--quality", quality, "--until", LAST, *arguments]
     load, begun = round(os.getloadavg()[0], 2), time.perf_counter()
     with (folder / "run.log").open("w") as log:
-        done = subprocess.run(command, env=_environment(tree.root), cwd=tree.root, stdout=log, stderr=log, check=False)
+        done = subprocess.run(
+            command, env=environment_of(tree.root), cwd=tree.root, stdout=log, stderr=log, check=False
+        )
     if done.returncode:
         last = (folder / "run.log").read_text().strip().splitlines()[-1:]
         raise RuntimeError(f"exit {done.returncode}: {''.join(last)[-300:]}")
@@ -140,6 +150,6 @@ def run_key(digest: str, quality: str) -> str:
     return f"{digest}_{quality}"
 
 
-def _environment(root: Path) -> dict[str, str]:
+def environment_of(root: Path) -> dict[str, str]:
     """In which Python finds the package of a tree before all others."""
     return {**os.environ, "PYTHONPATH": str(root), "OMP_WAIT_POLICY": "PASSIVE", "PYTHONSAFEPATH": "1"}

@@ -17,7 +17,7 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.progress import Progress, no_progress
 from unveil_core.base.types import Mask, Picture
 from unveil_core.drives.drive import Drive, Frame
-from unveil_core.evaluate.baselines import BASELINES, with_border, with_neighbours
+from unveil_core.evaluate.baselines import BASELINE_FRAMES, BASELINES, with_border, with_neighbours
 from unveil_core.evaluate.delivered import read_delivered
 from unveil_core.evaluate.detail.scores import SPECTRUM_FIGURES, DetailScore, detail_figures
 from unveil_core.evaluate.detail.spectrum import Spectrum
@@ -85,7 +85,7 @@ def measure_holdout(
     root: Path,
     *,
     references: References | None = None,
-    baselines: bool = True,
+    baseline_frames: int = BASELINE_FRAMES,
     lpips: LpipsModel | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, Any]:
@@ -94,8 +94,8 @@ def measure_holdout(
     Args:
         frames: all frames of the drive, asked for one by one; cars: the cars in them.
         drive: with the cars, as imported; root: its workspace, up to ``frames/``.
-        references: further methods; baselines: whether the frames are filled by single-image inpainters, too, which takes seconds
-            a frame, and is the same for all results on one drive.
+        references: further methods.
+        baseline_frames: about so many frames are filled by single-image inpainters, too; shift-map takes up to 20 seconds for one.
         lpips: a network, for LPIPS in crops around each car with the result pasted into the photograph.
     Returns:
         a JSON-able dict. ``regions`` (removed, unseen, seen_elsewhere) have ``pixels`` and per method of ``methods``
@@ -113,7 +113,7 @@ def measure_holdout(
         255) beyond cars, removed objects and their shadows, where nothing should.
     """
     shown = [i for i, f in enumerate(frames) if f.region.any()]
-    with_baselines = with_neighbours(shown) if baselines else set()
+    with_baselines = with_neighbours(shown, baseline_frames)
     looked_at = {} if lpips is None else _looked_at(frames, shown, cars)
     sums: _Sums = defaultdict(PartSums)
     filled: dict[Frame, dict[str, Picture]] = {}
