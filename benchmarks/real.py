@@ -11,7 +11,7 @@ drive and quality are not repeated.
 
 In benchmarks/results/real.json, for each drive and tree: means over cars with standard errors, by part (``removed``, ``unseen``,
 ``seen_elsewhere``), of ours, the best OpenCV row and the photograph blurred by some pixels, which is the ceiling of who guesses all
-structure right and no grain; LPIPS is of crops around each car. ``drive`` has what changed where nothing should, flicker,
+structure right and no grain; LPIPS is of crops around each car. ``of_drive`` has what changed where nothing should, flicker,
 PSNR of frames hidden from the reconstruction, and seconds by stage. ``comparisons`` has by figure the mean difference, ours minus
 theirs, paired over cars, with its standard error, of each drive and of all.
 """
@@ -92,7 +92,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
                 if figures := methods[method]:
                     cells = (f"{name} {_cell(figures.get(name))}" for name in FIGURES)
                     lines.append(f"  {part:<15}{method:<13}" + "  ".join(cells))
-        lines.append("  " + ", ".join(f"{k} {v}" for k, v in row["drive"].items() if v is not None))
+        lines.append("  " + ", ".join(f"{k} {v}" for k, v in row["of_drive"].items() if v is not None))
     return lines
 
 

@@ -104,7 +104,7 @@ def measure(kept: KeptRound, run: Run, lpips: Path | None) -> Measured:
         )
         if first:
             write_json_atomic(rivals, found)
-        write_strips(frames, kept.cars, drive, run.workspace, run.folder / "pictures")
+        write_strips(frames, kept.cars, drive, run.workspace, run.folder / "pictures", methods=("ours",))
         write_json_atomic(path, found)
     stages = json.loads((run.workspace / "workspace.json").read_text())["stages"]
     return Measured(
@@ -150,7 +150,7 @@ def means_of(measured: Sequence[Measured]) -> dict[str, Any]:
     whole = {name: estimate([row.get(name) for row in wholes]) for name in dict.fromkeys(n for w in wholes for n in w)}
     return {
         "parts": parts,
-        "drive": {name: None if value is None else round(value.mean, 5) for name, value in whole.items()},
+        "of_drive": {name: None if value is None else round(value.mean, 5) for name, value in whole.items()},
         "cars": by_method["ours"],
     }
 

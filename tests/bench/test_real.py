@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real import comparison_lines, recorded, table
+from benchmarks.real import comparison_lines, recorded, row_of, table
 from benchmarks.real_drives.measured import Measured, hidden_psnr, means_of
 from benchmarks.real_drives.paired import estimate, paired
 from benchmarks.real_drives.places import Feature, choose_rounds
@@ -119,10 +119,12 @@ def test_a_row_has_means_over_the_cars_of_all_rounds() -> None:
     ours = row["parts"]["removed"]["ours"]
     assert ours["psnr"] == {"mean": 22.5, "se": pytest.approx(0.6455), "count": 4} and ours["lpips"]["mean"] == 0.2
     assert row["parts"]["removed"]["best_opencv_is"] == "shift_map" and row["parts"]["unseen"]["best_opencv"] is None
-    assert row["drive"]["hidden psnr"] == 21.5 and row["drive"]["all s"] == 90.0
+    assert row["of_drive"]["hidden psnr"] == 21.5 and row["of_drive"]["all s"] == 90.0
     assert list(row["cars"]) == ["1.1", "1.2", "2.1", "2.2"]
-    told = {"drive": "a", "quality": "standard", "tree": "x", "digest": "y", **row}
-    assert "psnr 22.500 ±0.645" in "\n".join(table([told]))
+    told = row_of(DRIVES[0], Tree(ROOT, "1234567", "abc"), "standard", [measured(20.0), measured(22.0)])
+    assert told["drive"] == DRIVES[0].name and told["load_before"] == [1.0, 1.0]
+    lines = "\n".join(table([told]))
+    assert "kitti_0005, standard, 1234567 (abc)" in lines and "psnr 22.500 ±0.645" in lines and "all s 90.0" in lines
 
 
 def test_rows_of_the_same_code_are_replaced() -> None:

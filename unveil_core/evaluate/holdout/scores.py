@@ -308,12 +308,18 @@ def _of_car(car: VirtualCar, shown: Sequence[HoldoutFrame], sums: _Sums, referen
 
 
 def write_strips(
-    frames: Sequence[HoldoutFrame], cars: Sequence[VirtualCar], drive: Drive, root: Path, folder: Path, each: int = 2
+    frames: Sequence[HoldoutFrame],
+    cars: Sequence[VirtualCar],
+    drive: Drive,
+    root: Path,
+    folder: Path,
+    each: int = 2,
+    methods: Sequence[str] = STRIP_METHODS,
 ) -> list[Path]:
     """Pictures side by side, photograph, with the cars, delivered, and filled by shift-map, of the frames that show most.
 
     Args:
-        each: number of frames per car: the one where it is largest, where it has half of that area, and so on.
+        methods: shown beside photograph and cars; each: number of frames per car: the one where it is largest, where it has half of that area, and so on.
     """
     chosen: dict[int, None] = {}
     for car in cars:
@@ -324,8 +330,9 @@ def write_strips(
     for i in sorted(chosen):
         held = frames[i]
         photograph, painted = read_image(held.frame.image_path), read_image(drive.frames[i].image_path)
-        pictures = _pictures(held, root, photograph, {held.frame: _baselines(held, painted)}, {})
-        shown = [photograph, painted, *(pictures[m] for m in STRIP_METHODS)]
+        filled = {held.frame: _baselines(held, painted)} if set(methods) & set(BASELINES) else {}
+        pictures = _pictures(held, root, photograph, filled, {})
+        shown = [photograph, painted, *(pictures[m] for m in methods)]
         gap = np.full((photograph.shape[0], GAP_PX, 3), 255, dtype=np.uint8)
         strip = np.concatenate([part for picture in shown for part in (picture, gap)][:-1], axis=1)
         paths.append(folder / f"{held.frame.camera_name}_{held.frame.name}.png")
