@@ -27,6 +27,9 @@ BLUR_PX = 4.0
 """Standard deviation of the blur, pixels of the working size, as in planted_holes.py: what a guess may be off by to look right."""
 RIVAL_FRAMES = 10
 """About so many frames of a drive are filled by OpenCV's methods: shift-map takes up to 20 seconds of processor for one."""
+MOST_GRADIENT = 4.0
+"""Ratio of gradients above which a car counts as having this one: behind some cars the photograph is clipped and has no gradient, and
+a ratio of hundreds would be all that a mean tells."""
 FIGURES = ("psnr", "ssim", "lpips", "gradient", "line_recall", "false_lines")
 METHODS = ("ours", *BASELINES, "blurred")
 
@@ -58,7 +61,7 @@ class Measured:
         """Figures by car, the car's key beginning with ``prefix``; of parts with their name before, as ``unseen psnr``."""
         return {
             f"{prefix}{car['number']}": {
-                f"{part} {name}": row["methods"][method].get(name)
+                f"{part} {name}": _bounded(name, row["methods"][method].get(name))
                 for part, row in car["regions"].items()
                 if method in row["methods"]
                 for name in FIGURES
@@ -79,6 +82,10 @@ class Measured:
             **{f"{stage} s": seconds for stage, seconds in self.stages.items()},
             "all s": self.seconds,
         }
+
+
+def _bounded(name: str, value: float | None) -> float | None:
+    return value if name != "gradient" or value is None else min(value, MOST_GRADIENT)
 
 
 def measure(kept: KeptRound, run: Run, lpips: Path | None) -> Measured:

@@ -319,7 +319,8 @@ def write_strips(
     """Pictures side by side, photograph, with the cars, delivered, and filled by shift-map, of the frames that show most.
 
     Args:
-        methods: shown beside photograph and cars; each: number of frames per car: the one where it is largest, where it has half of that area, and so on.
+        each: number of frames per car: the one where it is largest, where it has half of that area, and so on.
+        methods: shown beside photograph and cars.
     """
     chosen: dict[int, None] = {}
     for car in cars:
