@@ -28,7 +28,7 @@ BLUR_PX = 4.0
 RIVAL_FRAMES = 10
 """About so many frames of a drive are filled by OpenCV's methods: shift-map takes up to 20 seconds of processor for one."""
 MOST_GRADIENT = 4.0
-"""Ratio of gradients above which a car counts as having this one: behind some cars the photograph is clipped and has no gradient, and
+"""Ratio of gradients above which a car counts as having this one: behind some cars the photograph is clipped and has none, and
 a ratio of hundreds would be all that a mean tells."""
 FIGURES = ("psnr", "ssim", "lpips", "gradient", "line_recall", "false_lines")
 METHODS = ("ours", *BASELINES, "blurred")
