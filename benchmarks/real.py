@@ -82,6 +82,13 @@ def compared(
     return {**told, **digests, "figures": {name: found.to_json() for name, found in paired(ours, theirs).items()}}
 
 
+def whole_drive(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Figures of the drive as a whole, the first row's minus the second's: one drive has no error."""
+    ours, theirs = (row["of_drive"] for row in rows)
+    both = [n for n in ours if ours[n] is not None and theirs.get(n) is not None]
+    return {name: round(ours[name] - theirs[name], 5) for name in both}
+
+
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """Rows for the terminal."""
     lines = []
@@ -101,6 +108,8 @@ def comparison_lines(comparison: dict[str, Any], of: str = "cars") -> list[str]:
     lines = [f"{comparison['drive']}, {comparison['quality']}: {comparison['ours']} minus {comparison['theirs']}"]
     for name, found in comparison["figures"].items():
         lines.append(f"  {name:<28}{_cell(found):>20}  of {found['count']} {of}")
+    for name, difference in comparison.get("of_drive", {}).items():
+        lines.append(f"  {name:<28}{difference:>20}")
     return lines
 
 
@@ -154,7 +163,8 @@ def main() -> None:
             for k, one in enumerate(found):
                 cars[k] |= cars_of(one, f"{drive.name} ")
             if len(trees) > 1:
-                comparisons.append(compared(drive.name, quality, trees, *(cars_of(one) for one in found)))
+                own = compared(drive.name, quality, trees, *(cars_of(one) for one in found))
+                comparisons.append({**own, "of_drive": whole_drive(rows)})
                 comparisons.append(compared(ALL, quality, trees, *cars))
             print("\n".join([*table(rows), *(line for c in comparisons for line in comparison_lines(c))]), flush=True)
             if trees:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real import comparison_lines, recorded, row_of, table
+from benchmarks.real import comparison_lines, recorded, row_of, table, whole_drive
 from benchmarks.real_drives.measured import Measured, hidden_psnr, means_of
 from benchmarks.real_drives.paired import estimate, paired
 from benchmarks.real_drives.places import Feature, choose_rounds
@@ -139,6 +139,11 @@ def test_a_comparison_says_of_how_many_cars() -> None:
     figures = {"removed psnr": {"mean": 0.5, "se": 0.1, "count": 6}}
     lines = comparison_lines({"drive": "a", "quality": "draft", "ours": "x", "theirs": "y", "figures": figures})
     assert lines[0] == "a, draft: x minus y" and lines[1].endswith("0.500 ±0.100  of 6 cars")
+
+
+def test_a_whole_drive_is_compared_without_an_error() -> None:
+    rows = [{"of_drive": {"hidden psnr": 20.5, "all s": None}}, {"of_drive": {"hidden psnr": 20.0, "all s": 9.0}}]
+    assert whole_drive(rows) == {"hidden psnr": 0.5}
 
 
 def test_the_last_look_of_the_fine_phase_counts() -> None:
