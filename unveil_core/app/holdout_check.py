@@ -7,42 +7,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from unveil_core.base.errors import SettingsError, WorkspaceError
-from unveil_core.base.files import write_image_atomic, write_json_atomic
-from unveil_core.base.frame_cache import FrameCache, Frames
+from unveil_core.base.files import write_json_atomic
+from unveil_core.base.frame_cache import FrameCache
 from unveil_core.base.output.written import check_replaceable, note_written, written_in
-from unveil_core.base.progress import Progress
-from unveil_core.base.resume.checkpoint import Kept
-from unveil_core.base.types import Mask
-from unveil_core.drives.depth_range import FAR_M, NEAR_M
-from unveil_core.drives.drive import Drive
-from unveil_core.drives.imported import imported_files, read_imported
+from unveil_core.drives.imported import imported_files
 from unveil_core.evaluate import METHODS
-from unveil_core.evaluate.holdout.drive import added_labels, moved_points, seen_elsewhere, write_holdout_drive
-from unveil_core.evaluate.holdout.placement import SceneView, find_places, ground_shown, scene_view, see_cars
-from unveil_core.evaluate.holdout.scores import HoldoutFrame, References, measure_holdout, write_strips
-from unveil_core.evaluate.holdout.virtual_cars import VirtualCar
-from unveil_core.evaluate.pictures import workspace_mask
-from unveil_core.geometry.reach import CameraViews
-from unveil_core.ground.files import read_ground
-from unveil_core.ground.street import Ground
+from unveil_core.evaluate.holdout.placement import find_places
+from unveil_core.evaluate.holdout.planting import plant, read_scene
+from unveil_core.evaluate.holdout.scores import References, measure_holdout, write_strips
+from unveil_core.evaluate.perceptual import LpipsModel
 from unveil_core.pipeline.output_place import check_folder_place, drives_of
 from unveil_core.pipeline.run import run
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Reporter, silent
-from unveil_core.raster.near_camera import near_camera
 from unveil_core.report.wording import WAVELENGTHS, spectrum
-from unveil_core.semantics.labels import SceneLabels
-from unveil_core.surfels.ply import read_surfels
-from unveil_core.workspace.files import load_selection
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["CARS", "MOST_CARS", "check_footage", "holdout_lines"]
@@ -65,18 +49,6 @@ NEEDED = (
 COLUMNS = {"removed": "behind the cars", "seen_elsewhere": "seen elsewhere", "unseen": "never seen"}
 
 
-@dataclass(frozen=True, eq=False)
-class _Scene:
-    """What the check needs of the workspace of the real drive."""
-
-    drive: Drive
-    labels: SceneLabels
-    views: CameraViews[SceneView]
-    removed: Sequence[Mask]
-    street: Ground
-    cars: list[VirtualCar]
-
-
 def check_footage(
     source: str | Path,
     output: str | Path | None = None,
@@ -86,6 +58,7 @@ def check_footage(
     quality: str | None = None,
     device: str | None = None,
     references: References | None = None,
+    lpips: Path | None = None,
     reporter: Reporter = silent,
 ) -> dict[str, Any]:
     """Lay virtual cars over a drive, run everything on it, and compare with the photographs.
@@ -98,6 +71,7 @@ def check_footage(
         settings: of the run of a drive; a workspace brings its own.
         quality: of the run with the cars, if not that of the workspace; device: likewise, see ``RunSettings``.
         references: further methods that are measured beside the result.
+        lpips: a network for LPIPS (see :class:`unveil_core.evaluate.perceptual.LpipsModel`), or None.
         reporter: receives each event.
     Returns:
         what :func:`unveil_core.evaluate.holdout.scores.measure_holdout` returns, with ``quality`` and ``seconds``.
@@ -107,6 +81,7 @@ def check_footage(
         UnveilError: bad input.
         Cancelled: SIGINT or SIGTERM; calling again goes on.
     """
+    network = None if lpips is None else LpipsModel(lpips)
     if not 1 <= cars <= MOST_CARS:
         raise SettingsError(f"{cars} virtual cars are out of range", mend=f"use 1 to {MOST_CARS}")
     source = Path(source)
@@ -121,7 +96,7 @@ def check_footage(
         folder = _own_folder(Path(output), [source])
         footage = run(source, folder / "footage", settings, until="inpaint", reporter=reporter)
     with TemporaryDirectory(prefix=SCRATCH, dir=folder) as scratch:
-        return _checked(footage, folder, cars, quality, device, references, reporter, Path(scratch))
+        return _checked(footage, folder, cars, quality, device, references, network, reporter, Path(scratch))
 
 
 def _check_whole(workspace: Workspace) -> None:
@@ -162,6 +137,7 @@ def _checked(
     quality: str | None,
     device: str | None,
     references: References | None,
+    lpips: LpipsModel | None,
     reporter: Reporter,
     scratch: Path,
 ) -> dict[str, Any]:
@@ -169,19 +145,17 @@ def _checked(
     started = time.monotonic()
     recorded = RunSettings.from_json(footage.state().get("settings", {}))
     cache = FrameCache(recorded.memory_bytes)
-    scene = _scene(footage, cars, cache, scratch, _progress(reporter))
+    progress = _progress(reporter)
+    scene = read_scene(footage, cache, scratch, progress)
+    placed = find_places(
+        scene.street, scene.surfels, scene.drive.points.positions, scene.views.frames, count=cars, progress=progress
+    )
     frames_of = [f"{f.camera_name}/{f.name}.png" for f in scene.drive.frames]
     strips = [f"pictures/{f.camera_name}_{f.name}.png" for f in scene.drive.frames]
     note_written(folder, ["holdout.json", *(f"cars/{name}" for name in frames_of), *strips])
-    pixels = cache.frames(len(scene.drive.frames), lambda i: see_cars(scene.cars, scene.views.frames[i]))
-    for frame, own in zip(scene.drive.frames, pixels, strict=True):
-        write_image_atomic(folder / "cars" / frame.camera_name / f"{frame.name}.png", own.number)
-    added = added_labels(scene.drive, scene.labels)
-    points = moved_points(scene.drive.points, scene.views, pixels, scene.cars)
-    drive = write_holdout_drive(
-        scene.drive, pixels, scene.removed, points, added, folder / "drive", _progress(reporter)
-    )
-    ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(scene.cars)))
+    planted = plant(scene, placed, folder, cache, progress)
+    drive, added = planted.drive, planted.labels
+    ids = tuple(range(added.first_instance or 0, (added.first_instance or 0) + len(placed)))
     chosen = replace(
         recorded.without_drive_options(),
         quality=quality or recorded.quality,
@@ -192,54 +166,13 @@ def _checked(
     )
     # The drive with the cars is of this folder alone, as its workspace is: with other cars it is another drive.
     workspace = run(folder / "drive", folder / "workspace", chosen, until="deliver", replace=True, reporter=reporter)
-    progress = _progress(reporter)
-    known = seen_elsewhere(scene.views, pixels, far=FAR_M, cache=cache)
-    real = scene.drive.frames
-    ground = cache.frames(len(real), lambda i: ground_shown(scene.views.frames[i], scene.street, pixels[i].number > 0))
-
-    def held(i: int) -> HoldoutFrame:
-        return HoldoutFrame(real[i], scene.views.frames[i], pixels[i], scene.removed[i], known[i], ground[i])
-
-    frames = Frames(len(real), held)
-    found = measure_holdout(frames, scene.cars, drive, workspace.root, references=references, progress=progress)
-    write_strips(frames, scene.cars, drive, workspace.root, folder / "pictures")
+    found = measure_holdout(
+        planted.frames, placed, drive, workspace.root, references=references, lpips=lpips, progress=_progress(reporter)
+    )
+    write_strips(planted.frames, placed, drive, workspace.root, folder / "pictures")
     found |= {"quality": chosen.quality, "seconds": round(time.monotonic() - started, 1)}
     write_json_atomic(folder / "holdout.json", found)
     return found
-
-
-def _scene(workspace: Workspace, count: int, cache: FrameCache, scratch: Path, progress: Progress) -> _Scene:
-    drive = read_imported(workspace.drive_dir)
-    labels = load_selection(workspace)
-    surfels = read_surfels(workspace.surfels_full)
-    street = read_ground(workspace.ground_npz).street
-    if street is None:
-        raise WorkspaceError(
-            "there is no room for a virtual car: no ground was found",
-            path=workspace.root,
-            mend="give a drive that shows the street",
-        )
-    frames, kept = drive.frames, Kept(scratch)
-
-    def mask(name: str, i: int) -> Mask:
-        shape = (frames[i].camera.height, frames[i].camera.width)
-        found = workspace_mask(workspace.root / f"masks/{name}", frames[i], shape)
-        return np.zeros(shape, dtype=bool) if found is None else found
-
-    removed = cache.frames(len(frames), lambda i: mask("removed", i))
-
-    def look(i: int) -> SceneView:
-        def drawn() -> dict[str, NDArray[Any]]:
-            camera, barred = frames[i].camera, removed[i] | mask("shadows", i)
-            view = scene_view(near_camera(surfels, camera), camera, barred, near=NEAR_M, far=FAR_M)
-            progress(i + 1, len(frames), "looking at the street")
-            return {"depth": view.depth, "excluded": view.excluded}
-
-        return SceneView(frames[i].camera, **kept.once(str(i), drawn))
-
-    views = CameraViews([f.camera for f in frames], cache.frames(len(frames), look))
-    cars = find_places(street, surfels, drive.points.positions, views.frames, count=count, progress=progress)
-    return _Scene(drive, labels, views, removed, street, cars)
 
 
 def _progress(reporter: Reporter) -> Callable[..., None]:
@@ -274,6 +207,14 @@ def holdout_lines(found: dict[str, Any]) -> list[str]:
         if any(scores):
             cells = (f"{_decibels(s['psnr'])} / {s['ssim']:.3f}" if s else "-" for s in scores)
             lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in cells))
+    measured = [(c, found["regions"][c]["methods"]) for c in columns]
+    if any("lpips" in row for _, methods in measured for row in methods.values()):
+        lines.append("  LPIPS in crops around the cars, mean over cars")
+        for method, name in METHODS.items():
+            distances = [methods.get(method, {}).get("lpips") for _, methods in measured]
+            if any(d is not None for d in distances):
+                near = ("-" if d is None else f"{d:.3f}" for d in distances)
+                lines.append(f"    {name:<36}" + "".join(f"{cell:>18}" for cell in near))
     for car in found["cars"]:
         side = "left" if car["left_m"] > 0 else "right"
         own = ", ".join(f"{METHODS[m]} {_decibels(p)}" for m, p in car["psnr"].items() if m in METHODS)

@@ -144,7 +144,7 @@ def _evaluate(arguments: argparse.Namespace) -> int:
 def _check_footage(arguments: argparse.Namespace) -> int:
     from unveil_core.app.holdout_check import CARS, check_footage, holdout_lines
 
-    for name in ("truth", "lpips", "fid"):
+    for name in ("truth", "fid"):
         if getattr(arguments, name) is not None:
             raise SettingsError(f"--{name} is not used with --holdout-masks", mend="leave one of them out")
     with reporting(arguments.json) as reporter:
@@ -155,6 +155,7 @@ def _check_footage(arguments: argparse.Namespace) -> int:
             settings=RunSettings(quality=arguments.quality or "standard", device=arguments.works_on),
             quality=arguments.quality,
             device=arguments.works_on,
+            lpips=arguments.lpips,
             reporter=reporter,
         )
     print(json.dumps({"holdout": found}) if arguments.json else "\n".join(holdout_lines(found)))

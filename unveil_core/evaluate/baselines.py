@@ -21,7 +21,7 @@ from unveil_core.base.types import Mask, Picture
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.single_image import opencv
 
-__all__ = ["BASELINES", "navier_stokes", "shift_map", "telea", "with_border", "with_neighbours"]
+__all__ = ["BASELINES", "BASELINE_FRAMES", "navier_stokes", "shift_map", "telea", "with_border", "with_neighbours"]
 
 RADIUS_PX = 3
 """Neighbourhood of OpenCV's two classical methods, pixels, as in OpenCV's own tutorial. The inpainters of the same names in
@@ -70,7 +70,10 @@ def with_border(mask: Mask) -> Mask:
     return grow(mask, border_px(mask.shape[1]))
 
 
-def with_neighbours(frames: Sequence[int]) -> set[int]:
-    """The frames, of those given, that the baselines fill: evenly spaced pairs of neighbours, so that flicker can be measured."""
-    every = max(1, math.ceil(len(frames) / BASELINE_FRAMES))
+def with_neighbours(frames: Sequence[int], most: int = BASELINE_FRAMES) -> set[int]:
+    """About so many frames, of those given, that the baselines fill: evenly spaced pairs of neighbours, so that flicker can be
+    measured; none where ``most`` is 0."""
+    if not most:
+        return set()
+    every = max(1, math.ceil(len(frames) / most))
     return {frame for k, frame in enumerate(frames) if k % (2 * every) < 2}

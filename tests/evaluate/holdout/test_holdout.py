@@ -245,6 +245,22 @@ def test_scores_are_those_of_the_pixels(delivered: tuple[list[HoldoutFrame], Dri
     assert flicker["truth"]["absolute"] <= flicker["ours"]["absolute"] < flicker["shift_map"]["absolute"]
 
 
+def test_a_network_sees_crops_around_the_car(delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive) -> None:
+    frames, written, root = delivered
+
+    def worst(a: np.ndarray, b: np.ndarray) -> float:
+        assert a.shape == b.shape and min(a.shape[:2]) >= 64
+        return float(np.abs(a.astype(int) - b).max())
+
+    found = measure_holdout(frames, [parked(drive)], written, root, lpips=worst)
+    (car,) = found["cars"]
+    for part, error in (("removed", 5), ("seen_elsewhere", 5), ("unseen", 3)):
+        for rows in (found["regions"], car["regions"]):
+            assert rows[part]["methods"]["ours"]["lpips"] == error, part
+    assert car["regions"]["unseen"]["methods"]["ours"]["psnr"] == found["regions"]["unseen"]["methods"]["ours"]["psnr"]
+    assert found["regions"]["removed"]["methods"]["telea"]["lpips"] > 5
+
+
 def test_barred_pixels_do_not_count_and_changes_elsewhere_are_found(
     delivered: tuple[list[HoldoutFrame], Drive, Path], drive: Drive
 ) -> None:

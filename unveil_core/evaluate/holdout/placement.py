@@ -21,7 +21,19 @@ from unveil_core.ground.street import Ground
 from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.surfels import Surfels
 
-__all__ = ["CarPixels", "SceneView", "find_places", "ground_shown", "scene_view", "see_cars"]
+__all__ = [
+    "COARSE_PX",
+    "MOST_SHARE",
+    "CarPixels",
+    "Place",
+    "SceneView",
+    "Visibility",
+    "find_places",
+    "ground_shown",
+    "scene_view",
+    "see_cars",
+    "seen_places",
+]
 
 
 SOLID = 0.5
@@ -254,10 +266,39 @@ def _standing(ground: Ground, points: Float64) -> Float64:
     return street[(above > LOW_M) & (above < HEIGHT_M + ROOM_M), :2]
 
 
-def _value(
-    car: VirtualCar, views: Sequence[SceneView], centres: Float64
-) -> tuple[float, NDArray[np.int64], NDArray[np.float64]]:
-    """How well a place is seen, 0 where it is by too few frames; the frames near it and its share of each.
+@dataclass(frozen=True)
+class Visibility:
+    """How well a car must be seen to be worth a place.
+
+    Attributes:
+        least_share: of a frame, that it must cover to count there.
+        least_clean: of its visible pixels, those from which nothing real was removed.
+        most_share: of a frame, that it may cover in any.
+    """
+
+    least_share: float = LEAST_SHARE
+    least_clean: float = LEAST_CLEAN
+    most_share: float = MOST_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A free place, and how a car there would be seen.
+
+    Attributes:
+        car: there, without a number of its own yet.
+        value: shares of frames, summed up over those that show it well.
+        near: (F,) indices of the frames near it; shares: (F,) of each, that it covers.
+    """
+
+    car: VirtualCar
+    value: float
+    near: NDArray[np.int64]
+    shares: NDArray[np.float64]
+
+
+def _seen(car: VirtualCar, views: Sequence[SceneView], centres: Float64, wanted: Visibility) -> Place:
+    """How well a car is seen; its value is 0 where it is by too few frames.
 
     Args:
         views: of all frames; centres: (F, 3) of their cameras.
@@ -275,14 +316,57 @@ def _value(
         clean = int((seen & ~view.excluded[window]).sum())
         shares[i], cleaned[i] = visible / view.depth.size, clean / view.depth.size
         good[i] = (
-            cleaned[i] >= LEAST_SHARE
+            cleaned[i] >= wanted.least_share
             and visible >= LEAST_VISIBLE * whole
-            and clean >= LEAST_CLEAN * visible
-            and shares[i] <= MOST_SHARE
+            and clean >= wanted.least_clean * visible
+            and shares[i] <= wanted.most_share
         )
-    if good.sum() < LEAST_FRAMES or (shares > MOST_SHARE).any():
-        return 0.0, near, shares
-    return float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), near, shares
+    if good.sum() < LEAST_FRAMES or (shares > wanted.most_share).any():
+        return Place(car, 0.0, near, shares)
+    return Place(car, float(np.minimum(cleaned[good], ENOUGH_SHARE).sum()), near, shares)
+
+
+def seen_places(
+    ground: Ground,
+    surfels: Surfels,
+    measured: Float64,
+    views: Sequence[SceneView],
+    *,
+    wanted: Visibility | None = None,
+    progress: Progress = no_progress,
+) -> list[Place]:
+    """All well seen places for cars on ground where nothing stands, the best one first; they overlap.
+
+    Args:
+        ground: of the drive; surfels: the scene with everything in it.
+        measured: (P, 3) LiDAR or SfM points.
+        views: of all frames, in the order of travel.
+        wanted: how well they must be seen.
+    Raises:
+        WorkspaceError: there is no such place.
+    """
+    wanted = wanted or Visibility()
+    opaque = surfels.opacity_logits.numpy() > -1.0
+    coarse = [s.coarse(COARSE_PX) for s in views]
+    cameras = [s.camera for s in coarse]
+    places = _free_places(ground, surfels.means.double().numpy()[opaque], cameras, measured)
+    centres = centres_of(cameras)
+    found: list[Place] = []
+    for k, (s, t) in enumerate(places):
+        place = _seen(park(ground, s, t, number=1), coarse, centres, wanted)
+        if place.value > 0:
+            found.append(place)
+        progress(k + 1, len(places), "looking for room for a car")
+    if not found:
+        seen = (
+            "nowhere beside the path is a car's length and width of ground free"
+            if not places
+            else (f"of {len(places)} free places none is well seen by {LEAST_FRAMES} frames")
+        )
+        raise WorkspaceError(
+            f"there is no room for a virtual car: {seen}", mend="give a drive with more frames or open ground beside it"
+        )
+    return sorted(found, key=lambda place: -place.value)
 
 
 def find_places(
@@ -294,42 +378,19 @@ def find_places(
     count: int,
     progress: Progress = no_progress,
 ) -> list[VirtualCar]:
-    """The best seen places for cars on ground where nothing stands, the best one first.
+    """The best seen places for cars that do not cover each other's, the best one first.
 
     Args:
-        ground: of the drive; surfels: the scene with everything in it.
-        measured: (P, 3) LiDAR or SfM points.
-        views: of all frames, in the order of travel.
+        ground, surfels, measured, views: as of :func:`seen_places`.
         count: how many are wanted; fewer come back where there is no room for more.
     Raises:
         WorkspaceError: there is no room for a single one.
     """
-    opaque = surfels.opacity_logits.numpy() > -1.0
-    coarse = [s.coarse(COARSE_PX) for s in views]
-    cameras = [s.camera for s in coarse]
-    places = _free_places(ground, surfels.means.double().numpy()[opaque], cameras, measured)
-    centres = centres_of(cameras)
-    valued: list[tuple[float, int, VirtualCar, NDArray[np.int64], NDArray[np.float64]]] = []
-    for k, (s, t) in enumerate(places):
-        car = park(ground, s, t, number=1)
-        value, near, shares = _value(car, coarse, centres)
-        if value > 0:
-            valued.append((value, k, car, near, shares))
-        progress(k + 1, len(places), "looking for room for a car")
     chosen: list[VirtualCar] = []
     total = np.zeros(len(views))
-    for _, _, car, near, shares in sorted(valued, key=lambda v: (-v[0], v[1])):
-        apart = all(np.linalg.norm(car.centre - other.centre) >= APART_M for other in chosen)
-        if len(chosen) < count and apart and (total[near] + shares <= MOST_SHARE).all():
-            chosen.append(replace(car, number=len(chosen) + 1))
-            total[near] += shares
-    if not chosen:
-        seen = (
-            "nowhere beside the path is a car's length and width of ground free"
-            if not places
-            else (f"of {len(places)} free places none is well seen by {LEAST_FRAMES} frames")
-        )
-        raise WorkspaceError(
-            f"there is no room for a virtual car: {seen}", mend="give a drive with more frames or open ground beside it"
-        )
+    for place in seen_places(ground, surfels, measured, views, progress=progress):
+        apart = all(np.linalg.norm(place.car.centre - other.centre) >= APART_M for other in chosen)
+        if len(chosen) < count and apart and (total[place.near] + place.shares <= MOST_SHARE).all():
+            chosen.append(replace(place.car, number=len(chosen) + 1))
+            total[place.near] += place.shares
     return chosen
