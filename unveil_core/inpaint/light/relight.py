@@ -105,6 +105,9 @@ def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m:
     if not footprint.any():
         return 0.0
     bins = int(most_m / BIN_M)
+    step = max(1, int(BIN_M * per_m / 2))
+    dark, seen, footprint = (m[::step, ::step] for m in (dark, seen, footprint))
+    per_m /= step
 
     def shares(stood: Mask, known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         away = cv2.distanceTransform((~stood).astype(np.uint8), cv2.DIST_L2, 5)
