@@ -98,7 +98,8 @@ def test_an_overcast_street_has_no_sun(tmp_path: Path) -> None:
     sun = done.assumed["the sun shines"]
     assert sun.message() in done.said
     assert sun.instead == (
-        "what is dark within 2 m of a removed object counts as its shadow, unless what is seen around is as dark"
+        "what is dark within 2 m of a removed object counts as its shadow, as far as it is darker there than around footprints "
+        "planted elsewhere, and ends there"
     )
     for name in (
         "the sky is above",

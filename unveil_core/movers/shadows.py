@@ -32,6 +32,10 @@ others."""
 ALMOST_LIT, ALIKE = 0.9, 1.25
 """A shadow is extended over ground less bright than ``ALIKE`` times its median, unless other frames show that ground lit: a
 brightness of at least ``ALMOST_LIT`` of theirs."""
+EVIDENT = 0.5
+"""Ground far from all movers that is darker than in other frames, up to which they have shadows, as a share of such ground beside
+them: beyond, frames lie on one another badly, and nothing says that it is the movers that darken it. And the share of a shadow
+that other frames must show lit."""
 TOUCH_PX = 4
 """So far from a mover its shadow may begin, pixels at 384, see :func:`unveil_core.geometry.images.border_px`."""
 
@@ -97,8 +101,14 @@ def mover_shadow(
     ratio = np.where(enough, here_gray / np.maximum(typical, 1.0), np.nan)
     beside = ratio[near.sum() :]
     exposure = float(np.nanmedian(beside)) if np.isfinite(beside).sum() >= FEWEST_AROUND else 1.0
+    darker = ratio < DARK * exposure
+    found, false = (
+        darker[p].sum() / max(1, np.isfinite(ratio[p]).sum()) for p in (np.s_[: near.sum()], np.s_[near.sum() :])
+    )
+    if false > EVIDENT * found:
+        return none
     dark = none.copy()
-    dark[row[: near.sum()], column[: near.sum()]] = ratio[: near.sum()] < DARK * exposure
+    dark[row[: near.sum()], column[: near.sum()]] = darker[: near.sum()]
     dark = cv2.morphologyEx(dark.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8)).astype(bool)
     seed = cv2.dilate(
         mask.astype(np.uint8), np.ones((2 * border_px(camera.width, TOUCH_PX) + 1,) * 2, np.uint8)
@@ -130,7 +140,8 @@ def _whole(
     ratio: NDArray[np.floating],
     gray: NDArray[np.float32],
 ) -> Mask:
-    """A shadow (H, W), extended over adjacent ground that is as dark and that too few other frames show.
+    """A shadow (H, W), extended over adjacent ground that is as dark and that too few other frames show, unless that is most of it:
+    dark asphalt and lawns go on and on.
 
     Args:
         near: (H, W) ground to consider; asked: rows and columns (N,) of the pixels whose ``ratio`` (N,) is known, or nan.
@@ -142,4 +153,5 @@ def _whole(
     lit[asked] = ratio >= ALMOST_LIT
     alike = near & ~lit & (gray < ALIKE * np.median(gray[shadow]))
     _, component = cv2.connectedComponents((alike | shadow).astype(np.uint8), connectivity=8)
-    return np.isin(component, np.unique(component[shadow])) & (alike | shadow)
+    evident, size = (np.bincount(component[m], minlength=component.max() + 1) for m in (shadow, alike | shadow))
+    return shadow | ((evident > EVIDENT * size)[component] & alike)

@@ -37,7 +37,8 @@ def footprint_of(
     """
     footprint = np.zeros(chart.source.shape, dtype=np.uint8)
     if loose is not None:
-        footprint |= _low_texels(chart, loose)
+        texels = _low_texels(chart, loose)
+        footprint |= texels & _dense(texels, chart.texel, 0.0)
     for means in removed:
         texels = _low_texels(chart, means)
         if np.count_nonzero(texels) < 3:
@@ -64,12 +65,16 @@ def _low_texels(chart: StreetChart, means: NDArray[np.float64]) -> NDArray[np.ui
     return texels
 
 
-def _dense(texels: NDArray[np.uint8], texel: float) -> Mask:
-    """(A, B) of an object's texels those with company: strays would stretch its hull."""
+def _dense(texels: NDArray[np.uint8], texel: float, least_part: float = LEAST_PART) -> Mask:
+    """(A, B) of an object's texels those with company: strays would stretch its hull.
+
+    Args:
+        least_part: share of the largest part that a part must have.
+    """
     closed = cv2.morphologyEx(texels, cv2.MORPH_CLOSE, np.ones((2 * int(JOIN_M / texel) + 1,) * 2, np.uint8))
     count, component, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     areas = stats[:, cv2.CC_STAT_AREA] * texel**2
-    least = max(LEAST_PART_M2, LEAST_PART * areas[1:].max(initial=0.0))
+    least = max(LEAST_PART_M2, least_part * areas[1:].max(initial=0.0))
     return np.isin(component, [k for k in range(1, count) if areas[k] > least])
 
 

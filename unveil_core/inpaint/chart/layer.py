@@ -40,7 +40,7 @@ class GroundPixels:
         color: (H, W, 3) float32; gain: (H, W, 3) float32, see StreetChart.
         covered: (H, W) bool, the chart has a colour there.
         shadow: (H, W) bool, ground in the shadow of something removed; replaced: (H, W) bool, ground whose seen colour
-            was given up, see StreetChart.
+            was given up, see StreetChart; unseen: (H, W) bool, ground that no frame shows.
         extent: (H, W) length of a pixel's footprint along its ray on the ground, texels of the chart.
         source: (H, W) uint8, where the chart has its colour from, see StreetChart; OUTSIDE where not covered.
     """
@@ -52,6 +52,7 @@ class GroundPixels:
     covered: NDArray[np.bool_]
     shadow: NDArray[np.bool_]
     replaced: NDArray[np.bool_]
+    unseen: NDArray[np.bool_]
     extent: Float32
     source: NDArray[np.uint8]
 
@@ -139,7 +140,7 @@ class GroundLayer:
         color = np.zeros((len(rays), 3), dtype=np.float32)
         gain = np.ones((len(rays), 3), dtype=np.float32)
         covered = np.zeros(len(rays), dtype=bool)
-        replaced = np.zeros(len(rays), dtype=bool)
+        replaced, unseen = np.zeros((2, len(rays)), dtype=bool)
         extent = np.zeros(len(rays), dtype=np.float32)
         source = np.full(len(rays), OUTSIDE, dtype=np.uint8)
         if hit.any():
@@ -162,6 +163,7 @@ class GroundLayer:
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)
             covered = source != OUTSIDE
             replaced[hit] = on_chart & self.chart.replaced[row, column]
+            unseen[hit] = on_chart & np.isinf(self.chart.nearest[row, column])
 
         def spread(values: Any, default: float | bool) -> Any:
             plane = np.full((*shape, *values.shape[1:]), default, dtype=values.dtype)
@@ -177,6 +179,7 @@ class GroundLayer:
             covered=spread(covered, False),
             shadow=spread((gain.max(axis=1) > RELIT_GAIN) | replaced, False),
             replaced=spread(replaced, False),
+            unseen=spread(unseen, False),
             extent=spread(extent, 0.0),
             source=spread(source, OUTSIDE),
         )

@@ -298,6 +298,9 @@ class _Painter:
             on_ground = ground.replaced | _shows_ground(ground.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
             shadow = grow(ground.shadow, border) & ground.covered & ~background.in_front & ~task.removed & on_ground
+            # What lies before ground that no frame shows is mixed with the object right beside it; else it is something that stands
+            # there, and stays.
+            shadow &= ~ground.unseen | within(task.removed, 2 * border)
             if task.kept is not None:
                 shadow &= ~task.kept  # the foot of a car that stays lies hardly before the ground
             gain[shadow] = ground.gain[shadow]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from unveil_core.base.types import Float32, Mask
-from unveil_core.geometry.images import disc, grow, luminance, masked_blur
+from unveil_core.geometry.images import disc, grow, luminance, masked_blur, within
 from unveil_core.inpaint.chart.lateral_profile import lateral_profile
 from unveil_core.inpaint.light.shade import Light, Shade
 
@@ -54,6 +55,16 @@ MIXED_M, BRIGHT = 0.3, 0.93
 """Distance from what nobody saw within which a texel mixes the ground with the object that hid it, metres: a pixel at 15 m; and the
 share of its lit level below which it still does when it is relit. Cast shadows of eight streets: 0.6 dB more on 72 and on a sample
 street, 0.3 on 50, -0.3 on a sample street without labels, the others the same; dark strokes where cars stood are gone."""
+PLANTED_M = tuple(
+    (along, across) for along in (-18.0, -12.0, -6.0, 0.0, 6.0, 12.0, 18.0) for across in (-5.0, -2.5, 0.0, 2.5, 5.0)
+)
+"""Ways, along and across the street, metres, by which footprints are moved to where nothing stood."""
+BIN_M, EVIDENT = 0.2, 0.5
+"""Width of the rings around footprints that are compared, metres, and the share of what is dark around removed objects, up to
+which planted ones may have the same around them, for it to be the objects' doing: with half, every second texel would be."""
+ENDS = 0.5
+"""Share of a dark place that must lie where shadows of removed objects may: of the shade of a tree or a house most lies
+elsewhere."""
 OBJECT_M = 1.5
 """Height of a removed object that an even sky is hidden by, metres: a car's."""
 SMOOTH_M, SPECK_M = 0.06, 0.12
@@ -83,17 +94,57 @@ def prevailing_shade(
     return Shade(opened.astype(bool) & seen, np.ones(3, dtype=np.float32), scaled.astype(np.float32))
 
 
-def object_shadows(dark: Mask, footprint: Mask, *, reach: int, touch: int) -> Mask:
-    """Dark texels (A, B) that are connected with a removed object's footprint and lie within ``reach`` texels of it."""
+def evident_reach(dark: Mask, seen: Mask, footprint: Mask, most_m: float, per_m: float) -> float:
+    """How far from removed objects their shadows are in evidence, metres: as far as it is darker around them than around the same
+    footprints planted where nothing stood, on the drive's own ground. 0 where it is nowhere so.
+
+    Args:
+        dark: (A, B) of the ``seen`` texels (A, B), those that are darker than their kind is.
+        footprint: (A, B) texels under removed objects; most_m: no farther, metres; per_m: texels per metre.
+    """
     if not footprint.any():
-        return np.zeros_like(dark)
-    distance = cv2.distanceTransform((~footprint).astype(np.uint8), cv2.DIST_L2, 5)
-    candidate = dark & (distance <= reach)
-    count, component = cv2.connectedComponents((candidate | footprint).astype(np.uint8), connectivity=8)
-    touching = np.zeros(count, dtype=bool)
-    touching[np.unique(component[candidate & (distance <= touch)])] = True
-    touching[0] = False
-    return touching[component] & candidate
+        return 0.0
+    bins = int(most_m / BIN_M)
+    step = max(1, int(BIN_M * per_m / 2))
+    dark, seen, footprint = (m[::step, ::step] for m in (dark, seen, footprint))
+    per_m /= step
+
+    def shares(stood: Mask, known: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        away = cv2.distanceTransform((~stood).astype(np.uint8), cv2.DIST_L2, 5)
+        ring = (away / (BIN_M * per_m)).astype(np.int64)
+        known = known & ~stood & (ring < bins)
+        return np.bincount(ring[known & dark], minlength=bins), np.bincount(ring[known], minlength=bins)
+
+    unaffected = seen & ~within(footprint, most_m * per_m)
+    found = shares(footprint, seen)
+    planted = np.zeros((2, bins), dtype=np.int64)
+    for along, across in PLANTED_M:
+        moved = np.array([[1, 0, across * per_m], [0, 1, along * per_m]], dtype=np.float32)
+        stood = cv2.warpAffine(footprint.astype(np.uint8), moved, footprint.shape[::-1], flags=cv2.INTER_NEAREST) > 0
+        if stood.any():
+            planted += shares(stood, unaffected)
+    real, false = (d / np.maximum(k, 1) for d, k in (found, planted))
+    evident = (real * EVIDENT > false) & (planted[1] > LEAST_AROUND_M2 * per_m**2)
+    return BIN_M * float(bins if evident.all() else evident.argmin())
+
+
+def object_shadows(
+    dark: Mask, zone: Mask, touched: Mask, explained: Mask, level: Float32, seen: Mask, *, per_m: float
+) -> Mask:
+    """(A, B) texels in the shadow of removed objects: dark places in the ``zone`` (A, B) that their shadows may reach, as far as it
+    is seen that they end there. What goes on beyond it, or has no brighter ground around it, was dark without the objects.
+
+    Args:
+        dark: (A, B) seen texels that are darker than their kind is; touched: (A, B) where such a place must come.
+        explained: (A, B) texels that something which stays keeps dark: there shadows run into one another.
+        level: (A, B) luma as a share of its lateral offset's; seen: (A, B) ground beside objects.
+    """
+    _, place = cv2.connectedComponents((dark & (zone | ~explained)).astype(np.uint8), connectivity=8)
+    inside, size = (np.bincount(place[m], minlength=place.max() + 1) for m in (zone, np.ones_like(zone)))
+    ended = (inside > ENDS * size)[place] & dark & zone
+    _, patch = cv2.connectedComponents(ended.astype(np.uint8), connectivity=8)
+    own: Mask = np.isin(patch, np.unique(patch[ended & touched])) & ended
+    return own & _darker_than_beside(own, level, seen & ~explained, per_m)
 
 
 def shadows_of_removed(
@@ -119,52 +170,59 @@ def shadows_of_removed(
     """
     if reach_m <= 0:
         return np.zeros_like(seen), np.zeros_like(seen)
-    touch, luma = int(TOUCH_M * per_m), luminance(color)
-    near = object_shadows(shade.dark, footprint, reach=int(reach_m * per_m), touch=touch)
+    luma, lit = luminance(color), np.maximum(luminance(shade.lit), 0.02)
+    smooth = masked_blur(luma, seen, SMOOTH_M * per_m)
+    level = (smooth / lit).astype(np.float32)
+    beside, nothing = seen & ~footprint, np.zeros_like(seen)
+    touch = within(footprint, TOUCH_M * per_m)
+
+    def around(dark: Mask, explained: Mask, most_m: float, level: Float32) -> Mask:
+        """What they darken wherever the sun stands, and under an even sky."""
+        zone = within(footprint, evident_reach(dark, seen & ~explained, footprint, most_m, per_m) * per_m)
+        return object_shadows(dark, zone & ~explained, touch, explained, level, beside, per_m=per_m)
+
     if light is None:
-        shadow = near & ~_as_light_as_beside(near, luma, seen & ~footprint, per_m)
+        shadow = around(shade.dark, nothing, reach_m, level)
     else:
         # A dark texel belongs to the nearer of the two shadows; contact darkening is in neither.
         blur = 0.2 * per_m
         gone, kept = (cv2.GaussianBlur(m.astype(np.float32), (0, 0), blur) for m in (light.gone, light.kept))
-        contact = near & grow(footprint, touch)
-        theirs = ((gone > 0.05) & (gone > kept)) | (contact & (kept < 0.3))
+        explained = grow(light.kept, UNEXPLAINED_M * per_m)
+        theirs = ((gone > 0.05) & (gone > kept)) | (touch & (kept < 0.3))
         if light.beyond is not None:
             # A lorry that is never passed is longer than what was seen of it; what the scene explains stays.
-            theirs |= light.beyond & ~grow(light.kept, UNEXPLAINED_M * per_m)
-        shadow = shade.dark & theirs
-    smooth = masked_blur(luma, seen, SMOOTH_M * per_m)
-    if light is not None:
+            theirs |= light.beyond & ~explained
+        shadow = object_shadows(shade.dark, theirs, theirs, explained, level, beside, per_m=per_m)
         # In the shade of a house, too, it is darker right beside an object.
-        deep = seen & (smooth < DEEPER * luminance(shade.lit * shade.ratio))
-        shadow = shadow | object_shadows(deep, footprint, reach=int(reach_m * per_m), touch=touch)
+        in_shade = (smooth / np.maximum(luminance(shade.lit * shade.ratio), 0.02)).astype(np.float32)
+        shadow = shadow | around(seen & (in_shade < DEEPER), nothing, reach_m, in_shade)
     # What is nearly black has nothing to relight; under a lorry, whose floor is high, there are lines to be seen.
     shadow = shadow | (footprint & shade.dark)
-    hopeless = seen & shadow & (smooth < black_ratio * luminance(shade.lit))
+    hopeless = seen & shadow & (level < black_ratio)
     hopeless = cv2.morphologyEx(hopeless.astype(np.uint8), cv2.MORPH_CLOSE, disc(SPECK_M * per_m)).astype(bool) & seen
     # Its border is mixed with it.
     hopeless |= grow(hopeless, SPECK_M * per_m) & shadow & seen
     return shadow, hopeless
 
 
-def _as_light_as_beside(patches: Mask, luma: Float32, seen: Mask, per_m: float) -> Mask:
-    """(A, B) patches (A, B) that are about as light as what is seen around them: in the shade of houses all is dark, and what is
-    seen between two cars is darker than its lateral offset is where the sun shines.
+def _darker_than_beside(patches: Mask, level: Float32, seen: Mask, per_m: float) -> Mask:
+    """(A, B) patches (A, B) that are darker than what is seen around them: in the shade of houses all is dark, and what is seen
+    between two cars is darker than its lateral offset is where the sun shines. Of what has nothing around it nobody can say.
 
     Args:
-        luma: (A, B) of the chart; seen: (A, B) ground beside objects.
+        level: (A, B) luma as a share of its lateral offset's; seen: (A, B) ground beside objects.
     """
     reach = round(AROUND_M * per_m)
     beside = seen & ~grow(patches, PENUMBRA_M * per_m)
     _, patch = cv2.connectedComponents(patches.astype(np.uint8), connectivity=8)
-    alike = np.zeros_like(patches)
+    darker = np.zeros_like(patches)
     for number, place in enumerate(ndimage.find_objects(patch), start=1):
         near = tuple(slice(max(0, p.start - reach), p.stop + reach) for p in place)
         own = patch[near] == number
         around = grow(own, reach) & beside[near]
         if around.sum() >= LEAST_AROUND_M2 * per_m**2:
-            alike[near] |= own & (np.median(luma[near][own]) > AS_LIGHT * np.median(luma[near][around]))
-    return alike
+            darker[near] |= own & (np.median(level[near][own]) < AS_LIGHT * np.median(level[near][around]))
+    return darker
 
 
 def under_an_even_sky(gain: Float32, shadow: Mask, footprint: Mask, per_m: float) -> Float32:

@@ -180,7 +180,7 @@ def _sun_assumed(sun: Sun | None, *, given: bool) -> Assumption:
         found = f"azimuth {sun.azimuth:.0f}, elevation {sun.elevation:.0f} degrees"
         found += ", as given, not tested" if given else ""
     instead = f"what is dark within {SHADOW_REACH_M:g} m of a removed object counts as its shadow"
-    instead += ", unless what is seen around is as dark"
+    instead += ", as far as it is darker there than around footprints planted elsewhere, and ends there"
     return Assumption("the sun shines", sun is not None, found, instead)
 
 
