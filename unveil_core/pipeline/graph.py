@@ -145,6 +145,7 @@ STAGES: tuple[Stage, ...] = (
             "surfels/seed_origins.npy",
             "inpainted",
             "inpaint/origins",
+            "ground",
             "masks/removed",
             "masks/shadows",
             "masks/unobserved",
@@ -165,6 +166,7 @@ STAGES: tuple[Stage, ...] = (
         later("deliver"),
         inputs=(
             "drive",
+            "movers",
             "clean",
             "surfels/empty.ply",
             "surfels/exposure.json",
