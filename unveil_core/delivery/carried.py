@@ -141,9 +141,10 @@ def carried_over(given: Photographs, own: int, street: Picture, rendered: Pictur
         return street
     part, places = _places(given, own, wanted)
     base = street[part].astype(np.float32)
+    sought = places.wanted[places.asked]
     warped = [
         found
-        for j in choose_sources(places.points[places.wanted[places.asked]], own, given.views, SOURCES)
+        for j in choose_sources(places.points[sought], own, given.views, SOURCES, places.ground[places.asked][sought])
         if (found := _warped(given, j, places)) is not None
     ]
     if not warped:
@@ -193,7 +194,7 @@ class _Warped:
 
 def _warped(given: Photographs, j: int, places: _Places) -> _Warped | None:
     """What frame ``j`` shows of the places; None where that is nothing, or nothing by which it could be judged."""
-    index, pixels, depth = sees(given.views.frames[j], places.points)
+    index, pixels, depth = sees(given.views.frames[j], places.points, places.ground[places.asked])
     finer = places.size[index] / (depth / given.views.cameras[j].fx)
     at = places.scattered(index, np.column_stack([pixels, finer]).astype(np.float32))
     shown = at[..., 2] > 0

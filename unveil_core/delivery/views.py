@@ -95,30 +95,39 @@ def others_near(views: EmptyViews, own: int) -> list[int]:
     return [int(j) for j in views.by_distance(views.near(here[None], ASKED_M), here) if j != own]
 
 
-def sees(view: EmptyView, points: Float64) -> tuple[NDArray[np.int64], Float64, Float64]:
+def sees(view: EmptyView, points: Float64, on_ground: Mask | None = None) -> tuple[NDArray[np.int64], Float64, Float64]:
     """Which world points (P, 3) a view shows, itself and not what is before it.
 
+    Args:
+        on_ground: (P,) points that lie on the ground itself, behind which nothing is seen: there the scene, whose surfels may lie
+            a little under it or be missing, only tells what is before it.
     Returns:
         their indices (N,), rising; their pixels (N, 2); their depth (N,).
     """
     index, pixels, depth = view.camera.shown(points, nearest=NEAREST_M)
     row, column = view.at(pixels)
-    seen = ~view.barred[row, column] & (np.abs(view.depth[row, column] - depth) < SAME_DEPTH * depth)
+    shown = view.depth[row, column]
+    seen = np.abs(shown - depth) < SAME_DEPTH * depth
+    if on_ground is not None:
+        seen |= on_ground[index] & ((shown == 0) | (shown > (1 - ON_GROUND) * depth))
+    seen &= ~view.barred[row, column]
     return index[seen], pixels[seen], depth[seen]
 
 
-def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> list[int]:
+def choose_sources(points: Float64, own: int, views: EmptyViews, most: int, on_ground: Mask | None = None) -> list[int]:
     """Frames that together show most of some places, and finest.
 
     Args:
         points: (P, 3) behind the hole of frame ``own``.
         most: frames at most.
+        on_ground: (P,) as :func:`sees` takes it.
     Returns:
         indices, the best first.
     """
     if not len(points):
         return []
-    points = points[:: max(1, len(points) // ASKED)]
+    step = max(1, len(points) // ASKED)
+    points, on_ground = points[::step], None if on_ground is None else on_ground[::step]
     here = views.cameras[own]
     own_size = here.project(points)[1] / here.fx
     asked: list[int] = []
@@ -129,7 +138,7 @@ def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> l
         camera = views.cameras[j]
         if not len(camera.shown(points, nearest=NEAREST_M)[0]):
             continue
-        seen, _, depth = sees(views.frames[j], points)
+        seen, _, depth = sees(views.frames[j], points, on_ground)
         if not len(seen):
             continue
         finer = own_size[seen] / np.maximum(depth / camera.fx, 1e-9)
