@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +11,14 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.images import sample_at
 
-__all__ = ["find_shift"]
+__all__ = ["find_shift", "shift_planes"]
 
 BLURS_PX = (2.0, 1.0, 0.0)
 """Standard deviations of the blurs under which the shift is looked for one after the other, pixels: shifts of some pixels are
 found under the first, parts of a pixel without any."""
 ROUNDS = 6
 """Steps at most under each blur; three or four settle."""
-SETTLED_PX = 0.02
+SETTLED_PX = 0.04
 """A step so small ends the search, pixels: no interpolation shows it."""
 MOST_PX = 4.0
 """Largest shift, pixels. Poses of KITTI, which are a pixel off, need 0.2 to 3; what goes farther follows another texture."""
@@ -28,31 +30,34 @@ MAD_TO_DEVIATION = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 
 
-def find_shift(gray: Float32, pixels: NDArray[np.floating], target: Float32) -> Float64:
+def shift_planes(gray: Float32) -> list[Float32]:
+    """(H, W, 3) each: the luminance (H, W) of a photograph, levels of 255, under each blur, and its slopes across and down."""
+    blurred = [cv2.GaussianBlur(gray, (0, 0), blur) if blur else gray for blur in BLURS_PX]
+    ways = ((1, 0), (0, 1))
+    return [cv2.merge([g, *(cv2.Sobel(g, cv2.CV_32F, *way, scale=1 / 8) for way in ways)]) for g in blurred]  # type: ignore[misc]
+
+
+def find_shift(planes: Sequence[Float32], pixels: NDArray[np.floating], target: Float32) -> Float64:
     """(2,) what has to be added to positions in a photograph for it to show there what another does; 0 where none helps.
 
     Lucas and Kanade (1981) with robust weights, a gain and a bias. The shift is fitted to every other pixel, and taken if it lowers
     the error of those between.
 
     Args:
-        gray: (H, W) luminance of the photograph, levels of 255.
+        planes: of the photograph, see :func:`shift_planes`.
         pixels: (N, 2) positions in it; target: (N,) luminance that the other shows at them.
     """
     step = max(1, len(pixels) // PIXELS)
     pixels, target = pixels[::step].astype(np.float64), target[::step].astype(np.float64)
     shift = np.zeros(2)
-    for blur in BLURS_PX:
-        plane = cv2.GaussianBlur(gray, (0, 0), blur) if blur else gray
-        slopes = np.stack(
-            [plane, *(cv2.Sobel(plane, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1)))], axis=2
-        )
+    for plane in planes:
         for _ in range(ROUNDS):
-            level, across, down = sample_at(slopes, pixels[::2] + shift).T.astype(np.float64)
+            level, across, down = sample_at(plane, pixels[::2] + shift).T.astype(np.float64)
             moved = _step(level, across, down, target[::2] - level)
             shift = np.clip(shift + np.clip(moved, -1, 1), -MOST_PX, MOST_PX)
             if np.abs(moved).max() < SETTLED_PX:
                 break
-    before, after = (_error(sample_at(gray, pixels[1::2] + s)[:, 0], target[1::2]) for s in (np.zeros(2), shift))
+    before, after = (_error(sample_at(planes[-1], pixels[1::2] + s)[:, 0], target[1::2]) for s in (np.zeros(2), shift))
     return shift if after < before else np.zeros(2)
 
 
