@@ -29,7 +29,7 @@ from unveil_core.evaluate.pictures import fitted, truth_file
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right, right_pixels
 from unveil_core.provenance.doubts import DOUBTS
-from unveil_core.provenance.of_workspace import provenance_of
+from unveil_core.provenance.of_workspace import looks_of, provenance_of
 from unveil_core.surfels.ply import read_surfels
 
 RESULTS = Path(__file__).resolve().parent / "results" / "certainty.json"
@@ -69,7 +69,9 @@ def read_sample(root: Path) -> Sample:
     surfels = read_surfels(root / "surfels/empty.ply")
     origins, doubts, right = [], [], []
     with tempfile.TemporaryDirectory() as scratch:
-        every = list(provenance_of(root, root, drive.frames, surfels, FrameCache(), Path(scratch)))
+        cache = FrameCache()
+        looks = looks_of(root, drive.frames, surfels, cache, Path(scratch))
+        every = list(provenance_of(root, root, drive.frames, looks, cache))
     for known in every:
         path = None if drive.truth_root is None else truth_file(drive.truth_root / "images", known.frame)
         if path is None:
@@ -184,7 +186,9 @@ def _mean(predicted: list[tuple[NDArray[np.uint8], NDArray[np.bool_]]], certain:
         values = (share, np.mean(shares), np.min(shares)) if shares else (share, np.nan, np.nan)
         return {name: round(float(v), 4) for name, v in zip(names, values, strict=True) if np.isfinite(v)}
 
-    return {"drives": len(predicted), **at(certain), "levels": {level: at(level) for level in LEVELS}} if predicted else {}
+    return (
+        {"drives": len(predicted), **at(certain), "levels": {level: at(level) for level in LEVELS}} if predicted else {}
+    )
 
 
 def main() -> None:

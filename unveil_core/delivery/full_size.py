@@ -13,7 +13,7 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.delivery.detail import FINER_THAN, BestSource, sensor_noise, with_detail
 from unveil_core.delivery.lens import footage_positions, work_positions
 from unveil_core.delivery.shifts import GroundShifts
-from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, nearest_depth, sees
+from unveil_core.delivery.views import FINER, EmptyViews, choose_sources, nearest_depth, places_behind, sees
 from unveil_core.drives.drive import Footage
 from unveil_core.drives.exposure import Exposure
 from unveil_core.geometry.images import resampled, sample_at
@@ -31,8 +31,6 @@ with the foreshortening counted, copies on five drawn streets have 0.74 to 1.18 
 depth alone 0.78 to 1.32."""
 STEP_M = 0.1
 """Length along the street by whose pictures it is told how foreshortened a facade is, metres."""
-ON_GROUND = 0.05
-"""Share of its depth by which what the scene shows may lie before the ground and be the ground."""
 DARKEST = 0.02
 """Level, of 1, that is added to both sides of a ratio of light: in black, noise is no light."""
 RATIOS = (0.3, 4.0)
@@ -172,15 +170,10 @@ def _sharpened(
     """
     camera = drive.views.cameras[index]
     rays = camera.rays_at(at[removed].astype(np.float64))
-    depth = nearest_depth(drive.views.frames[index], at)[removed].astype(np.float64)
-    street = np.zeros((len(rays), 3))
-    on_ground = np.zeros(len(rays), dtype=bool)
-    if drive.ground is not None:
-        met, street = drive.ground.intersect(camera, rays)
-        on_ground = np.isfinite(met) & ((depth == 0) | (met - depth < ON_GROUND * met))
-        depth = np.where(on_ground, met, depth)
+    of_scene = nearest_depth(drive.views.frames[index], at)[removed].astype(np.float64)
+    behind = places_behind(camera, rays, of_scene, drive.ground)
+    depth, points, on_ground, street = behind.depth, behind.points, behind.on_ground, behind.street
     known = depth > 0
-    points = camera.centre + depth[:, None] * rays
     made = np.zeros(len(rays), dtype=bool)
     if drive.shifts is not None:
         made[on_ground] = drive.shifts.is_made(street[on_ground])

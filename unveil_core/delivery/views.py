@@ -12,6 +12,7 @@ from unveil_core.base.types import Float32, Float64, Mask
 from unveil_core.drives.depth_range import ASKED_M, FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.reach import CameraViews
+from unveil_core.ground.street import Ground
 from unveil_core.raster.picture import render_numpy
 from unveil_core.surfels.surfels import Surfels
 
@@ -21,9 +22,11 @@ __all__ = [
     "EmptyDepth",
     "EmptyView",
     "EmptyViews",
+    "PlacesBehind",
     "choose_sources",
     "depth_of",
     "others_near",
+    "places_behind",
     "sees",
 ]
 
@@ -39,6 +42,8 @@ LEAST_GAIN = 0.01
 FINER = 1.6
 """A source that is so many times finer than the view counts as no better: what it shows is smoothed anyway."""
 
+ON_GROUND = 0.05
+"""Share of its depth by which what the scene shows may lie before the ground and be the ground."""
 SOLID = 0.5
 """Alpha of the empty scene above which a pixel shows a surface."""
 NEAREST_M = 0.1
@@ -90,30 +95,39 @@ def others_near(views: EmptyViews, own: int) -> list[int]:
     return [int(j) for j in views.by_distance(views.near(here[None], ASKED_M), here) if j != own]
 
 
-def sees(view: EmptyView, points: Float64) -> tuple[NDArray[np.int64], Float64, Float64]:
+def sees(view: EmptyView, points: Float64, on_ground: Mask | None = None) -> tuple[NDArray[np.int64], Float64, Float64]:
     """Which world points (P, 3) a view shows, itself and not what is before it.
 
+    Args:
+        on_ground: (P,) points that lie on the ground itself, behind which nothing is seen: there the scene, whose surfels may lie
+            a little under it or be missing, only tells what is before it.
     Returns:
         their indices (N,), rising; their pixels (N, 2); their depth (N,).
     """
     index, pixels, depth = view.camera.shown(points, nearest=NEAREST_M)
     row, column = view.at(pixels)
-    seen = ~view.barred[row, column] & (np.abs(view.depth[row, column] - depth) < SAME_DEPTH * depth)
+    shown = view.depth[row, column]
+    seen = np.abs(shown - depth) < SAME_DEPTH * depth
+    if on_ground is not None:
+        seen |= on_ground[index] & ((shown == 0) | (shown > (1 - ON_GROUND) * depth))
+    seen &= ~view.barred[row, column]
     return index[seen], pixels[seen], depth[seen]
 
 
-def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> list[int]:
+def choose_sources(points: Float64, own: int, views: EmptyViews, most: int, on_ground: Mask | None = None) -> list[int]:
     """Frames that together show most of some places, and finest.
 
     Args:
         points: (P, 3) behind the hole of frame ``own``.
         most: frames at most.
+        on_ground: (P,) as :func:`sees` takes it.
     Returns:
         indices, the best first.
     """
     if not len(points):
         return []
-    points = points[:: max(1, len(points) // ASKED)]
+    step = max(1, len(points) // ASKED)
+    points, on_ground = points[::step], None if on_ground is None else on_ground[::step]
     here = views.cameras[own]
     own_size = here.project(points)[1] / here.fx
     asked: list[int] = []
@@ -124,7 +138,7 @@ def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> l
         camera = views.cameras[j]
         if not len(camera.shown(points, nearest=NEAREST_M)[0]):
             continue
-        seen, _, depth = sees(views.frames[j], points)
+        seen, _, depth = sees(views.frames[j], points, on_ground)
         if not len(seen):
             continue
         finer = own_size[seen] / np.maximum(depth / camera.fx, 1e-9)
@@ -144,6 +158,36 @@ def choose_sources(points: Float64, own: int, views: EmptyViews, most: int) -> l
         chosen.append(asked[k])
         best = np.maximum(best, quality[k])
     return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class PlacesBehind:
+    """What lies behind N positions of a frame.
+
+    Attributes:
+        depth: (N,) along the optical axis, 0 for the sky; points: (N, 3), the camera's centre there.
+        on_ground: (N,) bool; street: (N, 3) street coordinates of where the rays meet the ground, zero where they do not.
+    """
+
+    depth: Float64
+    points: Float64
+    on_ground: Mask
+    street: Float64
+
+
+def places_behind(camera: Camera, rays: Float64, depth: Float64, ground: Ground | None) -> PlacesBehind:
+    """The places that rays of a camera meet: on the ground by the ground itself, elsewhere by the empty scene.
+
+    Args:
+        rays: (N, 3) world directions with unit component along the optical axis.
+        depth: (N,) of the empty scene, 0 where it has no surface; ground: None where there is none.
+    """
+    street, on_ground = np.zeros((len(rays), 3)), np.zeros(len(rays), dtype=bool)
+    if ground is not None:
+        met, street = ground.intersect(camera, rays)
+        on_ground = np.isfinite(met) & ((depth == 0) | (met - depth < ON_GROUND * met))
+        depth = np.where(on_ground, met, depth)
+    return PlacesBehind(depth, camera.centre + depth[:, None] * rays, on_ground, street)
 
 
 def nearest_depth(view: EmptyView, positions: Float32) -> Float32:

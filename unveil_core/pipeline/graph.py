@@ -154,6 +154,7 @@ STAGES: tuple[Stage, ...] = (
             "surfels/seed_origins.npy",
             "inpainted",
             "inpaint/origins",
+            "ground",
             "masks/removed",
             "masks/shadows",
             "masks/unobserved",
@@ -174,6 +175,7 @@ STAGES: tuple[Stage, ...] = (
         later("deliver"),
         inputs=(
             "drive",
+            "movers",
             "clean",
             "surfels/empty.ply",
             "surfels/exposure.json",

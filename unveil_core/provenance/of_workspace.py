@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from unveil_core.base.errors import WorkspaceError
 from unveil_core.base.frame_cache import FrameCache, Frames
 from unveil_core.base.pictures.decoding import read_image, read_label_image
-from unveil_core.base.types import Float32, Mask
+from unveil_core.base.types import Float32, Picture
 from unveil_core.delivery.views import EmptyView, EmptyViews
 from unveil_core.drives.drive import Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
-from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits, smoothed
+from unveil_core.geometry.images import mask_bits, mask_of_bits, smoothed
 from unveil_core.inpaint.frames.compose import optimized_pixels
 from unveil_core.inpaint.origin import ORIGINAL, RELIT
 from unveil_core.provenance.doubts import find_doubts
@@ -27,12 +27,27 @@ from unveil_core.provenance.witnesses import Witnesses, seen_by
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_array, load_mask
-from unveil_core.workspace.movers import Moving, ego_pixels, read_moving
+from unveil_core.workspace.movers import Moving, no_street, read_moving
 
-__all__ = ["ORIGIN_FILES", "FrameProvenance", "provenance_of", "surfel_origins"]
+__all__ = ["ORIGIN_FILES", "EmptyLooks", "FrameProvenance", "looks_of", "provenance_of", "surfel_origins"]
 
 ORIGIN_FILES = tuple(f"surfels/{name}.npy" for name in ("removed", "displaced", "relit", "seed_origins"))
 """Of a workspace, which tell where the colours of the empty scene's surfels come from."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmptyLooks:
+    """What the frames of a workspace show of the empty scene.
+
+    Attributes:
+        views: its depth in them, and in which pixels the photograph is no witness of it.
+        origins: (H, W) uint8 where the pixels of their clean frames come from, see ``inpaint.origin``.
+        pictures: (H, W, 3) uint8 their photographs, in canonical colours.
+    """
+
+    views: EmptyViews
+    origins: Sequence[NDArray[np.uint8]]
+    pictures: Sequence[Picture]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,45 +65,56 @@ class FrameProvenance:
     doubts: Float32
 
 
+def looks_of(root: Path, frames: Sequence[Frame], surfels: Surfels, cache: FrameCache, scratch: Path) -> EmptyLooks:
+    """What all frames show, rendered when it is asked for.
+
+    Args:
+        root: the workspace; surfels: its empty scene.
+        cache: room for the frames; scratch: folder for what is rendered of them.
+    Raises:
+        WorkspaceError: its surfels are not those that the workspace says.
+    """
+    marked = marked_by(surfels, surfel_origins(root, len(surfels)))
+    exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
+
+    def look(i: int) -> tuple[NDArray[Any], ...]:
+        shown, depth = rendered_origins(marked, frames[i].camera)
+        return _origin_of(root, frames[i], shown, moving), mask_bits(no_street(root, frames[i], moving)), depth
+
+    stored = cache.stored(scratch, len(frames), look)
+
+    def view(i: int) -> EmptyView:
+        _, barred, depth = stored[i]
+        return EmptyView(frames[i].camera, depth, mask_of_bits(barred, depth.shape))
+
+    return EmptyLooks(
+        EmptyViews([f.camera for f in frames], Frames(len(frames), view)),
+        Frames(len(frames), lambda i: stored[i][0]),
+        cache.frames(len(frames), lambda i: exposures.read(frames[i])),
+    )
+
+
 def provenance_of(
     root: Path,
     made: Path,
     frames: Sequence[Frame],
-    surfels: Surfels,
+    looks: EmptyLooks,
     cache: FrameCache,
-    scratch: Path,
     wanted: Sequence[int] | None = None,
 ) -> Iterator[FrameProvenance]:
     """The provenance of all frames, in their order.
 
     Args:
         root: the workspace; made: folder of ``clean/`` and ``renders/``, which may not be there yet.
-        surfels: the empty scene.
-        cache: room for the frames; scratch: folder for what is rendered of them.
+        looks: what the frames show of its empty scene; cache: room for them.
         wanted: indices of the frames that are asked for; None = all.
-    Raises:
-        WorkspaceError: its surfels are not those that the workspace says.
     """
-    origins = surfel_origins(root, len(surfels))
-    marked = marked_by(surfels, origins)
-    exposures, moving = read_exposures(root / "surfels/exposure.json"), read_moving(root)
-
-    def look(i: int) -> tuple[NDArray[Any], ...]:
-        shown, depth = rendered_origins(marked, frames[i].camera)
-        origin, barred = _origin_of(root, frames[i], shown, moving)
-        return origin, mask_bits(barred), depth
-
-    stored = cache.stored(scratch, len(frames), look)
-    pictures = cache.frames(len(frames), lambda i: np.round(smoothed(exposures.read(frames[i]))).astype(np.uint8))
-
-    def view(i: int) -> EmptyView:
-        origin, barred, depth = stored[i]
-        return EmptyView(frames[i].camera, depth, mask_of_bits(barred, origin.shape))
-
+    exposures = read_exposures(root / "surfels/exposure.json")
+    pictures = cache.frames(len(frames), lambda i: np.round(smoothed(looks.pictures[i])).astype(np.uint8))
     places = _removed_places(root)
-    witnesses = Witnesses(EmptyViews([f.camera for f in frames], Frames(len(frames), view)), pictures)
+    witnesses = Witnesses(looks.views, pictures)
     for i in range(len(frames)) if wanted is None else wanted:
-        frame, origin = frames[i], stored[i][0]
+        frame, origin = frames[i], looks.origins[i]
         yield FrameProvenance(frame, origin, _doubts_of(root, made, frame, origin, witnesses, i, exposures, places))
 
 
@@ -117,15 +143,14 @@ def _removed_places(root: Path) -> RemovedPlaces:
     return RemovedPlaces(read_surfels(root / "surfels/full.ply").means.double().numpy()[gone])
 
 
-def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> tuple[NDArray[np.uint8], Mask]:
-    """(H, W) origins of a clean frame, and (H, W) pixels in which the photograph is no witness of the empty street."""
+def _origin_of(root: Path, frame: Frame, shown: NDArray[np.uint8], moving: Moving) -> NDArray[np.uint8]:
+    """(H, W) origins of a clean frame."""
     removed, shadows, unobserved = (
         load_mask(frame_file(root / "masks" / name, frame)) for name in ("removed", "shadows", "unobserved")
     )
     inpainted = read_label_image(frame_file(root / "inpaint/origins", frame))
     optimized = optimized_pixels(removed, moving.pixels(frame))
-    origin = frame_origins(shown, inpainted, optimized, (removed | shadows) & ~optimized, unobserved)
-    return origin, grow(removed | shadows | ego_pixels(frame), border_px(frame.camera.width))
+    return frame_origins(shown, inpainted, optimized, (removed | shadows) & ~optimized, unobserved)
 
 
 def _doubts_of(

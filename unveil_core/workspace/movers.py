@@ -27,7 +27,7 @@ from unveil_core.movers.find import find_movers
 from unveil_core.semantics.labels import SceneLabels
 from unveil_core.workspace.files import frame_file, load_array, load_mask, save_array, save_mask
 
-__all__ = ["Moving", "ego_pixels", "read_moving", "write_moving"]
+__all__ = ["Moving", "ego_pixels", "no_street", "read_moving", "write_moving"]
 
 
 def ego_pixels(frame: Frame) -> Mask:
@@ -102,6 +102,19 @@ class Moving:
         if instances is None or not self.count:
             return instances
         return np.where(self.pixels(frame), 0, instances)
+
+
+def no_street(root: Path, frame: Frame, moving: Moving) -> Mask:
+    """(H, W) pixels in which a photograph is no witness of the empty street: removed objects and their shadows, dynamic objects and
+    theirs, the ego vehicle, all with their borders.
+
+    Args:
+        root: a workspace with masks of what is removed; moving: its dynamic objects.
+    """
+    shown = moving.pixels(frame) | moving.shadow(frame) | ego_pixels(frame)
+    for name in ("removed", "shadows"):
+        shown |= load_mask(frame_file(root / "masks" / name, frame))
+    return grow(shown, border_px(frame.camera.width))
 
 
 def write_moving(

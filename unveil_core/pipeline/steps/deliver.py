@@ -24,7 +24,7 @@ from unveil_core.drives.drive import Drive, Footage, Frame, tracks
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.drives.photographs import read_footage
-from unveil_core.geometry.images import border_px, grow, mask_bits, mask_of_bits
+from unveil_core.geometry.images import mask_bits, mask_of_bits
 from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.chart.files import read_chart_sources
 from unveil_core.inpaint.chart.street_chart import INVENTED, OBSERVED, RELIT
@@ -33,7 +33,7 @@ from unveil_core.pipeline.stage import StageContext
 from unveil_core.surfels.ply import read_surfels
 from unveil_core.surfels.surfels import Surfels
 from unveil_core.workspace.files import frame_file, load_mask
-from unveil_core.workspace.movers import ego_pixels
+from unveil_core.workspace.movers import Moving, no_street, read_moving
 from unveil_core.workspace.workspace import Workspace
 
 __all__ = ["run"]
@@ -84,10 +84,10 @@ def _corrections(context: StageContext, drive: Drive, given: FullSize) -> Correc
 def _full_size(context: StageContext, drive: Drive) -> FullSize:
     workspace = context.workspace
     surfels = read_surfels(workspace.root / "surfels/empty.ply")
-    frames = drive.frames
+    frames, moving = drive.frames, read_moving(workspace.root)
 
     def look(i: int) -> tuple[NDArray[Any], ...]:
-        depth, barred = _seen(workspace, surfels, frames[i])
+        depth, barred = _seen(workspace, surfels, frames[i], moving)
         return depth, mask_bits(barred)
 
     def view(i: int) -> EmptyView:
@@ -120,11 +120,11 @@ def _full_size(context: StageContext, drive: Drive) -> FullSize:
     )
 
 
-def _seen(workspace: Workspace, surfels: Surfels, frame: Frame) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _seen(
+    workspace: Workspace, surfels: Surfels, frame: Frame, moving: Moving
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """(H, W) depth of the empty scene in a frame, 0 for none, and the pixels (H, W) that show no street."""
-    goes = load_mask(frame_file(workspace.root / "masks/removed", frame))
-    goes |= load_mask(frame_file(workspace.root / "masks/shadows", frame)) | ego_pixels(frame)
-    return depth_of(surfels, frame.camera), grow(goes, border_px(frame.camera.width))
+    return depth_of(surfels, frame.camera), no_street(workspace.root, frame, moving)
 
 
 def _shifts(workspace: Workspace) -> GroundShifts | None:

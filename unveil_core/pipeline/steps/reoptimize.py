@@ -14,14 +14,16 @@ from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
+from unveil_core.delivery.carried import Photographs, carried_over
 from unveil_core.delivery.views import EmptyDepth, depth_of
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.drives.drive import Drive
 from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
+from unveil_core.ground.files import read_ground
 from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
-from unveil_core.inpaint.origin import INVENTED, ORIGINAL
+from unveil_core.inpaint.origin import INVENTED, ORIGINAL, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import fill_around, inpainter
 from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
@@ -29,7 +31,7 @@ from unveil_core.optimize.reoptimize import REOPTIMIZE_PRESETS
 from unveil_core.pipeline.source_digest import code_digest
 from unveil_core.pipeline.stage import StageContext
 from unveil_core.provenance.certainty import CEILINGS, ORIGINAL_LEVEL, certainty_levels, expected_right
-from unveil_core.provenance.of_workspace import provenance_of
+from unveil_core.provenance.of_workspace import looks_of, provenance_of
 from unveil_core.raster.picture import picture_of
 from unveil_core.remove.reaching import Shortened
 from unveil_core.remove.selection import near_removed
@@ -59,6 +61,8 @@ def run(context: StageContext) -> None:
     work.parts.tidy()
     del work, scene  # the scene as it was
     moving = read_moving(workspace.root)
+    looks = looks_of(workspace.root, frames, empty, cache, context.scratch("origins"))
+    photographs = Photographs(looks.views, looks.pictures, read_ground(workspace.ground_npz).street)
     for i, frame in enumerate(drive.frames):
         finished = frame_file(context.output("clean"), frame)
         if finished.is_file():
@@ -69,14 +73,14 @@ def run(context: StageContext) -> None:
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
         optimized = optimized_pixels(removed, moving.pixels(frame))
-        street = exposures.delivered(frame, np.where(optimized[..., None], picture, clean[i]))
-        delivered = compose_frame(photograph, street, removed | shadows)
+        street = np.where(optimized[..., None], picture, clean[i])
+        street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
+        delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
         context.progress(i + 1, len(frames), "drawing the empty street")
     # What an attempt that was interrupted has told stays: the certainty of a frame is the last that is written of it.
     left = [i for i, f in enumerate(frames) if not frame_file(context.output("certainty"), f).is_file()]
-    scratch = context.scratch("origins")
-    told = provenance_of(workspace.root, context.partial, frames, empty, cache, scratch, left)
+    told = provenance_of(workspace.root, context.partial, frames, looks, cache, left)
     for done, (i, known) in enumerate(zip(left, told, strict=True), start=len(frames) - len(left)):
         changed = known.origin != ORIGINAL
         certainty = np.full(changed.shape, ORIGINAL_LEVEL, dtype=np.uint8)
