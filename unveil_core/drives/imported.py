@@ -19,7 +19,7 @@ from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.similarity import Similarity
 from unveil_core.geometry.transforms import nearest_rotation
 
-__all__ = ["CAMERAS", "imported_files", "is_imported", "read_imported"]
+__all__ = ["CAMERAS", "imported_files", "is_imported", "pose_facts", "read_imported"]
 
 
 def read_imported(folder: Path, *, points: bool = True) -> Drive:
@@ -64,6 +64,12 @@ def read_imported(folder: Path, *, points: bool = True) -> Drive:
         )
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise DriveError(f"is not an imported drive: {error}", path=path, mend="run `unveil import` again") from error
+
+
+def pose_facts(folder: Path) -> dict[str, Any]:
+    """What an import told of the poses, see ``drives.importing.refined_poses.Refinement.facts``."""
+    found = read_own_json(folder / CAMERAS, LARGEST_TEXT).get("poses")
+    return found if isinstance(found, dict) else {}
 
 
 def is_imported(folder: Path) -> bool:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from unveil_core.base.frame_cache import Frames
 from unveil_core.base.progress import Progress
 from unveil_core.drives import open_drive
 from unveil_core.drives.drive import Drive, FrameLabels
+from unveil_core.drives.imported import pose_facts
 from unveil_core.drives.importing.frames import labels_at_work_size
 from unveil_core.drives.importing.whole_drive import import_drive, write_labels
 from unveil_core.drives.scale_and_up import place_drive
 from unveil_core.labelling.boxes_of_points import points_have_classes, with_boxes_of_points
 from unveil_core.pipeline.settings import RunSettings
 from unveil_core.pipeline.stage import Facts, StageContext
+from unveil_core.workspace.assumptions import Assumption, assumed
 
 __all__ = ["labels_come_from", "run", "work_side_of"]
 
@@ -45,7 +48,21 @@ def run(context: StageContext) -> Facts:
     labels, source = _labels(drive, imported, settings, context.progress)
     if labels is not None:
         write_labels(folder, labels, context.progress)
-    return {**placement.to_json(), "labels": source, "notices": list(drive.notices)}
+    tested = _poses_assumed(pose_facts(folder))
+    return {**placement.to_json(), "labels": source, "notices": list(drive.notices), **assumed(tested)}
+
+
+def _poses_assumed(facts: dict[str, Any]) -> list[Assumption]:
+    """That photographs and poses agree, by the tracks that decide; nothing where too little was matched."""
+    if "given_px" not in facts:
+        return []
+    found = f"they explain matched features to {facts['given_px']:.2f} pixels"
+    instead = "they stay: refined ones explain them no better"
+    if facts["refined"]:
+        moved = f"{facts['shift_m']:.2f} m and {facts['turn_deg']:.2f} degrees"
+        instead = f"refined to {facts['refined_px']:.2f} pixels, by {moved} at most"
+    holds = not facts["refined"] and "refined_px" not in facts
+    return [Assumption("the poses agree with the photographs", holds, found, instead)]
 
 
 def _labels(
