@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.ground.test_street import look
-from unveil_core.delivery.views import MOST_ASKED_VIEWS, EmptyView, EmptyViews, choose_sources, sees
+from unveil_core.delivery.views import MOST_ASKED_VIEWS, EmptyView, EmptyViews, choose_sources, places_behind, sees
 from unveil_core.geometry.camera import Camera
 
 SIZE = (768, 512)
@@ -103,3 +103,28 @@ def test_cameras_that_look_elsewhere_do_not_use_up_the_views_that_are_asked() ->
     elsewhere = [before_wall(0.01 * k, 0.3, np.pi) for k in range(MOST_ASKED_VIEWS + 20)]
     views = [before_wall(0.0, 0.0, 0.0), *elsewhere, before_wall(5.0, 0.0, 0.0)]
     assert chosen_of(places, 0, views, 6) == [len(views) - 1]
+
+
+def test_the_ground_is_seen_past_surfels_that_lie_under_it() -> None:
+    points = ground((8, 12), (-2, 2))
+    on_ground = np.ones(len(points), bool)
+    sunk = view(0.0)
+    for depth in (sunk.depth * 1.08, np.zeros_like(sunk.depth)):
+        low = replace(sunk, depth=depth.astype(np.float32))
+        assert not len(sees(low, points)[0])
+        assert len(sees(low, points, on_ground)[0]) == len(points)
+        assert not len(sees(low, points, ~on_ground)[0])
+        own = EmptyViews([low.camera] * 2, [low, low])
+        assert choose_sources(points, 0, own, 1) == [] and choose_sources(points, 0, own, 1, on_ground) == [1]
+    assert not len(sees(view(0.0, wall_m=5.0), points, on_ground)[0])
+    barred = np.ones(SIZE[::-1], bool)
+    assert not len(sees(view(0.0, barred), points, on_ground)[0])
+
+
+def test_without_a_ground_places_behind_are_those_of_the_scene() -> None:
+    seen = view(0.0)
+    rays = seen.camera.rays()[300:310, 300:310].reshape(-1, 3)
+    depth = np.full(len(rays), 7.0)
+    found = places_behind(seen.camera, rays, depth, None)
+    assert not found.on_ground.any() and (found.depth == depth).all()
+    np.testing.assert_allclose((found.points - seen.camera.centre) @ seen.camera.forward, 7.0)
