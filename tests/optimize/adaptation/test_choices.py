@@ -100,11 +100,21 @@ def test_probe_error_is_that_of_the_hidden_pixels() -> None:
 def test_more_pays_while_the_curve_rises(curve: Callable[[float], float], pays: bool) -> None:
     looks = Looks(AdaptSettings(least_gain=0.1, looks=3), {})
     assert looks.pays(), "nothing was seen yet"
-    for work in (8.0, 9.0, 10.0):
+    for work in (7.0, 8.0, 9.0, 10.0):
         looks.seen.append((work, curve(work)))
     assert looks.pays() is pays
     gain = looks.gain()
     assert gain is not None and gain == pytest.approx(curve(11.0) - curve(10.0), abs=0.02)
+
+
+def test_one_look_that_fell_short_ends_nothing() -> None:
+    looks = Looks(AdaptSettings(least_gain=0.1, looks=3), {})
+    looks.seen = [(float(w), 20 + 3 * np.log(w)) for w in (7, 8, 9)]
+    looks.seen.append((10.0, 26.0))
+    assert looks.gain() < 0.1 < looks.gain(back=1)  # type: ignore[operator]
+    assert looks.pays()
+    looks.seen.append((11.0, 26.0))
+    assert not looks.pays()
 
 
 @pytest.mark.parametrize("degree", [0, 2])

@@ -32,14 +32,13 @@ class AdaptSettings:
         least_gain: dB of the held-out error that a tenth more work must buy.
         sh_gain: dB that a higher degree of colour must buy in the few steps of its trial: a tenth of what it buys in the end.
         every: held-out blocks are measured every so many steps; density control runs right after each measurement.
-        looks: number of measurements over which the slope is taken: new surfels take two or three until they gain, and real footage
-            gains slowly and long.
+        looks: number of measurements over which the slope is taken.
     """
 
     least_gain: float = 0.1
     sh_gain: float = 0.05
     every: int = 60
-    looks: int = 4
+    looks: int = 3
 
 
 def decibels(error: float) -> float:
@@ -93,16 +92,18 @@ class Looks:
         )
         return True
 
-    def gain(self) -> float | None:
-        """dB that the next tenth of work is expected to buy: the slope of the last looks; None where they are too few."""
-        if len(self.seen) < self.settings.looks:
+    def gain(self, back: int = 0) -> float | None:
+        """dB that the next tenth of work is expected to buy: the slope of the last looks, or of those ``back`` looks ago; None if
+        they are too few."""
+        last = len(self.seen) - back
+        if last < self.settings.looks:
             return None
-        work, psnr = np.array(self.seen[-self.settings.looks :]).T
+        work, psnr = np.array(self.seen[last - self.settings.looks : last]).T
         x = np.log(work)
         x = x - x.mean()
         return float((x * psnr).sum() / (x * x).sum() * np.log(1.1))
 
     def pays(self) -> bool:
-        """Whether to continue as now."""
-        gain = self.gain()
-        return gain is None or gain >= self.settings.least_gain
+        """Whether to continue as now: one look that fell short, with new surfels that have not settled, ends nothing."""
+        gains = (self.gain(), self.gain(back=1))
+        return any(gain is None or gain >= self.settings.least_gain for gain in gains)
