@@ -28,6 +28,8 @@ APART_M = 1.5
 """Width of seen street that is left between the holes of a set, metres."""
 MOST_SHARE = 0.12
 """Share of what is seen well that one set may hide: what a row of parked cars hides of a street besides what they really hide."""
+MOST_SETS = 16
+"""Sets of a chart: each is a fill of 7 seconds, and a street that has room for two holes at a time has few places for them."""
 TRIES = 4000
 """Places that are tried for a set: enough that hardly any would fit in any more."""
 
@@ -92,7 +94,7 @@ def hole_sets(good: Mask, stamps: list[Mask], *, count: int, texel: float, seed:
     rows, columns = np.nonzero(good)
     sets: list[HoleSet] = []
     done = 0
-    while done < count and len(rows):
+    while done < count and len(sets) < MOST_SETS and len(rows):
         holes, footprint = np.zeros(good.shape, np.uint16), np.zeros(good.shape, dtype=bool)
         taken, hidden = np.zeros(good.shape, dtype=bool), 0
         listed: list[Hole] = []

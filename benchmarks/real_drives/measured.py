@@ -11,7 +11,7 @@ from typing import Any
 
 import cv2
 
-from benchmarks.real_drives.paired import Estimate, Figures, estimate
+from benchmarks.real_drives.paired import Estimate, Figures, estimate, paired
 from benchmarks.real_drives.planted import KeptRound
 from benchmarks.real_drives.trees import Run
 from unveil_core.base.files import write_json_atomic
@@ -134,7 +134,8 @@ def hidden_psnr(stages: Mapping[str, Any]) -> float | None:
 
 
 def means_of(measured: Sequence[Measured]) -> dict[str, Any]:
-    """A drive's row: by part and method the means over the cars of all rounds with their errors, and the drive's own figures.
+    """A drive's row: by part and method the means over the cars of all rounds with their errors, what ours has beyond the best
+    OpenCV row, paired over cars (``gain``), and the drive's own figures.
 
     Args:
         measured: of each round.
@@ -153,6 +154,8 @@ def means_of(measured: Sequence[Measured]) -> dict[str, Any]:
         best = max(rivals, key=lambda m: rows[m]["psnr"]["mean"], default=None)
         parts[part] = {"ours": rows["ours"], "blurred": rows["blurred"], "best_opencv": rows[best] if best else None}
         parts[part]["best_opencv_is"] = best
+        gain = paired(by_method["ours"], by_method[best]) if best else {}
+        parts[part]["gain"] = {n: gain[f"{part} {n}"].to_json() for n in FIGURES if f"{part} {n}" in gain}
     wholes = [one.of_drive() for one in measured]
     whole = {name: estimate([row.get(name) for row in wholes]) for name in dict.fromkeys(n for w in wholes for n in w)}
     return {

@@ -119,6 +119,7 @@ def test_a_row_has_means_over_the_cars_of_all_rounds() -> None:
     ours = row["parts"]["removed"]["ours"]
     assert ours["psnr"] == {"mean": 22.5, "se": pytest.approx(0.6455), "count": 4} and ours["lpips"]["mean"] == 0.2
     assert row["parts"]["removed"]["best_opencv_is"] == "shift_map" and row["parts"]["unseen"]["best_opencv"] is None
+    assert row["parts"]["removed"]["gain"] == {"psnr": {"mean": 6.5, "se": pytest.approx(0.6455), "count": 4}}
     assert row["of_drive"]["hidden psnr"] == 21.5 and row["of_drive"]["all s"] == 90.0
     assert list(row["cars"]) == ["1.1", "1.2", "2.1", "2.2"]
     told = row_of(DRIVES[0], Tree(ROOT, "1234567", "abc"), "standard", [measured(20.0), measured(22.0)])
