@@ -70,9 +70,10 @@ def with_border(mask: Mask) -> Mask:
     return grow(mask, border_px(mask.shape[1]))
 
 
-def with_neighbours(frames: Sequence[int], most: int = BASELINE_FRAMES) -> set[int]:
+def with_neighbours(frames: Sequence[int], most: int | None = None) -> set[int]:
     """About so many frames, of those given, that the baselines fill: evenly spaced pairs of neighbours, so that flicker can be
-    measured; none where ``most`` is 0."""
+    measured; none where ``most`` is 0, ``BASELINE_FRAMES`` by default."""
+    most = BASELINE_FRAMES if most is None else most
     if not most:
         return set()
     every = max(1, math.ceil(len(frames) / most))

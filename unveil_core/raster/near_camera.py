@@ -16,9 +16,9 @@ __all__ = ["REACH_M", "near_camera", "near_cameras", "near_runs"]
 
 REACH_M = 200.0
 """How far a camera is given surfels, metres: as far as a block's frames see. A house fills five pixels there."""
-SPECK = 1e-3
-"""Standard deviation of a surfel over its distance from which on it is no speck: about a pixel's width. What stands for a skyline
-is given however far it is."""
+SPECK, WIDE_M = 1e-3, 1.0
+"""Standard deviation of a surfel over its distance, about a pixel's width, and in metres, beyond both of which it is no speck: what
+stands for a skyline is given however far it is, and of the street itself nothing is so wide."""
 CELL_M = 25.0
 """Side of the cells whose cameras are given the same surfels, metres: some twenty frames of a drive."""
 
@@ -66,4 +66,4 @@ def _near_cell(surfels: Surfels, cell: tuple[int, int]) -> torch.Tensor:
     # Half of the diagonal: whatever is within reach of some place in the cell.
     reach = REACH_M + CELL_M / 2**0.5
     away = (surfels.means.detach()[:, :2] - middle).norm(dim=1)
-    return (away < reach) | (surfels.log_scales.detach().amax(dim=1).exp() > SPECK * away)
+    return (away < reach) | (surfels.log_scales.detach().amax(dim=1).exp() > torch.clamp(SPECK * away, min=WIDE_M))

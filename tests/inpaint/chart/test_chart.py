@@ -24,7 +24,6 @@ from unveil_core.inpaint.chart.street_chart import (
 )
 from unveil_core.inpaint.fill.chart_fill import fill_chart
 from unveil_core.inpaint.frames.new_ground import seed_ground, texels_in_pixels
-from unveil_core.inpaint.light.relight import object_shadows
 from unveil_core.raster.picture import render_numpy
 from unveil_core.semantics.classes import LabelSet
 
@@ -126,17 +125,6 @@ def test_shadow_of_what_went_goes_with_it(chart: StreetChart) -> None:
     assert after < before / 4
     kept = filled(chart, shadow_reach_m=0.0)
     assert np.array_equal(kept.color[core], chart.color[core])
-
-
-def test_shadows_far_from_the_object_stay() -> None:
-    dark = np.zeros((60, 40), bool)
-    dark[10:20, 10:20] = True  # touches the object
-    dark[45:55, 10:20] = True  # a tree's, elsewhere
-    footprint = np.zeros_like(dark)
-    footprint[10:20, 4:9] = True
-    shadow = object_shadows(dark, footprint, reach=15, touch=3)
-    assert shadow[10:20, 10:19].all()
-    assert not shadow[45:].any()
 
 
 def test_world_lies_on_the_circle(chart: StreetChart) -> None:
