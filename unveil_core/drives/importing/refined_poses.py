@@ -122,7 +122,6 @@ def found_refinement(
     """
     stays = unrefined(drive)
     features: dict[int, Features] = {}
-    every: list[Features] = []
     pairs: list[tuple[int, int, NDArray[np.int64]]] = []
     done = 0
     for track in tracks(drive):
@@ -137,8 +136,7 @@ def found_refinement(
                 features[old] = Features(features[old].pixels, np.zeros((0, 128), np.float32))
             done += 1
             progress(done, len(cameras), "comparing photographs")
-    every = [features[i] for i in range(len(cameras))]
-    found_tracks = joined_tracks(every, pairs)
+    found_tracks = joined_tracks([features[i] for i in range(len(cameras))], pairs)
     held = np.arange(found_tracks.count) % HELD == 0
     fitted, deciding = found_tracks.of_points(~held), found_tracks.of_points(held)
     if deciding.count < FEWEST_TRACKS:

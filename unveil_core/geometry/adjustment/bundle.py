@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, bsr_array, csc_array, csr_array
+from scipy.sparse import bsr_array, csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from unveil_core.base.types import Float64
@@ -240,12 +240,14 @@ def _step(
     diagonal = np.arange(3)
     of_place[:, diagonal, diagonal] *= 1 + damping
     of_place[:, diagonal, diagonal] += 1e-9
-    inverse = np.linalg.inv(of_place)
+    inverse = np.linalg.inv(of_place).astype(np.float64)
     steps = np.arange(6)
     normal[:, steps, steps] *= 1 + damping
     # One block for each observation; those of a moment and a place add up when they are multiplied.
     joint = csr_array(_blocks(weighted @ by_place, own, tracks.point, (count, tracks.count)))
-    reduced = block_diag(list(normal), format="csr") - joint @ block_diag(list(inverse), format="csr") @ joint.T
+    moments, all_places = np.arange(count), np.arange(tracks.count)
+    own_blocks = _blocks(normal, moments, moments, (count, count))
+    reduced = csr_array(own_blocks) - joint @ _blocks(inverse, all_places, all_places, (tracks.count,) * 2) @ joint.T
     solved = splu(csc_array(reduced)).solve(
         right.ravel() - joint @ np.einsum("pij,pj->pi", inverse, place_right).ravel()
     )
@@ -254,10 +256,11 @@ def _step(
 
 
 def _blocks(values: Float64, row: NDArray[np.int64], column: NDArray[np.int64], shape: tuple[int, int]) -> bsr_array:
-    """(6 K, 3 P) matrix of blocks (M, 6, 3) at some rows and columns; ``shape``: K and P."""
+    """Sparse matrix of blocks (M, R, C) at some rows and columns of blocks; ``shape``: how many of these there are."""
     order = np.lexsort((column, row))
     pointer = np.searchsorted(row[order], np.arange(shape[0] + 1))
-    return bsr_array((values[order], column[order], pointer), shape=(6 * shape[0], 3 * shape[1]))
+    size = (shape[0] * values.shape[1], shape[1] * values.shape[2])
+    return bsr_array((values[order], column[order], pointer), shape=size)
 
 
 def _vectors(rotations: Float64) -> Float64:
