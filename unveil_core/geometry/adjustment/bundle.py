@@ -187,13 +187,18 @@ def _descended(
     return motions, places
 
 
+def _crosses(vectors: Float64) -> Float64:
+    """(N, 3, 3) matrices that multiply by vectors (N, 3) from the left, as the cross product does."""
+    cross = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
+    return np.asarray(cross - cross.transpose(0, 2, 1))
+
+
 def _turned(turn: Float64) -> Float64:
     """(K, 3, 3) rotations of rotation vectors (K, 3), Rodrigues."""
     angle = np.linalg.norm(turn, axis=1)[:, None, None]
-    cross = np.zeros((len(turn), 3, 3))
-    x, y, z = turn.T
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
-    cross -= cross.transpose(0, 2, 1)
+    cross = _crosses(turn)
     return np.asarray(
         np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / 2 / np.pi) ** 2 * cross @ cross
     )
@@ -218,11 +223,7 @@ def _step(
     by_place = by_local @ turn
     # The vehicle turned by w about its pivot sees a place as if that had turned by -w: its arm crossed with w.
     arm = places[tracks.point] - motions.pivots[own] - motions.shifts[own]
-    cross = np.zeros((len(arm), 3, 3))
-    x, y, z = arm.T
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
-    cross -= cross.transpose(0, 2, 1)
-    by_motion = np.concatenate([by_place @ cross, -by_place], axis=2)
+    by_motion = np.concatenate([by_place @ _crosses(arm), -by_place], axis=2)
     weight = _weights(residual) * trusted
     weighted = by_motion.transpose(0, 2, 1) * weight[:, None, None]
     normal = np.zeros((count, 6, 6))
