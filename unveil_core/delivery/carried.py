@@ -20,8 +20,8 @@ import numpy as np
 
 from unveil_core.base.types import Float32, Float64, Mask, Picture
 from unveil_core.delivery.alignment import MAD_TO_DEVIATION, find_shift, shift_planes
-from unveil_core.delivery.pull_push import pull_push
 from unveil_core.delivery.views import EmptyViews, choose_sources, places_behind, sees
+from unveil_core.geometry.fields.pull_push import pull_push
 from unveil_core.geometry.images import area_px, border_px, luminance, masked_blur, sample_at, scale_from_384, within
 from unveil_core.ground.street import Ground
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -17,17 +18,20 @@ from unveil_core.base.types import Float64, Mask
 from unveil_core.drives.depth_range import ASKED_M
 from unveil_core.drives.drive import Drive
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.geometry.reach import centres_of
 from unveil_core.ground.street import Ground
 from unveil_core.inpaint.chart.files import ChartSources
 from unveil_core.inpaint.chart.footprint import footprint_of
+from unveil_core.inpaint.chart.looks import read_looks
 from unveil_core.inpaint.chart.seen_rows import seen_rows
 from unveil_core.inpaint.chart.street_chart import PLANES, TEXEL_M, StreetChart, read_chart, rows_of, usable_pixels
 from unveil_core.inpaint.fill.chart_fill import SHADOW_REACH_M, fill_chart
 from unveil_core.inpaint.light.casters import Kinds
 from unveil_core.inpaint.light.scene_light import light_of_scene, sun_of_scene
 from unveil_core.inpaint.light.sun import Sun
+from unveil_core.inpaint.light.view_light import GroundLooks, ViewLight, light_by_view, unlit
 from unveil_core.inpaint.street_scene import Removal, Views
 from unveil_core.inpaint.stretches import CASTS_M, Stretch
 from unveil_core.semantics.classes import GROUND_CLASSES, SOLID_CLASSES
@@ -40,6 +44,8 @@ T = TypeVar("T")
 
 SEEN_M = 60.0
 """How far beyond its ends a stretch's frames sample the ground of the next ones, metres: farther off it fills few pixels."""
+LIGHT_STRETCHES, LIGHT_FRAMES = 3, 60
+"""From so many stretches and so many frames of each the light by view is read: 300,000 looks, for 221 unknowns a camera."""
 
 
 class StreetFill:
@@ -66,11 +72,15 @@ class StreetFill:
         progress: Progress = no_progress,
     ) -> None:
         self.cameras = [f.camera for f in drive.frames]
+        names = sorted({f.camera_name for f in drive.frames})
+        self._which = [names.index(f.camera_name) for f in drive.frames]
+        firsts = [self.cameras[self._which.index(k)] for k in range(len(names))]
+        self._sizes = [(camera.width, camera.height) for camera in firsts]
         self.scene, self.ground, self.removal, self.views = scene, ground, removal, views
         self.stretches = [stretch for stretch in stretches if stretch.has_ground]
         self.cache, self.kept, self.progress = cache, kept, progress
-        names = scene.labels.indices
-        self._kinds = Kinds(names(GROUND_CLASSES), names(SOLID_CLASSES), names(("vegetation",)))
+        known = scene.labels.indices
+        self._kinds = Kinds(known(GROUND_CLASSES), known(SOLID_CLASSES), known(("vegetation",)))
 
     @cached_property
     def _s_of_surfels(self) -> Float64:
@@ -105,6 +115,51 @@ class StreetFill:
     def near(self, stretch: Stretch) -> NDArray[np.int64]:
         """Indices, rising, of the full scene's surfels near a stretch."""
         return np.flatnonzero(stretch.near(self._s_of_surfels))
+
+    # ----------------------------------------------------------------------------------------------------------- light
+
+    @cached_property
+    def light(self) -> ViewLight | None:
+        """How bright the ground looks by the place in the picture; None where that changes nothing."""
+
+        def look() -> dict[str, NDArray[Any]]:
+            found = light_by_view(self._looks(), self._sizes)
+            if found is None:
+                return {"figures": np.zeros(0)}
+            return {
+                "fields": np.stack([f.values for f in found.fields]),
+                "tops": np.array([f.top for f in found.fields]),
+                "figures": np.array([found.level, found.error, found.error_without]),
+            }
+
+        kept = self.kept.once("light", look)
+        if not len(kept["figures"]):
+            return None
+        fields = zip(kept["fields"], self._sizes, kept["tops"], strict=True)
+        return ViewLight(tuple(PictureField(v, size, float(top)) for v, size, top in fields), *kept["figures"].tolist())
+
+    def light_in(self, frame: int) -> PictureField | None:
+        """That of a frame's camera."""
+        return None if self.light is None else self.light.fields[self._which[frame]]
+
+    def _looks(self) -> GroundLooks:
+        """Ground as seen from several places, of some stretches from the first to the last."""
+        parts = []
+        for stretch in _evenly(self.stretches, LIGHT_STRETCHES):
+            frames = _evenly(stretch.frames, LIGHT_FRAMES)
+            parts.append(
+                read_looks(
+                    self.ground,
+                    [self.cameras[i] for i in frames],
+                    [self._which[i] for i in frames],
+                    subset(self.views.images, frames),
+                    subset(self.usable, frames),
+                    stretch.rows,
+                )
+            )
+            self.told(stretch, "comparing views")
+        names = [f.name for f in fields(GroundLooks)]
+        return GroundLooks(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
     # ----------------------------------------------------------------------------------------------------------- ground
 
@@ -229,24 +284,34 @@ class StreetFill:
         """The ground of a stretch as the frames show it."""
 
         def make() -> dict[str, NDArray[Any]]:
-            frames, views = stretch.frames, self.views
-
-            def usable(k: int) -> Mask:
-                i = frames[k]
-                labels, hidden = self.scene.labels, self._hidden(i)
-                return usable_pixels(self.ground, self.cameras[i], views.labels[i], labels, hidden, views.depths[i])
-
             return read_chart(
                 self.ground,
                 self.cameras_of(stretch),
-                self.of_frames(stretch, views.images),
-                self.of_frames(stretch, views.labels),
-                Frames(len(frames), usable),
+                self.of_frames(stretch, Frames(len(self.cameras), self._unlit)),
+                self.of_frames(stretch, self.views.labels),
+                self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
                 progress=self._progress(stretch),
             ).arrays()
 
         return StreetChart.from_arrays(self.ground, self.kept.within(stretch.name).once("read", make))
+
+    @cached_property
+    def usable(self) -> Sequence[Mask]:
+        """(H, W) by frame, pixels that show nothing but ground."""
+
+        def of(i: int) -> Mask:
+            views, hidden = self.views, self._hidden(i)
+            return usable_pixels(
+                self.ground, self.cameras[i], views.labels[i], self.scene.labels, hidden, views.depths[i]
+            )
+
+        return self.cache.frames(len(self.cameras), of)
+
+    def _unlit(self, i: int) -> NDArray[Any]:
+        """A frame's picture (H, W, 3), levels up to 255, with the light by view taken away."""
+        field = self.light_in(i)
+        return self.views.images[i] if field is None else unlit(self.views.images[i], field)
 
     def cameras_of(self, stretch: Stretch) -> list[Camera]:
         """Of the frames that see a stretch."""
@@ -265,3 +330,8 @@ class StreetFill:
     def _footprint(self, stretch: Stretch, chart: StreetChart) -> Mask:
         near = self.near(stretch)
         return footprint_of(chart, self.removal.objects(near), self.removal.loose(near))
+
+
+def _evenly(items: Sequence[T], most: int) -> list[T]:
+    """As many as that at most, from the first to the last."""
+    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, min(len(items), most)).round().astype(int))]

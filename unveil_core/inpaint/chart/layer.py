@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from unveil_core.base.kernels.compiled import njit
 from unveil_core.base.types import Float32, Float64
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.images import border_px
 from unveil_core.inpaint.chart.sampling import blur_levels, sample_levels
 from unveil_core.inpaint.chart.street_chart import OUTSIDE, RELIT_GAIN, StreetChart
+from unveil_core.inpaint.light.view_light import lit
 
 __all__ = ["GroundLayer", "GroundPixels"]
 
@@ -131,8 +133,12 @@ class GroundLayer:
             mask,
         )
 
-    def sample(self, camera: Camera, wanted: NDArray[np.bool_]) -> GroundPixels:
-        """The ground that ``camera`` would see in the ``wanted`` (H, W) pixels if nothing stood on it."""
+    def sample(self, camera: Camera, wanted: NDArray[np.bool_], light: PictureField | None = None) -> GroundPixels:
+        """The ground that ``camera`` would see in the ``wanted`` (H, W) pixels if nothing stood on it.
+
+        Args:
+            light: of its pictures, see :mod:`unveil_core.inpaint.light.view_light`; None = as the chart has it.
+        """
         shape = wanted.shape
         rays = camera.rays()[wanted]
         depth, street = self.chart.ground.intersect(camera, rays)
@@ -158,6 +164,9 @@ class GroundLayer:
             place = (at[:, :2] - (self.chart.s_start, self.chart.t_start)) / self.chart.texel
             width = across / self.chart.texel
             color[hit] = sample_levels(self._colors, place, footprint, width)
+            if light is not None:
+                pixels = np.argwhere(wanted)[hit][:, ::-1] + 0.5
+                color[hit] = lit(np.clip(color[hit], 0, 1), light.at(pixels))
             gain[hit] = sample_levels(self._gains, place, footprint, width)
             row, column, on_chart = self.chart.index_of(street[hit])
             source[hit] = np.where(on_chart, self.chart.source[row, column], OUTSIDE)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from unveil_core.base.types import Mask
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.geometry.camera import Camera
+from unveil_core.geometry.fields.picture_field import PictureField
 from unveil_core.geometry.images import border_px, grow
 from unveil_core.inpaint.chart.layer import GroundLayer, GroundPixels
 from unveil_core.inpaint.frames.depth import complete_depth
@@ -57,6 +58,7 @@ class FrameTask:
         sky: (H, W) bool, pixels behind which facades end below the sky; None where they are not known.
         free: what the frames saw through; None where it is not known.
         ground: (H, W) bool, pixels whose photograph shows ground; None where no labels tell.
+        light: of the camera's pictures, see :mod:`unveil_core.inpaint.light.view_light`; None where it is even.
     """
 
     camera: Camera
@@ -67,6 +69,7 @@ class FrameTask:
     sky: Mask | None = None
     free: FreeSpace | None = None
     ground: Mask | None = None
+    light: PictureField | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +139,7 @@ def background_layers(
     if layer is None:
         nothing = np.zeros_like(task.removed)
         return BackgroundLayers(rendered, solid, None, nothing, nothing, task.unobserved)
-    chart = layer.sample(task.camera, task.removed if around is None else task.removed | around)
+    chart = layer.sample(task.camera, task.removed if around is None else task.removed | around, task.light)
     # Lower than a knee above the ground, what renders is the underside of a removed object. Where there are labels, only surfels
     # that are labelled as ground: a bush goes down to its foot.
     ground = layer.chart.ground

@@ -13,6 +13,7 @@ from unveil_core.geometry.axes import UP
 from unveil_core.geometry.camera import Camera
 from unveil_core.geometry.images import disc
 from unveil_core.inpaint.chart.street_chart import INVENTED, RELIT_GAIN, StreetChart
+from unveil_core.inpaint.light.view_light import lit
 from unveil_core.surfels.initialize import surfels_from_points
 from unveil_core.surfels.surfels import Surfels
 
@@ -63,18 +64,22 @@ def ground_relit(chart: StreetChart, surfels: Surfels) -> Mask:
     return inside & low & (chart.gain[row, column].max(axis=1) > RELIT_GAIN)
 
 
-def seed_ground(chart: StreetChart, region: Mask, *, spacing: float, sh_degree: int, default_label: int) -> Surfels:
+def seed_ground(
+    chart: StreetChart, region: Mask, *, spacing: float, sh_degree: int, default_label: int, level: float = 0.0
+) -> Surfels:
     """Surfels for invented ground.
 
     Args:
         region: (A, B) texels to consider; of them those that are invented get surfels.
         spacing: distance between surfels, metres.
+        level: logarithm by which the ground is brighter when it is seen from near, see ``light.view_light``.
     """
     step = max(1, round(spacing / chart.texel))
     wanted = np.zeros_like(region)
     wanted[step // 2 :: step, step // 2 :: step] = True
     rows, columns = np.nonzero(wanted & region & (chart.source == INVENTED))
     colors = cv2.GaussianBlur(chart.color, (0, 0), max(0.3, 0.4 * step))[rows, columns]
+    colors = colors if level == 0 else lit(np.clip(colors, 0, 1), np.full(3, level, np.float32))
     label = chart.label[rows, columns].astype(np.int64)
     normal = np.repeat(UP[None], len(rows), axis=0)
     return surfels_from_points(

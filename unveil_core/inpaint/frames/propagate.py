@@ -35,6 +35,7 @@ from unveil_core.inpaint.frames.holes import (
 )
 from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.layered_fill import fill_in_layers
+from unveil_core.inpaint.frames.local_light import in_local_light
 from unveil_core.inpaint.frames.seed import seed_pixels
 from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, RELIT, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import SingleImageInpainter, exemplar, fill_around
@@ -43,18 +44,13 @@ from unveil_core.raster.on_device import array, rendered
 from unveil_core.surfels.sky import Sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 
-__all__ = ["Painted", "RemainingScene", "propagate_inpainting", "tint"]
+__all__ = ["Painted", "RemainingScene", "propagate_inpainting"]
 
 RING_PX = 14
 """Width of the ring around the mask in which the photograph's ground is compared with the chart, pixels at 384, in proportion in
 wider images. Chosen on the two sample streets."""
-LEAST_RING_PX = 30
-"""Fewest pixels of that ring for a comparison, at 384x256."""
 LEAST_SEEDS_PX = 40
 """Fewest invented pixels of a frame that is no keyframe that become surfels, at 384x256. Chosen on the two sample streets."""
-TINT = 0.05
-"""Difference between photograph and chart, levels from 0 to 1, that shade and texture may make; beyond, it counts as exposure, in
-full at twice as much. Chosen on the two sample streets."""
 FINE_TEXELS = 4.0
 """Length of a pixel's footprint on the ground, texels (0.16 m), from which on relit pixels are taken from the chart, wholly at
 twice as much: they mix shadow and light. Chosen on the two sample streets."""
@@ -294,7 +290,9 @@ class _Painter:
         if ground is not None:
             origin[from_chart] = ORIGIN_OF_TEXEL[ground.source[from_chart]]
             plain = ring & ground.covered & ~background.in_front & ~ground.shadow & _shows_ground(ground.depth, out)
-            fill[from_chart] = ground.color[from_chart] + tint(original, ground.color, plain)  # type: ignore[arg-type, operator]
+            plain &= True if task.ground is None else task.ground
+            ground = replace(ground, color=in_local_light(task.image, ground.color, ground.covered, plain))
+            fill[from_chart] = ground.color[from_chart]
             on_ground = ground.replaced | _shows_ground(ground.depth, out)
             # A pixel's misplacement, and the penumbra, leave a dark rim around what the chart calls shadow.
             shadow = grow(ground.shadow, border) & ground.covered & ~background.in_front & ~task.removed & on_ground
@@ -318,17 +316,6 @@ class _Painter:
             relit[shadow] = held * (1 - distant) + ground.color[shadow] * distant
         image = np.where(task.removed[..., None], fill, relit)
         return np.clip(np.round(image * 255), 0, 255).astype(np.uint8), shadow, background, origin
-
-
-def tint(original: NDArray[np.float32], chart: NDArray[np.float32], plain: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """(3,) what has to be added to the chart's colours to meet this photograph's beside its holes: exposure and white
-    balance change from frame to frame. One value a frame; local differences are shade, which must not be dragged in."""
-    if plain.sum() < area_px(plain.shape, LEAST_RING_PX):
-        return np.zeros(3, dtype=np.float32)
-    tint: NDArray[np.float32] = np.median((original - chart)[plain], axis=0).clip(-0.15, 0.15).astype(np.float32)
-    # By degrees: where it was all or nothing, frames on either side of the limit would flicker.
-    share = np.clip((np.abs(tint).max() - TINT) / TINT, 0, 1)
-    return (share * tint).astype(np.float32)
 
 
 def _steep(gain: NDArray[np.float32], border: int) -> NDArray[np.float32]:

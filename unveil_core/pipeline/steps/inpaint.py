@@ -149,7 +149,10 @@ def _renew_ground(context: StageContext, given: _Given, fill: StreetFill) -> tup
             local = surfels.select(torch.from_numpy(near))
             places = local.means.double().numpy()[gone[near]]
             anew = new_ground(chart, places, fill.cameras_of(stretch), fill.of_frames(stretch, given.views.removed))
-            seeds = seed_ground(chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label)
+            level = 0.0 if fill.light is None else fill.light.level
+            seeds = seed_ground(
+                chart, anew, spacing=spacing, sh_degree=surfels.sh_degree, default_label=label, level=level
+            )
             old = displaced_by(chart, anew, local, given.scene.labels.indices(GROUND_CLASSES))
             return {**seeds.arrays(), "displaced": near[old], "relit": near[ground_relit(chart, local)]}
 
@@ -327,6 +330,7 @@ class _Cleaning:
                 sky=over,
                 free=free,
                 ground=ground,
+                light=None if self.fill is None else self.fill.light_in(i),
             )
 
         def write(k: int, result: Painted) -> None:

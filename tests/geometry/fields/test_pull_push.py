@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from unveil_core.delivery.pull_push import pull_push
+from unveil_core.geometry.fields.pull_push import pull_push
 
 SHAPE = (45, 70)
 

@@ -1,0 +1,1 @@
+"""Smooth quantities over a picture."""
