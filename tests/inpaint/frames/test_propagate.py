@@ -12,7 +12,7 @@ from unveil_core.inpaint.frames import holes as frame_holes
 from unveil_core.inpaint.frames import propagate
 from unveil_core.inpaint.frames.holes import Hole, background_layers, hole_in_frame, open_hole
 from unveil_core.inpaint.frames.keyframes import plan_keyframes
-from unveil_core.inpaint.frames.propagate import TINT, Painted, RemainingScene, propagate_inpainting, tint
+from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.surfels.sky import Sky
 
 WINDOW = (-0.6, 0.6, -0.6, 0.6)
@@ -124,27 +124,3 @@ def test_what_is_filled_already_is_no_hole() -> None:
     hole = open_hole(task, WALL, None, filled)
     assert np.array_equal(hole.mask, empty & ~filled) and np.abs(hole.depth - 4.0).max() < 0.3
     assert hole.area().sum() == pytest.approx(0.72, rel=0.15)
-
-
-def tint_of(offset: float, shape: tuple[int, int] = (64, 96)) -> float:
-    """What is added to the chart where a textured photograph is brighter than it by so much."""
-    rng = np.random.default_rng(0)
-    chart = rng.uniform(0.3, 0.6, (*shape, 3)).astype(np.float32)
-    photograph = (chart + offset + rng.normal(0, 0.02, chart.shape)).astype(np.float32)
-    return float(tint(photograph, chart, np.ones(shape, bool)).mean())
-
-
-def test_small_differences_are_texture_and_large_ones_exposure() -> None:
-    assert tint_of(0.0) == tint_of(0.04) == tint_of(-0.04) == 0
-    assert tint_of(0.11) == pytest.approx(0.11, abs=0.003) and tint_of(-0.11) == pytest.approx(-0.11, abs=0.003)
-    few = np.zeros((64, 96), bool)
-    few[0, :20] = True
-    assert not tint(np.ones((64, 96, 3), np.float32), np.full((64, 96, 3), 0.9, np.float32), few).any()
-
-
-def test_hardly_another_exposure_is_hardly_another_tint() -> None:
-    """Two frames on either side of a limit must not differ by all of it."""
-    found = np.array([tint_of(v) for v in np.arange(0.0, 0.15, 0.002)])
-    assert np.abs(np.diff(found)).max() < 0.007 and (np.diff(found) > -1e-4).all()
-    left = np.arange(0.0, 0.15, 0.002) - found
-    assert np.abs(left).max() < TINT + 0.003, "what is not taken for exposure stays as small as it was"

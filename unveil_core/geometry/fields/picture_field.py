@@ -18,8 +18,9 @@ ROWS, COLUMNS = 17, 13
 STIFFNESS = 0.01
 """Weight of the squared second differences between nodes, that of a node's observations being 1. From 0.0003 to 0.3 the error on
 places held out changes by 3 per cent."""
-RIDGE = 1e-4
-"""Weight of the squared values, likewise: what no observation tells stays near 0."""
+RIDGE = 3e-3
+"""Weight of the squared values, likewise: what observations hardly tell stays near 0, as a tilt from left to right on a road that
+bends all the way. A tenth of it leaves the error on places held out as it is, and such tilts in; ten times as much holds all."""
 ROUNDS = 6
 """Rounds of reweighting."""
 OUTLIER = 1.5
@@ -57,7 +58,9 @@ class PictureField:
         x = np.clip(pixels[:, 0] / width * (columns - 1), 0, columns - 1 - 1e-6)
         i, j = y.astype(np.int64), x.astype(np.int64)
         v, u = y - i, x - j
-        index = np.stack([i * columns + j, i * columns + j + 1, (i + 1) * columns + j, (i + 1) * columns + j + 1], axis=1)
+        index = np.stack(
+            [i * columns + j, i * columns + j + 1, (i + 1) * columns + j, (i + 1) * columns + j + 1], axis=1
+        )
         share = np.stack([(1 - v) * (1 - u), (1 - v) * u, v * (1 - u), v * u], axis=1)
         starts = np.arange(len(pixels) + 1) * 4
         return sparse.csr_matrix((share.ravel(), index.ravel(), starts), shape=(len(pixels), rows * columns))

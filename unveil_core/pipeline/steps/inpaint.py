@@ -34,6 +34,7 @@ from unveil_core.inpaint.frames.keyframes import Plan
 from unveil_core.inpaint.frames.new_ground import displaced_by, ground_relit, new_ground, seed_ground
 from unveil_core.inpaint.frames.propagate import Painted, RemainingScene, propagate_inpainting
 from unveil_core.inpaint.light.sun import Sun, given_sun
+from unveil_core.inpaint.light.view_light import ViewLight
 from unveil_core.inpaint.origin import CONTINUED, INVENTED
 from unveil_core.inpaint.single_image.onnx_models import load_reference
 from unveil_core.inpaint.single_image.registry import inpainter
@@ -104,6 +105,7 @@ def inpaint_with(context: StageContext, *, charts: bool = True) -> Facts:
         sun = fill.find_sun() if context.settings.sun is None else given_sun(*context.settings.sun)
         fill.fill(sun, shadows=shadows)
         tested += [_sun_assumed(sun, given=context.settings.sun is not None)] if shadows else []
+        tested += [_even_light_assumed(fill.light)]
         displaced, relit, ground = _renew_ground(context, given, fill)
     stays = np.flatnonzero(~(gone | displaced))
     remaining = given.shortened.of(surfels).select(torch.from_numpy(stays))
@@ -185,6 +187,21 @@ def _sun_assumed(sun: Sun | None, *, given: bool) -> Assumption:
     instead = f"what is dark within {SHADOW_REACH_M:g} m of a removed object counts as its shadow"
     instead += ", as far as it is darker there than around footprints planted elsewhere, and ends there"
     return Assumption("the sun shines", sun is not None, found, instead)
+
+
+def _even_light_assumed(light: ViewLight | None) -> Assumption:
+    """What is assumed of how bright the ground looks from near and far.
+
+    Args:
+        light: by view; None where it is even.
+    """
+    found = "nothing else is borne out by ground that was held out"
+    if light is not None:
+        darkest, brightest = light.range
+        found = f"it looks {darkest:.2f} to {brightest:.2f} times as bright, by the place in the picture"
+        found += f"; looks of the same ground differ by {light.error_without:.0%}, by {light.error:.0%} without that"
+    instead = "the chart holds the ground without that light, and each frame gets its own back"
+    return Assumption("the ground looks as bright from near and far", light is None, found, instead)
 
 
 def _facades_assumed(completed: Completed, *, named: bool) -> list[Assumption]:
