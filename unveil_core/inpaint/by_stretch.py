@@ -291,6 +291,7 @@ class StreetFill:
                 self.of_frames(stretch, self.views.labels),
                 self.of_frames(stretch, self.usable),
                 rows=stretch.rows,
+                robust=True,
                 progress=self._progress(stretch),
             ).arrays()
 

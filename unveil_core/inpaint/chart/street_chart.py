@@ -52,6 +52,8 @@ READ_M = 45.0
 PLANES = ("color", "label", "source", "gain", "nearest", "replaced")
 
 
+SAMPLES = 10_000
+"""Looks of a view, evenly chosen, of which the median difference is taken."""
 ALIKE = 0.08
 """Of its depth, by which the scene may lie before the ground and be it all the same."""
 
@@ -169,6 +171,7 @@ def read_chart(
     usable: Sequence[NDArray[np.bool_]],
     *,
     rows: tuple[int, int] | None = None,
+    robust: bool = False,
     progress: Progress = no_progress,
 ) -> StreetChart:
     """Read the ground from the frames; nearer views count more.
@@ -179,6 +182,7 @@ def read_chart(
         labels: (H, W) compact labels per view.
         usable: (H, W) bool per view, True where a pixel shows the ground and nothing else.
         rows: first and last but one of the rows that are read; None = all.
+        robust: read twice, so that looks that differ from most count little.
     """
     t_low, t_high = float(ground.t_min.min()), float(ground.t_max.max())
     first_row, end_row = rows or (0, rows_of(ground))
@@ -189,16 +193,22 @@ def read_chart(
     inside = ground.inside(grid_s, grid_t)
     world = ground.path.to_world(np.stack([grid_s, grid_t, ground.height_at(grid_s, grid_t)], axis=1))
     texels = Texels.unseen(height * width)
-    for v, camera in enumerate(cameras):
-        here = float(ground.path.to_street(camera.centre[None])[0, 0])
-        first = np.searchsorted(s, here - READ_M) * width
-        last = np.searchsorted(s, here + READ_M) * width
-        shown, pixel, depth = camera.shown(world[first:last], nearest=NEAREST_M, furthest=READ_M)
-        ground_there = inside[first + shown]
-        index, pixel, depth = first + shown[ground_there], pixel[ground_there], depth[ground_there]
-        if len(index):  # else the view need not even be loaded
-            texels.add(index, pixel, depth, images[v], labels[v], usable[v])
-        progress(v + 1, len(cameras), "reading the street")
+    rounds = (0, 1) if robust else (0,)
+    for again in rounds:
+        differences = []
+        for v, camera in enumerate(cameras):
+            here = float(ground.path.to_street(camera.centre[None])[0, 0])
+            first = np.searchsorted(s, here - READ_M) * width
+            last = np.searchsorted(s, here + READ_M) * width
+            shown, pixel, depth = camera.shown(world[first:last], nearest=NEAREST_M, furthest=READ_M)
+            ground_there = inside[first + shown]
+            index, pixel, depth = first + shown[ground_there], pixel[ground_there], depth[ground_there]
+            if len(index):  # else the view need not even be loaded
+                found = texels.add(index, pixel, depth, images[v], labels[v], usable[v])
+                differences.append(found[:: max(1, len(found) // SAMPLES)])
+            progress(again * len(cameras) + v + 1, len(rounds) * len(cameras), "reading the street")
+        if again != rounds[-1] and differences:
+            texels = texels.again(np.concatenate(differences))
     known = texels.weight > 0
     return StreetChart(
         ground=ground,
