@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from unveil_core.base.files import write_image_atomic
 from unveil_core.base.frame_cache import Frames
-from unveil_core.base.pictures.decoding import read_image, read_label_image
+from unveil_core.base.pictures.decoding import read_image
 from unveil_core.base.types import Mask
 from unveil_core.corrections.files import corrections_of
 from unveil_core.corrections.frames import Corrections
@@ -22,8 +22,8 @@ from unveil_core.drives.exposure import read_exposures
 from unveil_core.drives.imported import read_imported
 from unveil_core.ground.blocks import cut_into_blocks
 from unveil_core.ground.files import read_ground
-from unveil_core.inpaint.frames.compose import compose_frame, optimized_pixels
-from unveil_core.inpaint.origin import CONTINUED, INVENTED, ORIGINAL, SEEN_ELSEWHERE
+from unveil_core.inpaint.frames.compose import compose_frame
+from unveil_core.inpaint.origin import INVENTED, ORIGINAL, SEEN_ELSEWHERE
 from unveil_core.inpaint.single_image.registry import fill_around, inpainter
 from unveil_core.optimize.adaptation.colour_degree import seen_from_anywhere
 from unveil_core.optimize.in_blocks import BlockwiseReoptimization
@@ -40,7 +40,6 @@ from unveil_core.surfels.ply import read_surfels, write_surfels
 from unveil_core.surfels.sky import Sky, load_sky
 from unveil_core.surfels.surfels import Surfels, concatenate
 from unveil_core.workspace.files import frame_file, load_array, load_labels, load_mask
-from unveil_core.workspace.movers import read_moving
 
 __all__ = ["run", "run_block"]
 
@@ -60,7 +59,6 @@ def run(context: StageContext) -> None:
     write_surfels(empty, context.output("surfels/empty.ply"), to_world=drive.to_world)
     work.parts.tidy()
     del work, scene  # the scene as it was
-    moving = read_moving(workspace.root)
     looks = looks_of(workspace.root, frames, empty, cache, context.scratch("origins"))
     photographs = Photographs(looks.views, looks.pictures, read_ground(workspace.ground_npz).street)
     for i, frame in enumerate(drive.frames):
@@ -72,11 +70,7 @@ def run(context: StageContext) -> None:
         removed = load_mask(frame_file(workspace.root / "masks/removed", frame))
         shadows = load_mask(frame_file(workspace.root / "masks/shadows", frame))
         photograph = read_image(frame.image_path)
-        chart = read_label_image(frame_file(workspace.root / "inpaint/origins", frame)) == CONTINUED
-        # The chart knows how bright its ground is in this picture; the scene has one colour for all.
-        optimized = optimized_pixels(removed, moving.pixels(frame)) & ~chart
-        street = np.where(optimized[..., None], picture, clean[i])
-        street = carried_over(photographs, i, street, picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
+        street = carried_over(photographs, i, clean[i], picture, removed & (looks.origins[i] == SEEN_ELSEWHERE))
         delivered = compose_frame(photograph, exposures.delivered(frame, street), removed | shadows)
         write_image_atomic(finished, delivered if corrections is None else corrections.work_size(i, delivered))
         context.progress(i + 1, len(frames), "drawing the empty street")
