@@ -1,4 +1,5 @@
-"""Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them.
+"""Surfels as PLY: the attribute names of 3D Gaussian Splatting files plus a label, so that other splat viewers open them. All
+attributes are floats, the label, too.
 
 A disc has no third scale; viewers want one, so ``scale_2`` is a thin constant, and reading ignores it. It is real, and
 read, where the header has the comment ``splats ellipsoids``. ``f_rest`` is stored channel-major as the field does: all
@@ -71,14 +72,14 @@ def write_surfels(
         path: the file.
         to_world: of the drive, noted in comments; the coordinates stay local, as float32 needs.
         comments: lines for the header, such as the label names.
-        more: integers (N,) by the name of their attribute, to follow the label.
+        more: whole numbers (N,) below 2^24 by the name of their attribute, to follow the label.
         thin: times the thin third scale, for coordinates that are not metres.
     """
     s = surfels.detach()
     count, coefficients = len(s), s.sh.shape[1]
     rest = 3 * (coefficients - 1)
-    whole_numbers = ("label", *(more or {}))
-    table = np.empty(count, dtype=[*((n, "<f4") for n in _names(rest)), *((n, "<i4") for n in whole_numbers)])
+    # All are floats: importers of splats that know no integers count no bytes for them, and all that follows is garbage.
+    table = np.empty(count, dtype=[(n, "<f4") for n in (*_names(rest), "label", *(more or {}))])
     columns = {
         ("x", "y", "z"): s.means,
         ("nx", "ny", "nz"): s.normals(),
@@ -143,15 +144,16 @@ def read_surfels(path: Path) -> Surfels:
         sh = torch.cat([sh, higher], dim=1)
     labels = np.zeros(count, dtype=np.int64)
     if "label" in present:
-        labels = np.asarray(vertex["label"])
-        if labels.dtype.kind not in "iu" or (count and not -1 <= int(labels.min()) <= int(labels.max()) < 256):
+        given = np.asarray(vertex["label"])
+        with np.errstate(invalid="ignore"):  # NaN becomes a number that it does not equal
+            labels = given.astype(np.int64)
+        if count and not ((labels == given).all() and -1 <= int(labels.min()) <= int(labels.max()) < 256):
             raise UnveilError("holds a label that is none", path=path, mend="labels are -1 to 255")
-        labels = labels.astype(np.int64)
     return Surfels(
         means=stack("x", "y", "z"),
         quats=stack("rot_0", "rot_1", "rot_2", "rot_3"),
         log_scales=stack(*scales),
         opacity_logits=stack("opacity")[:, 0].clone(),
         sh=sh.contiguous(),
-        labels=torch.from_numpy(labels.copy()),
+        labels=torch.from_numpy(labels),
     )
