@@ -194,6 +194,8 @@ def _export(arguments: argparse.Namespace) -> int:
             levels=arguments.lods,
             texture_px=arguments.texture,
             start_frame=arguments.start_frame,
+            spz_version=arguments.spz,
+            epsg=arguments.epsg,
             output=arguments.output,
             replace=arguments.replace,
             progress=_progress_of("export", reporter),

@@ -16,6 +16,7 @@ from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.exports.mapping.epsg import wkt_of
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
 from unveil_core.semantics.instances import Box
@@ -46,6 +47,10 @@ class Job:
         levels: of detail of a textured mesh, besides the finest.
         texture_px: side of a page of its texture.
         start_frame: number of the first frame of each track.
+        spz_version: of an SPZ file.
+        epsg: codes of the coordinate system that the drive's coordinates are of, see :mod:`unveil_core.exports.mapping.epsg`; ""
+            where nobody tells.
+        undistorted: whether cameras and pictures for other programs are pinhole, their lens taken out.
         progress: called by long formats.
         made: what formats of one kind have in common, by the kind: made by the first of them.
     """
@@ -56,6 +61,9 @@ class Job:
     levels: int = 0
     texture_px: int = TEXTURE_PX
     start_frame: int = START_FRAME
+    spz_version: int = 3
+    epsg: str = ""
+    undistorted: bool = False
     progress: Progress = field(default=no_progress)
     made: dict[str, Any] = field(default_factory=dict)
 
@@ -121,6 +129,15 @@ class Job:
         known = surfels.labels.numpy()
         found: Labels = ids[np.where((known < 0) | (known >= len(ids) - 1), len(ids) - 1, known)]
         return found
+
+    @cached_property
+    def coordinate_system(self) -> str | None:
+        """The system of the drive's coordinates as WKT 1, None where nobody tells.
+
+        Raises:
+            SettingsError: see :func:`unveil_core.exports.mapping.epsg.wkt_of`.
+        """
+        return wkt_of(self.epsg, self.drive)
 
     @cached_property
     def objects(self) -> list[dict[str, Any]]:

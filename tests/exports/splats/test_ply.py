@@ -1,4 +1,4 @@
-"""The splat PLY by the rules of Unity's importer, PlayCanvas, SuperSplat and the reference implementation, and as Unveil reads it."""
+"""The splat PLY by the rules of Unity's importer, PlayCanvas, SuperSplat and the reference implementation; Unveil renders it."""
 
 from __future__ import annotations
 
