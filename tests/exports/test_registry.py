@@ -14,6 +14,7 @@ import torch
 
 from docs.generate import ROOT
 from tests.exports.conftest import Street
+from tests.plain_ply import read_plain_ply
 from unveil_core.app.cli import main
 from unveil_core.base.errors import Cancelled
 from unveil_core.exports.job import Job
@@ -89,10 +90,8 @@ def test_a_single_file_may_be_named_and_must_have_its_suffix(
 
 
 def test_the_full_street_has_its_cars(street: Street, tmp_path: Path) -> None:
-    from plyfile import PlyData
-
     assert main(["export", str(street.root), "--to", "splat-ply", "--state", "full", "-o", str(tmp_path)]) == 0
-    vertex = PlyData.read(str(tmp_path / "full_splats.ply"))["vertex"]
+    vertex = read_plain_ply(tmp_path / "full_splats.ply")
     assert set(vertex["instance"]) == {0, 1, 2, 3}
 
 

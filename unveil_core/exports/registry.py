@@ -82,7 +82,6 @@ FORMATS: dict[str, ExportFormat] = {
             write_splat_ply,
             "readers by the rules of Unity's importer, SuperSplat and 3DGS; gsply; Unveil, which renders the same",
             "the sky; coordinates are single precision, less a shift far from the origin",
-            "plyfile",
             needs=("scene",),
         ),
         ExportFormat(

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.plain_ply import read_plain_ply
+
 __all__ = ["Splats", "read_as_playcanvas", "read_as_reference", "read_as_unity"]
 
 USED = [
@@ -107,8 +109,6 @@ def read_as_playcanvas(path: Path) -> Splats:
 
 def read_as_reference(path: Path) -> Splats:
     """What the reference implementation's ``load_ply`` makes of a file with degree 3: its reader of PLY is a full one."""
-    from tests.exports.readers.plain_ply import read_plain_ply
-
     table = read_plain_ply(path)
     rest = sorted((n for n in table.dtype.names or () if n.startswith("f_rest_")), key=lambda n: int(n.split("_")[-1]))
     if len(rest) != 45:

@@ -12,9 +12,9 @@ import pytest
 import torch
 
 from tests.exports.conftest import Street
-from tests.exports.readers.plain_ply import comments_of, read_plain_ply
 from tests.exports.readers.splat_ply import Splats, read_as_playcanvas, read_as_reference, read_as_unity
 from tests.exports.street import CAR, ROAD, SEEDS, WORLD
+from tests.plain_ply import comments_of, read_plain_ply
 from unveil_core.app.cli import main
 from unveil_core.drives.depth_range import FAR_M, NEAR_M
 from unveil_core.exports.coordinates import drive_coordinates
