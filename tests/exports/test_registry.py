@@ -68,6 +68,19 @@ def test_a_folder_of_something_else_stays(street: Street, tmp_path: Path, capsys
     assert [p.name for p in tmp_path.rglob("*")] == ["png", "mine.txt"]
 
 
+def test_one_format_after_the_other_into_one_folder(
+    street: Street, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    for name in ("nerfstudio", "colmap", "png", "colmap"):
+        assert main(["export", str(street.root), "--to", name, "-o", str(out)]) == 0
+    (out / "sparse").mkdir()  # somebody's own model beside ours
+    for file in ("images.txt", "cameras.txt"):
+        shutil.copy(out / "colmap/sparse/0" / file, out / "sparse" / file)
+    assert main(["export", str(street.root), "--to", "png", "-o", str(out)]) == 2
+    assert "out: is a drive" in capsys.readouterr().err
+
+
 def test_cancelled_halfway_nothing_is_left(street: Street, tmp_path: Path) -> None:
     def stop(done: int, total: int, message: str = "", **metrics: float) -> None:
         if done == 2:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from unveil_core.base.errors import SettingsError
-from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.exports.job import START_FRAME, STATES, TEXTURE_PX, Job
 from unveil_core.exports.registry import ExportFormat, export, formats_named, place_of
 from unveil_core.exports.splats.spz import SPZ_VERSION, check_spz
@@ -37,7 +37,9 @@ def export_results(
     epsg: str = "",
     output: Path | None = None,
     replace: bool = False,
+    undistorted: bool = False,
     progress: Progress = no_progress,
+    notice: Callable[[str], None] = no_notice,
 ) -> list[Path]:
     """Write results of a workspace in one or more formats, in the drive's coordinates (see ``exports.coordinates``).
 
@@ -53,7 +55,8 @@ def export_results(
         output: a folder; of a single format that is one file, also that file, with its suffix. A single mesh goes to
             ``meshes/<state>_<triangles or all>.<format>`` by default.
         replace: whether a file that no export of the workspace made may be written over.
-        progress: called by long formats.
+        undistorted: whether cameras and pictures of ``colmap`` and ``nerfstudio`` are pinhole, their lens taken out.
+        progress: called by long formats; notice: with what a user should know of what was written.
     Returns:
         the files and folders written.
     Raises:
@@ -83,7 +86,9 @@ def export_results(
         start_frame,
         spz_version=spz_version,
         epsg=epsg,
+        undistorted=undistorted,
         progress=progress,
+        notice=notice,
     )
     return export(job, _places(job, formats, output), replace=replace)
 

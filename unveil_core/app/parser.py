@@ -198,6 +198,11 @@ def _add_export(verbs: _Verbs) -> None:
         metavar="CODE",
         help="coordinate system of the drive's coordinates for LAS, as 25832 or with heights 25832+7837",
     )
+    p.add_argument(
+        "--undistorted",
+        action="store_true",
+        help="pinhole cameras and pictures in colmap and nerfstudio, without lenses",
+    )
     p.add_argument("--spz", type=int, default=3, metavar="VERSION", help="of an SPZ file: 2, 3 or 4 (3)")
     p.add_argument(
         "-o",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import read_own_json
-from unveil_core.base.progress import Progress, no_progress
+from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
@@ -51,7 +52,7 @@ class Job:
         epsg: codes of the coordinate system that the drive's coordinates are of, see :mod:`unveil_core.exports.mapping.epsg`; ""
             where nobody tells.
         undistorted: whether cameras and pictures for other programs are pinhole, their lens taken out.
-        progress: called by long formats.
+        progress: called by long formats; notice: with what a user should know of what was written, one line each.
         made: what formats of one kind have in common, by the kind: made by the first of them.
     """
 
@@ -65,6 +66,7 @@ class Job:
     epsg: str = ""
     undistorted: bool = False
     progress: Progress = field(default=no_progress)
+    notice: Callable[[str], None] = field(default=no_notice)
     made: dict[str, Any] = field(default_factory=dict)
 
     @cached_property

@@ -32,19 +32,19 @@ class Pinhole:
 
     Attributes:
         camera: of the new pictures, with the pose of the old one.
-        rows, columns: of the old picture that are kept, where it has no lens.
+        part: rows and columns of the old picture that are kept, where it has no lens.
         maps: look-ups of the new picture's pixels in the old one, where it has a lens.
     """
 
     camera: Camera
-    rows: slice = slice(None)
-    columns: slice = slice(None)
+    part: tuple[slice, slice] | None = None
     maps: tuple[Float32, Float32] | None = None
 
     def of(self, picture: NDArray[Any]) -> NDArray[Any]:
         """The new picture of an old one (H, W) or (H, W, C), 8 or 16 bits."""
-        if self.maps is None:
-            return picture[self.rows, self.columns]
+        if self.part is not None:
+            return picture[self.part]
+        assert self.maps is not None
         return cv2.remap(picture, *self.maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
@@ -59,7 +59,7 @@ def pinhole_of(camera: Camera, lens: Distortion | None) -> Pinhole:
             cx=camera.cx - columns.start,
             cy=camera.cy - rows.start,
         )
-        return Pinhole(cropped, rows, columns)
+        return Pinhole(cropped, part=(rows, columns))
     numbers, maps = _of_lens(camera.intrinsics, lens)
     width, height, fx, fy, cx, cy = numbers
     return Pinhole(Camera(width, height, fx, fy, cx, cy, camera.world_to_camera), maps=maps)
