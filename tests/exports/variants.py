@@ -38,4 +38,5 @@ def variant(street: Street, root: Path, edit: Callable[[int, Entry], None]) -> J
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(source, target)
     path.write_text(json.dumps(data))
+    shutil.rmtree(root / "before")
     return Job(Workspace.open(root))

@@ -12,11 +12,13 @@ import numpy as np
 
 from unveil_core.base.errors import SettingsError, WorkspaceError
 from unveil_core.base.files import read_own_json
+from unveil_core.base.pictures.colours import Colours
 from unveil_core.base.progress import Progress, no_notice, no_progress
 from unveil_core.base.types import Labels
 from unveil_core.drives.drive import Drive, Frame
 from unveil_core.drives.exposure import Exposures, read_exposures
 from unveil_core.drives.imported import read_imported
+from unveil_core.drives.importing.colours import colours_of_footage, looked_at
 from unveil_core.exports.mapping.epsg import wkt_of
 from unveil_core.mesh import Mesh, decimate, read_ply
 from unveil_core.semantics.classes import VOID
@@ -78,6 +80,19 @@ class Job:
     def exposures(self) -> Exposures:
         """Of each frame of the drive."""
         return read_exposures(self.workspace.exposure_json)
+
+    def colours(self, frame: Frame) -> Colours:
+        """Of the footage that a frame is delivered as."""
+        known: dict[Path, Colours] = self.made.setdefault("colours", {})
+        if frame.image_path not in known:
+            known[frame.image_path] = colours_of_footage(frame)
+        return known[frame.image_path]
+
+    @cached_property
+    def colorspace(self) -> str:
+        """Name of the footage's colours, by the Color Interop Forum where it has one; the names of all where there are several."""
+        found = {c.encoded or c.name: None for c in map(self.colours, looked_at(self.drive.frames))}
+        return ", ".join(found)
 
     @cached_property
     def scene(self) -> Surfels:

@@ -14,6 +14,7 @@ from unveil_core.base.files import full_disk
 from unveil_core.exports.cameras.chan import write_chan
 from unveil_core.exports.cameras.colmap import write_colmap
 from unveil_core.exports.cameras.nerfstudio import write_nerfstudio
+from unveil_core.exports.color import SRGB
 from unveil_core.exports.job import Job
 from unveil_core.exports.mapping.las import write_las
 from unveil_core.exports.mapping.objects import write_objects
@@ -34,6 +35,23 @@ from unveil_core.exports.whole import check_free, whole_file, whole_folder
 
 __all__ = ["FORMATS", "ExportFormat", "export", "formats_named", "place_of"]
 
+WITHOUT_PROFILE = frozenset(
+    (
+        "splat-ply",
+        "spz",
+        "splat-gltf",
+        "usd-splats",
+        "usd-points",
+        "ply",
+        "obj",
+        "glb",
+        "usd",
+        "textured-glb",
+        "textured-obj",
+    )
+    + ("textured-usd", "las", "laz", "objects-json")
+)
+"""Formats whose colours every reader takes for sRGB."""
 EXTRA = "exports"
 """The extra of the package that installs the optional libraries."""
 
@@ -360,6 +378,9 @@ def export(job: Job, places: Sequence[tuple[ExportFormat, Path]], *, replace: bo
         for part in one.needs:
             getattr(job, part)
     shared = rights_of(job.workspace.drive_dir / name for name in ("images", "footage"))
+    without = [one.name for one, _ in places if one.name in WITHOUT_PROFILE]
+    if without and job.colorspace != SRGB:
+        job.notice(f"{', '.join(without)}: the colours are the footage's ({job.colorspace}); these files cannot say so")
     for one, path in places:
         try:
             with whole_file(path, receipts.check, receipts.note) if one.suffix else whole_folder(path) as made:

@@ -61,7 +61,8 @@ def write_colmap(job: Job, folder: Path) -> None:
     colors = np.full((len(places), 3), GREY, np.uint8) if cloud.colors is None else cloud.colors
     _write(model / "points3D.txt", f"# POINT3D_ID X Y Z R G B ERROR TRACK[]\n{shift}", _point_lines(places, colors))
     _write_ply(model / "points3D.ply", places, colors)
-    told_all: dict[str, Any] = {"coordinates": frame.to_json(), "undistorted": job.undistorted, "images": told}
+    told_all: dict[str, Any] = {"coordinates": frame.to_json(), "undistorted": job.undistorted}
+    told_all |= {"colorspace": job.colorspace, "images": told}
     tell(folder, "colmap", told_all)
 
 

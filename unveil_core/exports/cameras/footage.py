@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from unveil_core.base.files import copy_picture, write_image_atomic
-from unveil_core.base.pictures.decoding import read_image_as_it_is
+from unveil_core.base.pictures.decoding import read_image_as_it_is, read_metadata
 from unveil_core.base.types import Float64
 from unveil_core.drives.drive import Distortion, Frame
 from unveil_core.exports.cameras.names import flat_names
@@ -69,7 +69,8 @@ def put_frames(job: Job, folder: Path, cameras: Sequence[DeliveredCamera]) -> No
         if camera.pinhole is None:
             copy_picture(source, target)
         else:
-            write_image_atomic(target, camera.pinhole.of(read_image_as_it_is(source)), like=source)
+            flat = camera.pinhole.of(read_image_as_it_is(source))
+            write_image_atomic(target, flat, like=source, metadata=read_metadata(source))
         job.progress(done + 1, len(cameras), "copying frames")
 
 

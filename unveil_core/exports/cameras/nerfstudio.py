@@ -50,7 +50,7 @@ def write_nerfstudio(job: Job, folder: Path) -> None:
         "frames": [_entry(c, {} if shared else lens) for c, lens in zip(cameras, lenses, strict=True)],
     }
     write_json_atomic(folder / "transforms.json", document)
-    tell(folder, "nerfstudio", {"coordinates": frame.to_json(), "undistorted": flattened})
+    tell(folder, "nerfstudio", {"coordinates": frame.to_json(), "undistorted": flattened, "colorspace": job.colorspace})
 
 
 def _readable(cameras: Sequence[DeliveredCamera], *, all_flat: bool) -> tuple[list[DeliveredCamera], list[str]]:

@@ -50,7 +50,7 @@ def write_splats(job: Job, surfels: Surfels, instances: Labels, path: Path) -> N
     labels = job.labels.labels
     names = [f"label {number} {name}" for number, name in zip(labels.disk_ids, labels.names, strict=True)]
     comments = ("shift " + " ".join(repr(float(v)) for v in frame.shift), *names)
-    write_json_atomic(sidecar(path), frame.to_json())
+    write_json_atomic(sidecar(path), {**frame.to_json(), "colorspace": job.colorspace})
     write_surfels(there, path, comments=comments, more={"instance": instances}, thin=frame.from_local.scale)
 
 

@@ -86,7 +86,7 @@ def write_spz(job: Job, path: Path) -> None:
     if len(there) and float(there.means.abs().max()) >= 2**22:
         raise SettingsError("is too far from its origin for SPZ", path=job.workspace.root, mend="export splat-ply")
     content = packed(there, three_log_scales(there, frame.from_local.scale).numpy(), job.spz_version)
-    write_json_atomic(sidecar(path), frame.to_json())
+    write_json_atomic(sidecar(path), {**frame.to_json(), "colorspace": job.colorspace})
     write_bytes_atomic(path, content)
 
 
