@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,27 @@ def test_a_scene_has_all_harmonics_or_none(degree: int, coefficients: int, stree
     there = placed(scene, drive_coordinates(street.job.drive).shifted)
     for read in READERS if coefficients else READERS[:2]:
         check(read(path), there)
+
+
+@pytest.mark.parametrize("kind", ["discs", "ellipsoids", "a removed object"])
+def test_viewers_find_three_scales(kind: str, street: Street, tmp_path: Path) -> None:
+    """Discs have two: the third is thin, a tenth of a millimetre in the drive's units."""
+    path, thin = street.exported("splat-ply"), np.log(1e-4 * WORLD.scale)
+    if kind == "a removed object":
+        path = street.exported("objects-json") / "car_0002.ply"
+    elif kind == "ellipsoids":
+        root, thin = tmp_path / "workspace", np.log(0.02 * WORLD.scale)
+        shutil.copytree(street.root, root)
+        scene = street.job.scene
+        third = torch.full((len(scene), 1), float(np.log(0.02)))
+        solid = replace(scene, log_scales=torch.cat([scene.log_scales, third], dim=1))
+        write_surfels(solid, root / "surfels/empty.ply", to_world=WORLD)
+        assert main(["export", str(root), "--to", "splat-ply", "-o", str(tmp_path)]) == 0
+        path = tmp_path / "empty_splats.ply"
+    for read in READERS:
+        found = read(path)
+        np.testing.assert_allclose(found.of("scale_2"), thin, atol=1e-5)
+        assert np.isfinite(found.of("scale_1")).all() and len(found.used) > 5
 
 
 def test_attributes_are_those_of_the_field_in_the_drives_coordinates(street: Street) -> None:

@@ -2,8 +2,8 @@
 
 Colours are converted to Y'CbCr by Rec. 709 and the file says so. Pictures of Display P3 keep their primaries, and the file says
 that; those of other colours, which movies have no name for, are converted to Rec. 709. Both keep colour at half resolution,
-H.264 in both directions; an odd width or height is enlarged by its last column or row. Frames come at the drive's rate where its time
-stamps tell one.
+H.264 in both directions; an odd width or height is enlarged by its last column or row. Frames come at the drive's rate where its
+time stamps tell one.
 """
 
 from __future__ import annotations
