@@ -24,6 +24,7 @@ MOST_PROFILE = 1 << 22
 XMP_OF_PNG = b"XML:com.adobe.xmp"
 OF_COLOR = (b"cICP", b"sRGB", b"gAMA", b"cHRM")
 """Chunks of a PNG that say what its colours are, beside a profile."""
+KEPT = frozenset((*OF_COLOR, b"iCCP", b"eXIf", b"iTXt", b"pHYs"))
 TIFF_PROFILE, TIFF_XMP = 34675, 700
 SEGMENT = re.compile(rb"\xff+([\xc0-\xfe])", re.DOTALL)
 
@@ -119,7 +120,7 @@ def _segments(content: bytes) -> Iterator[tuple[int, bytes]]:
 def _png(content: bytes) -> Metadata:
     found = Metadata()
     kept: dict[bytes, bytes] = {}
-    for name, body in _chunks(content):
+    for name, body in _chunks(content, sound=KEPT):
         if name == b"iCCP" and found.profile is None:
             found = replace(found, profile=_unpacked(body.partition(b"\0")[2][1:], MOST_PROFILE))
         elif name == b"eXIf":
@@ -149,14 +150,16 @@ def _unpacked(content: bytes, most: int) -> bytes | None:
     return found if unpack.eof else None
 
 
-def _chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Name and content of the chunks of a PNG."""
+def _chunks(content: bytes, sound: frozenset[bytes] = frozenset()) -> Iterator[tuple[bytes, bytes]]:
+    """Name and content of the chunks of a PNG; of the names in ``sound`` those that are as they were written."""
     at = 8
     while at + 12 <= len(content):
         size, name = int.from_bytes(content[at : at + 4], "big"), content[at + 4 : at + 8]
         if at + 12 + size > len(content):
             return
-        yield name, content[at + 8 : at + 8 + size]
+        body, check = content[at + 8 : at + 8 + size], content[at + 8 + size : at + 12 + size]
+        if name not in sound or zlib.crc32(name + body) == int.from_bytes(check, "big"):
+            yield name, body
         at += 12 + size
         if name == b"IEND":
             return
